@@ -1,0 +1,221 @@
+"""One entry point: maps a task to one function of `repro`. The only file that knows Hydra.
+
+    python run.py task=record exp=3                                        simulate and store one experiment
+    python run.py exp=3 model=unet                                         record what is missing, train, evaluate
+    python run.py -m model=unet,fpn,upernet,segformer exp=3,4 decay=false  a sweep, then the tables
+    python run.py task=report                                              tables and figures from what is there
+    python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
+"""
+
+import atexit
+import sys
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.config_store import ConfigStore
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+
+from repro.config import Config, Task
+
+
+def known_experiment(exp: str, experiments: DictConfig) -> str:
+    """Gives `exp` back, or ends with an error that lists the experiments there are."""
+    if str(exp) not in experiments:
+        raise SystemExit(f"unknown experiment exp={exp}; there are exp={', '.join(map(str, experiments))}")
+    return str(exp)
+
+
+def place(task: Task, exp: str, run: str) -> str:
+    """Where a task's files lie below the outputs directory."""
+    places = {Task.record: f"recordings/exp{exp}", Task.world: "worlds", Task.report: "tables", Task.plan: "plan"}
+    return places.get(task, run)
+
+
+OmegaConf.register_new_resolver("place", place, replace=True)
+OmegaConf.register_new_resolver("known", known_experiment, replace=True)
+OmegaConf.register_new_resolver("decay", lambda decay: "decay" if decay else "no-decay", replace=True)
+ConfigStore.instance().store(name="schema", node=Config)
+
+
+class TablesAtTheEnd(Callback):
+    """Rebuilds and prints the tables when a multirun ends, also when a job of it failed.
+
+    Hydra skips `on_multirun_end` then, so the work is done as the process exits.
+    """
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        if config.task in (Task.all, Task.evaluate):
+            atexit.register(print_tables, Path(config.outputs))
+
+
+def print_tables(outputs: Path) -> None:
+    """Writes the tables of whatever runs there are and prints them."""
+    from repro.report import write_tables
+
+    for page in write_tables(outputs).values():
+        print("\n" + page)
+    print(f"Tables: {outputs / 'tables'}")
+
+
+def world_spec(config: DictConfig) -> dict[str, Any]:
+    """What decides the worlds of an experiment, as plain values."""
+    world = OmegaConf.to_container(config.world, resolve=True)
+    assert isinstance(world, dict)
+    return {
+        "experiment": config.exp,
+        "world": world["world"],
+        "robot": world["robot"],
+        **world["experiments"][config.exp],
+    }
+
+
+def run_config(config: DictConfig, model: dict[str, Any]) -> dict[str, Any]:
+    """What decides the result of a run, as plain values; it becomes the run's config.yaml."""
+    from repro.store import spec_fingerprint
+
+    return {
+        "experiment": config.exp,
+        "decay": config.decay,
+        "seed": config.seed,
+        "model": model,
+        "data": {
+            "size_px": config.scale.size_px,
+            "lightest": config.lightest,
+            "pairs": OmegaConf.to_container(config.scale.pairs),
+            "worlds": spec_fingerprint(world_spec(config)),
+        },
+        "train": OmegaConf.to_container(config.train, resolve=True),
+    }
+
+
+def recordings(config: DictConfig) -> Path:
+    return Path(config.outputs) / "recordings" / f"exp{config.exp}"
+
+
+def record(config: DictConfig) -> None:
+    """Records an experiment, says how it compares with the paper, and evaluates the simple predictors on it."""
+    from repro.datasets import describe
+    from repro.evaluation import BASELINES, evaluate_baseline
+    from repro.grid import Grid
+    from repro.paper import targets
+    from repro.runs import prepare_run, read_status, run_directory
+    from repro.store import record_experiment
+
+    directory = recordings(config)
+    pairs = {split: config.scale.pairs[split] for split in ("train", "val", "test")}
+    record_experiment(directory, world_spec(config), pairs, workers=config.runtime.workers)
+    for name in BASELINES:
+        run = run_directory(Path(config.outputs), config.exp, name, True, 0)
+        prepare_run(run, run_config(OmegaConf.merge(config, {"seed": 0, "decay": True}), {"name": name}))
+        if read_status(run) != "evaluated":
+            evaluate_baseline(run, directory)
+    found = describe(directory, Grid(config.scale.size_px))
+    aim = targets(config.exp) if config.exp in "1234" else {}
+    print(
+        f"exp {config.exp}: {sum(pairs.values())} runs in {directory}; test maps: "
+        f"coverage {found['coverage']:.4f} (paper implies {aim.get('coverage', float('nan')):.4f}), "
+        f"visibility {found['visibility']:.4f} (paper's specificity {aim.get('specificity', float('nan')):.4f})"
+    )
+
+
+def train(config: DictConfig) -> str:
+    """Trains one network, unless that is done; returns `finished` or `paused`."""
+    from repro.runs import prepare_run, read_status
+    from repro.training import train
+
+    run = Path(config.outputs) / config.run
+    model = OmegaConf.to_container(config.model)
+    assert isinstance(model, dict)
+    prepare_run(run, run_config(config, model))
+    if read_status(run) not in ("finished", "evaluated"):
+        print(f"training {run}", flush=True)
+        warn_of_cost(config)
+    options = {key: config.runtime[key] for key in ("accelerator", "precision", "compile", "max_minutes")}
+    status = train(run, recordings(config), **options)
+    if status == "paused":
+        print(f"paused {run}: the budget is spent, the same command goes on from here")
+    return status
+
+
+def evaluate(config: DictConfig) -> None:
+    """Evaluates one trained network, unless that is done."""
+    from repro.evaluation import evaluate
+    from repro.runs import read_status
+
+    run = Path(config.outputs) / config.run
+    if read_status(run) == "evaluated":
+        print(f"done already: {run}")
+        return
+    row = evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
+    print(f"{run}: " + ", ".join(f"{name} {value:.4f}" for name, value in row.items()))
+
+
+def all_steps(config: DictConfig) -> None:
+    """Records what is missing, trains, evaluates."""
+    from repro.runs import read_status
+
+    if read_status(Path(config.outputs) / config.run) != "evaluated":
+        record(config)
+    if train(config) == "finished":
+        evaluate(config)
+
+
+def report(config: DictConfig) -> None:
+    """Rebuilds tables and figures from whatever run directories exist."""
+    from repro.figures import write_figures
+
+    outputs = Path(config.outputs)
+    print_tables(outputs)
+    specs = {exp: world_spec(OmegaConf.merge(config, {"exp": exp})) for exp in config.world.experiments}
+    for path in write_figures(outputs, specs):
+        print(f"Figure: {path}")
+
+
+def world(config: DictConfig) -> None:
+    """Writes the world of one seed and its twin as plain IR-SIM YAML."""
+    from repro.worlds import sample_world, turn_around, write_world
+
+    sampled = sample_world(world_spec(config), config.seed)
+    for name, item in (("ccw", sampled), ("cw", turn_around(sampled))):
+        path = Path(config.outputs) / "worlds" / f"exp{config.exp}-seed{config.seed}-{name}.yaml"
+        write_world(item, path)
+        print(path)
+
+
+def plan(config: DictConfig) -> None:
+    """Says what the whole study costs at this scale on this machine."""
+    from repro.planning import plan_study
+
+    print(plan_study(OmegaConf.to_container(config.scale, resolve=True), config.runtime.precision))
+
+
+def warn_of_cost(config: DictConfig) -> None:
+    """Says what one training at paper scale costs on a machine without a GPU, and how to ask for less."""
+    from repro.planning import cost_warning
+
+    if config.scale.name == "paper":
+        text = cost_warning(config.model.name, OmegaConf.to_container(config.scale), config.runtime.precision)
+        if text:
+            print(text, file=sys.stderr, flush=True)
+
+
+TASKS = {
+    Task.all: all_steps,
+    Task.record: record,
+    Task.train: train,
+    Task.evaluate: evaluate,
+    Task.report: report,
+    Task.plan: plan,
+    Task.world: world,
+}
+
+
+@hydra.main(version_base="1.3", config_path="conf", config_name="config")
+def main(config: DictConfig) -> None:
+    TASKS[config.task](config)
+
+
+if __name__ == "__main__":
+    main()

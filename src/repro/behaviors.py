@@ -1,0 +1,153 @@
+"""How things move: the robot's rotation and square, the obstacles' drift.
+
+Each motion is a small pure object and an IR-SIM behaviour that calls it, so a world YAML that names the
+behaviour replays in plain IR-SIM once this module is imported (each worker process must import it).
+
+Paper: "Simulation Approach". What it leaves open: DEVIATIONS D2 to D6.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from irsim.lib import register_behavior_class
+from irsim.util.util import vel_world2omni
+
+
+def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:
+    """Commands of one full turn in place.
+
+    Args:
+        steps: time steps the turn takes, T.
+        direction: 1 for counter-clockwise, -1 for clockwise.
+        step_time: duration of a step [s].
+
+    Returns:
+        linear and angular velocity of each step [m/s, rad/s], (T, 2).
+    """
+    return np.tile([0.0, direction * 2 * math.pi / (steps * step_time)], (steps, 1))
+
+
+def square_commands(
+    *, side_m: float, drive_steps: int, turn_steps: int, direction: int, step_time: float
+) -> np.ndarray:
+    """Commands of one square: four times a straight side, then a quarter turn on the spot.
+
+    Args:
+        side_m: side of the square [m].
+        drive_steps: time steps along a side.
+        turn_steps: time steps at a corner.
+        direction: 1 for counter-clockwise (turning left), -1 for clockwise.
+        step_time: duration of a step [s].
+
+    Returns:
+        linear and angular velocity of each step [m/s, rad/s], (T, 2) with T = 4 (drive_steps + turn_steps).
+    """
+    drive = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps, 1))
+    turn = np.tile([0.0, direction * math.pi / 2 / (turn_steps * step_time)], (turn_steps, 1))
+    return np.tile(np.concatenate([drive, turn]), (4, 1))
+
+
+def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
+    """Commands of a robot behaviour as a world YAML names it.
+
+    Raises:
+        ValueError: the behaviour is not one of ours.
+    """
+    parameters = {key: value for key, value in behavior.items() if key != "name"}
+    makers = {"rotate": rotate_commands, "square": square_commands}
+    if behavior["name"] not in makers:
+        raise ValueError(f"robot behaviour must be one of {sorted(makers)}, got {behavior['name']!r}")
+    return makers[behavior["name"]](**parameters, step_time=step_time)
+
+
+class Drift:
+    """A straight line at constant speed, turned at random intervals and at the centre zone.
+
+    Paper: obstacles "moved in straight lines at constant speeds, changing directions randomly at specified
+    intervals throughout the run, or whenever they entered the center zone occupied by the robot". A turn at
+    the zone is uniform over the half plane that leads away from the centre; any other is uniform over the circle.
+
+    Args:
+        seed: seed of this obstacle's own random stream.
+        speed_m_s: constant speed [m/s].
+        turn_steps: fewest and most time steps between two random turns.
+        centre_m: centre of the zone (x, y) [m].
+        keep_out_m: distance that the obstacle's own origin keeps from the centre [m].
+    """
+
+    def __init__(
+        self,
+        *,
+        seed: int,
+        speed_m_s: float,
+        turn_steps: tuple[int, int],
+        centre_m: tuple[float, float],
+        keep_out_m: float,
+    ) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.speed_m_s = speed_m_s
+        self.turn_steps = turn_steps
+        self.centre_m = centre_m
+        self.keep_out_m = keep_out_m
+        self._head(self.rng.uniform(-math.pi, math.pi))
+        self._countdown = self._interval()
+
+    def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
+        """Velocity of the coming step in the world frame [m/s], for an obstacle at (x, y) [m]."""
+        if self._countdown == 0:
+            self._head(self.rng.uniform(-math.pi, math.pi))
+            self._countdown = self._interval()
+        self._countdown -= 1
+        away_x, away_y = x - self.centre_m[0], y - self.centre_m[1]
+        next_m = math.hypot(away_x + self.vx * step_time, away_y + self.vy * step_time)
+        if next_m < self.keep_out_m and self.vx * away_x + self.vy * away_y < 0:
+            self._head(math.atan2(away_y, away_x) + self.rng.uniform(-math.pi / 2, math.pi / 2))
+        return self.vx, self.vy
+
+    def _interval(self) -> int:
+        return int(self.rng.integers(self.turn_steps[0], self.turn_steps[1] + 1))
+
+    def _head(self, heading: float) -> None:
+        self.vx = self.speed_m_s * math.cos(heading)
+        self.vy = self.speed_m_s * math.sin(heading)
+
+
+class _CommandBehavior:
+    """IR-SIM behaviour of a robot that plays a fixed list of commands, then stands still."""
+
+    def __init__(self, object_info: Any, **behavior: Any) -> None:
+        self.behavior = behavior
+        self.commands: np.ndarray | None = None
+        self.step = 0
+
+    def __call__(self, ego_object: Any, **_: Any) -> np.ndarray:
+        if self.commands is None:
+            self.commands = robot_commands(self.behavior, ego_object._world_param.step_time)
+        if self.step == len(self.commands):
+            return np.zeros((2, 1))
+        self.step += 1
+        return self.commands[self.step - 1][:, None]
+
+
+@register_behavior_class("diff", "rotate")
+class RotateBehavior(_CommandBehavior):
+    """One full turn in place: `{name: rotate, steps: 100, direction: 1}`."""
+
+
+@register_behavior_class("diff", "square")
+class SquareBehavior(_CommandBehavior):
+    """One square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, direction: 1}`."""
+
+
+@register_behavior_class("omni", "drift")
+class DriftBehavior:
+    """Drifting obstacle: `{name: drift, seed: 7, speed_m_s: 0.5, turn_steps: [50, 100], ...}`, see `Drift`."""
+
+    def __init__(self, object_info: Any, *, name: str, **parameters: Any) -> None:
+        self.drift = Drift(**parameters)
+
+    def __call__(self, ego_object: Any, **_: Any) -> np.ndarray:
+        x, y, heading = ego_object.state[:3, 0]
+        velocity = self.drift.velocity(x, y, ego_object._world_param.step_time)
+        return vel_world2omni(heading, np.array(velocity)[:, None])

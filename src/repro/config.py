@@ -1,0 +1,79 @@
+"""Schema of the configuration: names, types and what is mandatory. The values are in conf/."""
+
+import enum
+from dataclasses import dataclass, field
+from typing import Any
+
+from omegaconf import MISSING
+
+
+class Task(enum.Enum):
+    """What a call does."""
+
+    all = "all"
+    record = "record"
+    train = "train"
+    evaluate = "evaluate"
+    report = "report"
+    plan = "plan"
+    world = "world"
+
+
+@dataclass
+class Model:
+    name: str = MISSING
+    encoder_name: str = MISSING
+    encoder_weights: str | None = None
+
+
+@dataclass
+class Pairs:
+    train: int = MISSING
+    val: int = MISSING
+    test: int = MISSING
+
+
+@dataclass
+class Scale:
+    name: str = MISSING
+    size_px: int = MISSING
+    pairs: Pairs = field(default_factory=Pairs)
+    batch_size: int = MISSING
+    max_epochs: int = MISSING
+
+
+@dataclass
+class Train:
+    learning_rate: float = MISSING
+    min_delta: float = MISSING
+    patience: int = MISSING
+    batch_size: int = MISSING
+    max_epochs: int = MISSING
+    dice_eps: float = MISSING
+
+
+@dataclass
+class Runtime:
+    """What may differ from one call to the next without making another run of it."""
+
+    workers: int = 2
+    accelerator: str = "auto"
+    precision: str = "32-true"
+    compile: bool = False
+    max_minutes: float | None = None
+
+
+@dataclass
+class Config:
+    task: Task = Task.all
+    exp: str = MISSING
+    decay: bool = True
+    lightest: float = MISSING
+    seed: int = 0
+    outputs: str = MISSING
+    world: dict[str, Any] = field(default_factory=dict)
+    model: Model = field(default_factory=Model)
+    scale: Scale = field(default_factory=Scale)
+    train: Train = field(default_factory=Train)
+    runtime: Runtime = field(default_factory=Runtime)
+    run: str = MISSING

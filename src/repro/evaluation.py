@@ -1,0 +1,112 @@
+"""Evaluates a trained network, and the two simple predictors to compare it with, on the test set.
+
+Run directory in, run directory out: predictions, the pooled metrics and one row an image. Whatever metric is
+wanted later is computed from the predictions kept there.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import segmentation_models_pytorch as smp
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from repro.datasets import Pairs, load_pairs
+from repro.grid import Grid
+from repro.metrics import confusion, scores, ssim
+from repro.runs import read_config, read_status, write_provenance
+from repro.store import recordings_hash
+
+BASELINES = ("all_free", "last_seen")
+
+
+def evaluate(run: Path, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
+    """Evaluates the best weights of a finished run on the test set.
+
+    Args:
+        run: a run directory whose training is finished.
+        recordings: the recorded experiment it was trained on.
+        accelerator: auto, cpu or gpu.
+
+    Returns:
+        the pooled metrics, as in metrics.csv.
+
+    Raises:
+        ValueError: the run is not finished, or the recordings are not those it was trained on.
+    """
+    if read_status(run) not in ("finished", "evaluated"):
+        raise ValueError(f"{run} is not trained to its end: train it with task=train first")
+    config = read_config(run)
+    device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+    test = _load(recordings, "test", config, device)
+    model = smp.from_pretrained(run / "model").to(device)
+    return _write(run, predict(model, test), test, recordings)
+
+
+def evaluate_baseline(run: Path, recordings: Path) -> pd.Series:
+    """Evaluates `all_free` or `last_seen`, whichever the run's config names as its model, on the test set.
+
+    `all_free` predicts that there is no obstacle. `last_seen` predicts one wherever a hit lies within a
+    radius; of 0 to 8 pixels, the radius with the best obstacle IoU on the validation set is taken.
+    """
+    config = read_config(run)
+    test = _load(recordings, "test", config, "cpu")
+    if config["model"]["name"] == "all_free":
+        return _write(run, torch.ones(test.maps.shape), test, recordings)
+    val = _load(recordings, "val", config, "cpu")
+    truth = val.maps.float()
+    iou = [scores(confusion(last_seen(val, r), truth).sum(0))["obstacle_iou"].item() for r in range(9)]
+    radius = int(np.argmax(iou))
+    return _write(run, last_seen(test, radius), test, recordings, radius_px=radius)
+
+
+@torch.inference_mode()
+def predict(model: torch.nn.Module, pairs: Pairs, batch: int = 32) -> Tensor:
+    """Probability of free for every pair, (M, 1, H, W), on the CPU."""
+    model.eval()
+    index = torch.arange(len(pairs), device=pairs.images.device)
+    return torch.cat([torch.sigmoid(model(pairs.batch(part)[0])).cpu() for part in index.split(batch)])
+
+
+def last_seen(pairs: Pairs, radius_px: int) -> Tensor:
+    """Map with an obstacle wherever a hit lies within `radius_px` pixels, (M, 1, H, W); 1 is free."""
+    hit = (pairs.images < 255).float()
+    reach = torch.arange(-radius_px, radius_px + 1)
+    disc = (reach[:, None] ** 2 + reach**2 <= radius_px**2).float()
+    return (F.conv2d(hit, disc[None, None], padding=radius_px) == 0).float()
+
+
+def read_predictions(run: Path) -> np.ndarray:
+    """Reads the kept probabilities of free, (M, H, W), float32 in [0, 1]."""
+    with np.load(run / "predictions.npz", allow_pickle=False) as file:
+        return file["free"].astype(np.float32) / 255
+
+
+def _load(recordings: Path, split: str, config: dict[str, Any], device: str) -> Pairs:
+    data = config["data"]
+    grid = Grid(data["size_px"])
+    return load_pairs(
+        recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device
+    )
+
+
+def _write(run: Path, probability: Tensor, test: Pairs, recordings: Path, **facts: Any) -> pd.Series:
+    """Measures predictions and writes them with their metrics into the run directory."""
+    used = recordings_hash(recordings)
+    truth = test.maps.cpu().float()
+    counts, similarity = confusion(probability, truth), ssim(probability, truth)
+    binary = ssim((probability > 0.5).float(), truth)
+    per_image = pd.DataFrame(
+        {"ssim": similarity, "ssim_binary": binary, **{k: v.numpy() for k, v in scores(counts).items()}}
+    )
+    pooled = {name: value.item() for name, value in scores(counts.sum(0)).items()}
+    row = pd.Series({"ssim": similarity.mean().item(), "ssim_binary": binary.mean().item(), **pooled})
+    free = (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
+    np.savez_compressed(run / "predictions.npz", free=free)
+    per_image.rename_axis("image").to_csv(run / "per_image.csv", float_format="%.6f")
+    row.to_frame().T.to_csv(run / "metrics.csv", index=False, float_format="%.6f")
+    write_provenance(run, status="evaluated", recordings=used, test_pairs=len(test), **facts)
+    return row

@@ -1,0 +1,60 @@
+"""Metres to pixels and back: the one owner of axes and flips.
+
+World axes are IR-SIM's: x to the right, y up, the origin at the lower left corner of the map. Image axes are
+(row, column) with row 0 at the top, so that an image shown as it is looks like the world drawn by IR-SIM.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A square map cut into square pixels.
+
+    Args:
+        size_px: pixels along each side, H = W.
+        size_m: length of each side [m].
+
+    Raises:
+        ValueError: a size is not positive.
+    """
+
+    size_px: int
+    size_m: float = 50.0
+
+    def __post_init__(self) -> None:
+        if self.size_px < 1 or self.size_m <= 0:
+            raise ValueError(f"a grid needs positive sizes, got {self.size_px} px for {self.size_m} m")
+
+    @property
+    def resolution_m(self) -> float:
+        """Side of one pixel [m]."""
+        return self.size_m / self.size_px
+
+    def pixels(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Finds the pixel under each point.
+
+        Args:
+            points: world coordinates [m], (..., 2).
+
+        Returns:
+            index: flat pixel index, row-major, (...); 0 where the point is outside.
+            inside: whether the point lies on the map, (...).
+        """
+        column = torch.floor(points[..., 0] / self.resolution_m)
+        row = self.size_px - 1 - torch.floor(points[..., 1] / self.resolution_m)
+        inside = (column >= 0) & (column < self.size_px) & (row >= 0) & (row < self.size_px)
+        index = torch.where(inside, row * self.size_px + column, 0.0).long()
+        return index, inside
+
+    def row_centers(self, device: torch.device | str = "cpu") -> Tensor:
+        """World y of the pixel centres of each row [m], (H,), falling from top to bottom."""
+        rows = torch.arange(self.size_px, dtype=torch.float32, device=device)
+        return (self.size_px - 0.5 - rows) * self.resolution_m
+
+    def first_column(self, x: Tensor) -> Tensor:
+        """First column whose pixel centre is not left of `x` [m], clipped to [0, W]."""
+        return torch.ceil(x / self.resolution_m - 0.5).clamp(0, self.size_px).long()

@@ -1,0 +1,36 @@
+"""The four image-to-image networks of the paper, from segmentation-models-pytorch."""
+
+import segmentation_models_pytorch as smp
+from torch import nn
+
+ARCHITECTURES = ("unet", "fpn", "upernet", "segformer")
+
+
+def create_model(
+    architecture: str, *, encoder_name: str = "mit_b0", encoder_weights: str | None = None
+) -> nn.Module:
+    """Creates a network from one gray image (B, 1, H, W) to one map of logits (B, 1, H, W).
+
+    Paper: "Prediction Models". Encoder weights and channels are not stated: DEVIATIONS D9.
+
+    Args:
+        architecture: one of `ARCHITECTURES`.
+        encoder_name: an smp encoder.
+        encoder_weights: None to start from scratch, or `imagenet`.
+
+    Raises:
+        ValueError: the architecture is unknown, or the encoder weights cannot be had.
+    """
+    if architecture not in ARCHITECTURES:
+        raise ValueError(f"architecture must be one of {', '.join(ARCHITECTURES)}, got {architecture!r}")
+    try:
+        return smp.create_model(
+            architecture, encoder_name=encoder_name, encoder_weights=encoder_weights, in_channels=1, classes=1
+        )
+    except Exception as error:
+        if encoder_weights is None:
+            raise
+        raise ValueError(
+            f"the {encoder_weights} weights of {encoder_name} could not be had ({type(error).__name__}: {error}); "
+            "connect to the internet once, or train from scratch with model.encoder_weights=null"
+        ) from error

@@ -1,0 +1,278 @@
+"""Trains one network in its run directory: `config.yaml` in; weights, history and provenance out.
+
+The data lives in memory as uint8 images, on the GPU where there is one, and is gathered and cast per batch.
+Order, dropout and everything else random of an epoch follow from the seed and the epoch's number alone, and a
+checkpoint is written at every epoch's end, so that a run killed at any moment and started again ends with the
+same numbers as one that never was.
+
+Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and patience 5.
+"""
+
+import shutil
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+import pandas as pd
+import torch
+from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint
+from lightning.pytorch.loggers import TensorBoardLogger
+from torch import Tensor, nn
+
+from repro.datasets import Pairs, load_pairs
+from repro.grid import Grid
+from repro.losses import MapLoss
+from repro.models import create_model
+from repro.runs import read_config, read_status, write_provenance
+from repro.store import recordings_hash
+
+_STARTED = time.monotonic()
+
+
+class Batches:
+    """Batches of one epoch, gathered on the device that holds the pairs; shuffled by `seed` when it is given."""
+
+    def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None) -> None:
+        self.pairs, self.batch_size, self.seed = pairs, batch_size, seed
+        if seed is not None and len(pairs) < batch_size:
+            raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
+
+    def __len__(self) -> int:
+        full, rest = divmod(len(self.pairs), self.batch_size)
+        return full + (rest > 0 and self.seed is None)  # in training the last, smaller batch is left out
+
+    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
+        order = torch.arange(len(self.pairs))
+        if self.seed is not None:
+            order = torch.randperm(len(self.pairs), generator=torch.Generator().manual_seed(self.seed))
+        order = order.to(self.pairs.images.device)
+        for index in order.split(self.batch_size)[: len(self)]:
+            yield self.pairs.batch(index)
+
+
+class Predictor(L.LightningModule):
+    """A network with its loss and optimiser."""
+
+    def __init__(self, model: nn.Module, train: Pairs, val: Pairs, config: dict[str, Any]) -> None:
+        super().__init__()
+        self.model, self.loss, self.config = model, MapLoss(config["dice_eps"]), config
+        self.pairs: dict[str, Pairs] = {"train": train, "val": val}
+        self.step_losses: list[Tensor] = []
+
+    def train_dataloader(self) -> Batches:
+        return Batches(self.pairs["train"], self.config["batch_size"], self._epoch_seed())
+
+    def val_dataloader(self) -> Batches:
+        return Batches(self.pairs["val"], self.config["batch_size"])
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        return torch.optim.Adam(self.parameters(), lr=self.config["learning_rate"], fused=True)
+
+    def on_train_epoch_start(self) -> None:
+        torch.manual_seed(self._epoch_seed())
+        self.step_losses.clear()
+
+    def training_step(self, batch: tuple[Tensor, Tensor], _: int) -> Tensor:
+        image, target = batch
+        loss = self.loss(self.model(image.to(memory_format=torch.channels_last)), target)
+        self.step_losses.append(loss.detach())
+        return loss
+
+    def validation_step(self, batch: tuple[Tensor, Tensor], _: int) -> None:
+        image, target = batch
+        loss = self.loss(self.model(image.to(memory_format=torch.channels_last)), target)
+        self.log("val_loss", loss, batch_size=len(image))
+
+    def train_loss(self) -> Tensor:
+        """Mean loss of the epoch's steps; looked at once an epoch, so that a GPU never waits.
+
+        Raises:
+            FloatingPointError: a loss is not finite.
+        """
+        losses = torch.stack(self.step_losses)
+        broken = (~torch.isfinite(losses)).nonzero()
+        if len(broken):
+            value, batch = losses[broken[0, 0]].item(), broken[0, 0].item()
+            raise FloatingPointError(f"the loss is {value} at epoch {self.current_epoch}, batch {batch}")
+        return losses.mean()
+
+    def _epoch_seed(self) -> int:
+        return self.config["seed"] * 1_000_003 + self.current_epoch
+
+
+class History(Callback):
+    """One row an epoch in history.csv, kept in the checkpoint so that a resumed run has them all."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.rows, self.since = path, [], time.monotonic()
+
+    def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        self.since = time.monotonic()
+
+    def on_train_epoch_end(self, trainer: L.Trainer, module: Predictor) -> None:  # type: ignore[override]
+        module.log("train_loss", module.train_loss())
+        values = {name: trainer.callback_metrics[name].item() for name in ("train_loss", "val_loss")}
+        seconds = round(time.monotonic() - self.since, 2)
+        self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
+        pd.DataFrame(self.rows).to_csv(self.path, index=False)
+        print(
+            f"epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
+            f"val {values['val_loss']:.4f}  {seconds:.1f} s",
+            flush=True,
+        )
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"rows": self.rows}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        self.rows = state["rows"]
+
+
+class Stop(EarlyStopping):
+    """Early stopping that remembers, after a resume, that it had already stopped; and the time budget."""
+
+    def __init__(self, minutes: float | None, **options: Any) -> None:
+        super().__init__("val_loss", check_on_train_epoch_end=True, **options)
+        self.minutes, self.paused = minutes, False
+
+    def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        trainer.should_stop = self.wait_count >= self.patience
+
+    def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        super().on_train_epoch_end(trainer, module)
+        last = trainer.current_epoch + 1 == trainer.max_epochs
+        if over_budget(self.minutes) and not trainer.should_stop and not last:
+            self.paused = trainer.should_stop = True
+
+
+def over_budget(minutes: float | None) -> bool:
+    """Whether this process has run for so many minutes; None is no limit."""
+    return minutes is not None and time.monotonic() - _STARTED > 60 * minutes
+
+
+def train(
+    run: Path,
+    recordings: Path,
+    *,
+    accelerator: str = "auto",
+    precision: str = "32-true",
+    compile: bool = False,
+    max_minutes: float | None = None,
+) -> str:
+    """Trains the network of a run directory, from where it was left if it was.
+
+    Args:
+        run: a run directory with its config.yaml (`runs.prepare_run`).
+        recordings: the recorded experiment to train on.
+        accelerator: Lightning's: auto, cpu, gpu.
+        precision: Lightning's: 32-true, bf16-mixed.
+        compile: whether to compile the network with torch.compile.
+        max_minutes: budget of this process; reaching it pauses the run at an epoch's end.
+
+    Returns:
+        `finished` or `paused`.
+
+    Raises:
+        ValueError: the recordings are missing, broken or others than the run began with.
+        FloatingPointError: the loss is not finite; the run is marked failed.
+    """
+    config = read_config(run)
+    if read_status(run) in ("finished", "evaluated"):
+        return "finished"
+    if over_budget(max_minutes):
+        return "paused"
+    try:
+        finished = _fit(run, recordings, config, accelerator, precision, compile, max_minutes)
+    except FloatingPointError as error:
+        write_provenance(run, status="failed", error=str(error))
+        raise
+    return "finished" if finished else "paused"
+
+
+def _fit(
+    run: Path,
+    recordings: Path,
+    config: dict[str, Any],
+    accelerator: str,
+    precision: str,
+    compile: bool,
+    max_minutes: float | None,
+) -> bool:
+    """Fits until early stopping, the last epoch or the budget; returns whether it is finished."""
+    device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+    grid, data = Grid(config["data"]["size_px"]), config["data"]
+    settings = {**config["train"], "seed": config["seed"]}
+    train_pairs, val_pairs = (
+        load_pairs(
+            recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device
+        )
+        for split in ("train", "val")
+    )
+    torch.manual_seed(config["seed"])
+    options = {name: config["model"][name] for name in ("encoder_name", "encoder_weights")}
+    model = create_model(config["model"]["name"], **options).to(memory_format=torch.channels_last)
+    if compile:
+        model.compile()
+    predictor = Predictor(model, train_pairs, val_pairs, settings)
+
+    checkpoints = run / "checkpoints"
+    history = History(run / "history.csv")
+    stop = Stop(max_minutes, min_delta=settings["min_delta"], patience=settings["patience"])
+    best = _checkpoint(checkpoints, "best", monitor="val_loss", save_weights_only=True)
+    last = _checkpoint(checkpoints, "last")
+    began = time.monotonic()
+    _quiet()
+    trainer = L.Trainer(
+        max_epochs=settings["max_epochs"],
+        accelerator="gpu" if device == "cuda" else "cpu",
+        devices=1,
+        precision=precision,  # type: ignore[arg-type]
+        callbacks=[history, stop, best, last],
+        logger=TensorBoardLogger(run, name="tensorboard", version=""),
+        log_every_n_steps=10**9,  # the epochs' losses only
+        reload_dataloaders_every_n_epochs=1,
+        num_sanity_val_steps=0,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+    )
+    resume = checkpoints / "last.ckpt"
+    trainer.fit(predictor, ckpt_path=resume if resume.is_file() else None, weights_only=False)
+    if stop.paused:
+        write_provenance(run, status="paused")
+        return False
+    state = torch.load(checkpoints / "best.ckpt", map_location="cpu", weights_only=False)["state_dict"]
+    model.load_state_dict({key.removeprefix("model."): value for key, value in state.items()})
+    model.save_pretrained(run / "model")
+    shutil.rmtree(checkpoints)
+    write_provenance(
+        run,
+        status="finished",
+        recordings=recordings_hash(recordings),
+        train_pairs=len(train_pairs),
+        epochs=len(history.rows),
+        training_seconds=round(sum(row["seconds"] for row in history.rows), 1),
+        process_seconds=round(time.monotonic() - began, 1),
+        precision=precision,
+        compiled=compile,
+    )
+    return True
+
+
+def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:
+    """A checkpoint of fixed name, written at epoch ends only."""
+    return ModelCheckpoint(
+        directory, name, save_on_train_epoch_end=True, enable_version_counter=False, **options
+    )
+
+
+def _quiet() -> None:
+    """Silences Lightning's advice about loaders, loggers and workers, none of which applies here."""
+    import logging
+
+    for name in ("lightning.pytorch", "lightning.fabric"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+    warnings.filterwarnings("ignore", module="lightning")
+    warnings.filterwarnings("ignore", category=FutureWarning)
