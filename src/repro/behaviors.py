@@ -6,12 +6,16 @@ behaviour replays in plain IR-SIM once this module is imported (each worker proc
 Paper: "Simulation Approach". What it leaves open: DEVIATIONS D2 to D6.
 """
 
+import contextlib
+import io
 import math
 from typing import Any
 
 import numpy as np
-from irsim.lib import register_behavior_class
-from irsim.util.util import vel_world2omni
+
+with contextlib.redirect_stdout(io.StringIO()):  # without a display IR-SIM prints which backends it tried
+    from irsim.lib import register_behavior_class
+    from irsim.util.util import vel_world2omni
 
 
 def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:

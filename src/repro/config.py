@@ -38,6 +38,7 @@ class Scale:
     name: str = MISSING
     size_px: int = MISSING
     pairs: Pairs = field(default_factory=Pairs)
+    learning_rate: float = MISSING
     batch_size: int = MISSING
     max_epochs: int = MISSING
 

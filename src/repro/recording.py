@@ -11,13 +11,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import irsim
 import numpy as np
+
+from repro.behaviors import Drift, robot_commands  # before IR-SIM: it keeps the import quiet
+from repro.worlds import World
+
+# isort: split
+import irsim
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from irsim.lib.handler.geometry_handler import GeometryFactory
-
-from repro.behaviors import Drift, robot_commands
-from repro.worlds import World
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,53 @@
+# Everything runs in .venv, made by `make setup` for whatever python3 is 3.11 or 3.12.
+PYTHON ?= python3
+PY := .venv/bin/python
+SWEEP := model=unet,fpn,upernet,segformer
+SHELL := bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup reproduce test check bench clean
+
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
+
+setup: .venv/ready ## make .venv and install the pinned packages
+
+.venv/ready: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else f"Python 3.11 or 3.12 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
+	@if command -v uv > /dev/null; then \
+	    uv venv --quiet --clear --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
+	    uv pip install --quiet --python $(PY) -r requirements.lock; \
+	    uv pip install --quiet --python $(PY) --no-deps -e .; \
+	else \
+	    $(PYTHON) -m venv --clear .venv; \
+	    $(PY) -m pip install --quiet --disable-pip-version-check -r requirements.lock; \
+	    $(PY) -m pip install --quiet --disable-pip-version-check --no-deps -e .; \
+	fi
+	@touch $@
+
+reproduce: setup ## the whole study: [SCALE=smoke|laptop|paper], paper where there is a GPU, else laptop
+	@scale="$(SCALE)"; \
+	if [ -z "$$scale" ]; then \
+	    scale=$$($(PY) -c "import torch; print('paper' if torch.cuda.is_available() else 'laptop')"); \
+	    echo "SCALE is not given: taking $$scale"; \
+	fi; \
+	set -x; \
+	$(PY) run.py task=plan scale=$$scale; \
+	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 scale=$$scale; \
+	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false scale=$$scale; \
+	$(PY) run.py task=report scale=$$scale
+
+test: setup ## the tests, without GPU and network
+	$(PY) -m pytest
+
+check: setup ## ruff (lint and format) and mypy
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+
+bench: setup ## speed and memory as ratios to the plain way, on this machine
+	$(PY) reproduce/bench.py
+
+clean: ## delete caches and .venv; outputs/ stays
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info
+	find . -name __pycache__ -prune -exec rm -rf {} +
