@@ -1,10 +1,10 @@
 """One entry point: maps a task to one function of `repro`. The only file that knows Hydra.
 
-    python run.py task=record exp=3                                        simulate and store one experiment
-    python run.py exp=3 model=unet                                         record what is missing, train, evaluate
-    python run.py -m model=unet,fpn,upernet,segformer exp=3,4 decay=false  a sweep, then the tables
-    python run.py task=report                                              tables and figures from what is there
-    python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
+python run.py task=record exp=3                                        simulate and store one experiment
+python run.py exp=3 model=unet                                         record what is missing, train, evaluate
+python run.py -m model=unet,fpn,upernet,segformer exp=3,4 decay=false  a sweep, then the tables
+python run.py task=report                                              tables and figures from what is there
+python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
 """
 
 import atexit
@@ -29,7 +29,12 @@ def known_experiment(exp: str, experiments: DictConfig) -> str:
 
 def place(task: Task, exp: str, run: str) -> str:
     """Where a task's files lie below the outputs directory."""
-    places = {Task.record: f"recordings/exp{exp}", Task.world: "worlds", Task.report: "tables", Task.plan: "plan"}
+    places = {
+        Task.record: f"recordings/exp{exp}",
+        Task.world: "worlds",
+        Task.report: "tables",
+        Task.plan: "plan",
+    }
     return places.get(task, run)
 
 
@@ -59,10 +64,19 @@ def print_tables(outputs: Path) -> None:
     print(f"Tables: {outputs / 'tables'}")
 
 
+def plain(config: DictConfig) -> dict[str, Any]:
+    """Plain values of a part of the configuration, the only form in which `repro` takes them."""
+    return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
+
+
+def with_values(config: DictConfig, **values: Any) -> DictConfig:
+    """The configuration with other values of some keys."""
+    return OmegaConf.merge(config, values)  # type: ignore[return-value]
+
+
 def world_spec(config: DictConfig) -> dict[str, Any]:
     """What decides the worlds of an experiment, as plain values."""
-    world = OmegaConf.to_container(config.world, resolve=True)
-    assert isinstance(world, dict)
+    world = plain(config.world)
     return {
         "experiment": config.exp,
         "world": world["world"],
@@ -83,10 +97,10 @@ def run_config(config: DictConfig, model: dict[str, Any]) -> dict[str, Any]:
         "data": {
             "size_px": config.scale.size_px,
             "lightest": config.lightest,
-            "pairs": OmegaConf.to_container(config.scale.pairs),
+            "pairs": plain(config.scale.pairs),
             "worlds": spec_fingerprint(world_spec(config)),
         },
-        "train": OmegaConf.to_container(config.train, resolve=True),
+        "train": plain(config.train),
     }
 
 
@@ -103,14 +117,16 @@ def record(config: DictConfig) -> None:
     from repro.runs import prepare_run, read_status, run_directory
     from repro.store import record_experiment
 
-    directory = recordings(config)
-    pairs = {split: config.scale.pairs[split] for split in ("train", "val", "test")}
+    directory, pairs = recordings(config), plain(config.scale.pairs)
+    is_new = not (directory / "manifest.json").is_file()
     record_experiment(directory, world_spec(config), pairs, workers=config.runtime.workers)
     for name in BASELINES:
         run = run_directory(Path(config.outputs), config.exp, name, True, 0)
-        prepare_run(run, run_config(OmegaConf.merge(config, {"seed": 0, "decay": True}), {"name": name}))
+        prepare_run(run, run_config(with_values(config, seed=0, decay=True), {"name": name}))
         if read_status(run) != "evaluated":
             evaluate_baseline(run, directory)
+    if not is_new and config.task is not Task.record:
+        return
     found = describe(directory, Grid(config.scale.size_px))
     aim = targets(config.exp) if config.exp in "1234" else {}
     print(
@@ -126,9 +142,7 @@ def train(config: DictConfig) -> str:
     from repro.training import train
 
     run = Path(config.outputs) / config.run
-    model = OmegaConf.to_container(config.model)
-    assert isinstance(model, dict)
-    prepare_run(run, run_config(config, model))
+    prepare_run(run, run_config(config, plain(config.model)))
     if read_status(run) not in ("finished", "evaluated"):
         print(f"training {run}", flush=True)
         warn_of_cost(config)
@@ -168,7 +182,7 @@ def report(config: DictConfig) -> None:
 
     outputs = Path(config.outputs)
     print_tables(outputs)
-    specs = {exp: world_spec(OmegaConf.merge(config, {"exp": exp})) for exp in config.world.experiments}
+    specs = {exp: world_spec(with_values(config, exp=exp)) for exp in config.world.experiments}
     for path in write_figures(outputs, specs):
         print(f"Figure: {path}")
 
@@ -188,7 +202,7 @@ def plan(config: DictConfig) -> None:
     """Says what the whole study costs at this scale on this machine."""
     from repro.planning import plan_study
 
-    print(plan_study(OmegaConf.to_container(config.scale, resolve=True), config.runtime.precision))
+    print(plan_study(plain(config.scale), config.runtime.precision))
 
 
 def warn_of_cost(config: DictConfig) -> None:
@@ -196,7 +210,7 @@ def warn_of_cost(config: DictConfig) -> None:
     from repro.planning import cost_warning
 
     if config.scale.name == "paper":
-        text = cost_warning(config.model.name, OmegaConf.to_container(config.scale), config.runtime.precision)
+        text = cost_warning(config.model.name, plain(config.scale), config.runtime.precision)
         if text:
             print(text, file=sys.stderr, flush=True)
 

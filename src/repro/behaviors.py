@@ -9,6 +9,7 @@ Paper: "Simulation Approach". What it leaves open: DEVIATIONS D2 to D6.
 import contextlib
 import io
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -59,7 +60,7 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
         ValueError: the behaviour is not one of ours.
     """
     parameters = {key: value for key, value in behavior.items() if key != "name"}
-    makers = {"rotate": rotate_commands, "square": square_commands}
+    makers: dict[str, Callable[..., np.ndarray]] = {"rotate": rotate_commands, "square": square_commands}
     if behavior["name"] not in makers:
         raise ValueError(f"robot behaviour must be one of {sorted(makers)}, got {behavior['name']!r}")
     return makers[behavior["name"]](**parameters, step_time=step_time)

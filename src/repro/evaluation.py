@@ -88,9 +88,7 @@ def read_predictions(run: Path) -> np.ndarray:
 def _load(recordings: Path, split: str, config: dict[str, Any], device: str) -> Pairs:
     data = config["data"]
     grid = Grid(data["size_px"])
-    return load_pairs(
-        recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device
-    )
+    return load_pairs(recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
 
 
 def _write(run: Path, probability: Tensor, test: Pairs, recordings: Path, **facts: Any) -> pd.Series:

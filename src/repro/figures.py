@@ -25,7 +25,7 @@ from repro.store import SPLITS, read_shards
 from repro.worlds import World, sample_world, write_world
 
 INK, ACCENT = "#222222", "#0b6e99"
-STYLE = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
+STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 
 
 @dataclass(frozen=True)
@@ -140,9 +140,7 @@ def data_representation(examples: list[Example]) -> Figure:
 
 def results(examples: list[Example]) -> Figure:
     """Input, prediction and truth of U-Net, one column a set-up."""
-    figure, axes = plt.subplots(
-        3, len(examples), figsize=(1.9 * len(examples), 6), layout="constrained", squeeze=False
-    )
+    figure, axes = plt.subplots(3, len(examples), figsize=(1.9 * len(examples), 6), layout="constrained", squeeze=False)
     for column, example in zip(axes.T, examples, strict=True):
         _image(column[0], example.projection, example.title)
         _image(column[1], 255 * example.prediction)
@@ -163,8 +161,17 @@ def method_overview(example: Example) -> Figure:
     x, y, heading = example.poses.T
     turn = slice(None, None, 4)
     poses.quiver(
-        x[turn], y[turn], np.cos(heading[turn]), np.sin(heading[turn]), np.arange(len(x))[turn],
-        cmap="Greys", clim=(-40, 100), angles="xy", scale_units="xy", scale=0.5, width=0.015,
+        x[turn],
+        y[turn],
+        np.cos(heading[turn]),
+        np.sin(heading[turn]),
+        np.arange(len(x))[turn],
+        cmap="Greys",
+        clim=(-40, 100),
+        angles="xy",
+        scale_units="xy",
+        scale=0.5,
+        width=0.015,
     )
     middle = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
     poses.set(xlim=(middle[0] - 9, middle[0] + 9), ylim=(middle[1] - 9, middle[1] + 9))

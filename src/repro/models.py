@@ -1,14 +1,14 @@
 """The four image-to-image networks of the paper, from segmentation-models-pytorch."""
 
 import segmentation_models_pytorch as smp
-from torch import nn
+from segmentation_models_pytorch.base import SegmentationModel
 
 ARCHITECTURES = ("unet", "fpn", "upernet", "segformer")
 
 
 def create_model(
     architecture: str, *, encoder_name: str = "mit_b0", encoder_weights: str | None = None
-) -> nn.Module:
+) -> SegmentationModel:
     """Creates a network from one gray image (B, 1, H, W) to one map of logits (B, 1, H, W).
 
     Paper: "Prediction Models". Encoder weights and channels are not stated: DEVIATIONS D9.

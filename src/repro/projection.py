@@ -60,9 +60,7 @@ def project(
     # Newest step of each pixel, counted from 1; 0 is never hit
     age_rank = torch.arange(1, steps + 1, device=ranges.device)[:, None].expand_as(ranges)
     newest = torch.zeros(batch, grid.size_px**2, dtype=torch.long, device=ranges.device)
-    newest.scatter_reduce_(
-        1, index.flatten(1), torch.where(hit & inside, age_rank, 0).flatten(1), reduce="amax"
-    )
+    newest.scatter_reduce_(1, index.flatten(1), torch.where(hit & inside, age_rank, 0).flatten(1), reduce="amax")
     return _shades(steps, decay, lightest, ranges.device)[newest].view(batch, grid.size_px, grid.size_px)
 
 

@@ -202,7 +202,8 @@ def _place(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
     x, y, heading = (states[:, i, None] for i in range(3))
     cos, sin = np.cos(heading), np.sin(heading)
     return np.stack(
-        [outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y], axis=-1
+        [outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y],
+        axis=-1,
     )
 
 

@@ -41,7 +41,7 @@ def read_results(outputs: Path) -> pd.DataFrame:
         )
     table = pd.DataFrame(rows)
     for fact in ("size_px", "train_pairs", "test_pairs"):
-        values = sorted(table[fact].dropna().unique()) if len(table) else []
+        values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
         if len(values) > 1:
             raise ValueError(f"the runs in {outputs} differ in {fact}: {values}; one table cannot hold them")
     return table

@@ -1,12 +1,12 @@
 """Run directories: what a run is, where it stands, and where it came from.
 
-    config.yaml      what decides its result, written before anything else
-    provenance.json  status (paused, failed, finished, evaluated), versions, hardware, commit, times, data hash
-    history.csv      one row an epoch
-    model/           best weights; `smp.from_pretrained(run / "model")` reads them anywhere
-    predictions.npz  probabilities of free on the test set, uint8
-    metrics.csv      the pooled metrics, one row
-    per_image.csv    the same for every test image
+config.yaml      what decides its result, written before anything else
+provenance.json  status (paused, failed, finished, evaluated), versions, hardware, commit, times, data hash
+history.csv      one row an epoch
+model/           best weights; `smp.from_pretrained(run / "model")` reads them anywhere
+predictions.npz  probabilities of free on the test set, uint8
+metrics.csv      the pooled metrics, one row
+per_image.csv    the same for every test image
 """
 
 import json
@@ -37,9 +37,7 @@ def prepare_run(run: Path, config: dict[str, Any]) -> None:
     path = run / "config.yaml"
     if not path.is_file():
         run.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".tmp")
-        temporary.write_text(yaml.safe_dump(config, sort_keys=False))
-        os.replace(temporary, path)
+        replace_file(path, yaml.safe_dump(config, sort_keys=False))
         return
     there, wanted = _flatten(read_config(run)), _flatten(config)
     differ = [key for key in there | wanted if there.get(key) != wanted.get(key)]
@@ -76,9 +74,14 @@ def write_provenance(run: Path, *, status: str, **facts: Any) -> None:
     content = {**read_provenance(run), "status": status, **facts, **_surroundings()}
     if status != "failed":
         content.pop("error", None)
-    temporary = run / "provenance.tmp"
-    temporary.write_text(json.dumps(content, indent=1))
-    os.replace(temporary, run / "provenance.json")
+    replace_file(run / "provenance.json", json.dumps(content, indent=1))
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Writes a file whole or not at all, however the process ends."""
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(text)
+    os.replace(temporary, path)
 
 
 def hardware() -> dict[str, Any]:

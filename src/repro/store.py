@@ -24,6 +24,7 @@ from filelock import FileLock
 from tqdm import tqdm
 
 from repro.recording import Recording, record, replay
+from repro.runs import replace_file
 from repro.worlds import sample_world, turn_around, write_world
 
 FORMAT = 1
@@ -94,7 +95,7 @@ def record_experiment(
             "versions": {name: version(name) for name in ("ir-sim", "numpy", "repro")},
             "shards": {s.name: {**asdict(s), "sha256": _sha256(directory / s.name)} for s in shards},
         }
-        _replace(directory / "manifest.json", json.dumps(manifest, indent=1).encode())
+        replace_file(directory / "manifest.json", json.dumps(manifest, indent=1))
     return manifest
 
 
@@ -167,7 +168,7 @@ def _write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_eve
                 check_replay(item, runs[-1])
     worlds = runs[::2]
     most = max(len(run.seen) for run in runs)
-    arrays = {
+    arrays: dict[str, Any] = {
         "ranges": np.stack([run.ranges for run in runs]).astype(np.float32),
         "angles": runs[0].angles,
         "poses": np.stack([run.poses for run in runs]),
@@ -235,9 +236,3 @@ def _check_same(directory: Path, manifest: dict, fingerprint: str, pairs: dict[s
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _replace(path: Path, content: bytes) -> None:
-    temporary = path.with_suffix(".tmp")
-    temporary.write_bytes(content)
-    os.replace(temporary, path)

@@ -26,7 +26,7 @@ from repro.datasets import Pairs, load_pairs
 from repro.grid import Grid
 from repro.losses import MapLoss
 from repro.models import create_model
-from repro.runs import read_config, read_status, write_provenance
+from repro.runs import read_config, read_status, replace_file, write_provenance
 from repro.store import recordings_hash
 
 _STARTED = time.monotonic()
@@ -107,7 +107,8 @@ class History(Callback):
     """One row an epoch in history.csv, kept in the checkpoint so that a resumed run has them all."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.rows, self.since = path, [], time.monotonic()
+        self.path, self.since = path, time.monotonic()
+        self.rows: list[dict[str, float]] = []
 
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         self.since = time.monotonic()
@@ -117,7 +118,7 @@ class History(Callback):
         values = {name: trainer.callback_metrics[name].item() for name in ("train_loss", "val_loss")}
         seconds = round(time.monotonic() - self.since, 2)
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
-        pd.DataFrame(self.rows).to_csv(self.path, index=False)
+        replace_file(self.path, pd.DataFrame(self.rows).to_csv(index=False))
         print(
             f"epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
             f"val {values['val_loss']:.4f}  {seconds:.1f} s",
@@ -206,9 +207,7 @@ def _fit(
     grid, data = Grid(config["data"]["size_px"]), config["data"]
     settings = {**config["train"], "seed": config["seed"]}
     train_pairs, val_pairs = (
-        load_pairs(
-            recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device
-        )
+        load_pairs(recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
         for split in ("train", "val")
     )
     torch.manual_seed(config["seed"])
@@ -224,7 +223,7 @@ def _fit(
     best = _checkpoint(checkpoints, "best", monitor="val_loss", save_weights_only=True)
     last = _checkpoint(checkpoints, "last")
     began = time.monotonic()
-    _quiet()
+    quiet()
     trainer = L.Trainer(
         max_epochs=settings["max_epochs"],
         accelerator="gpu" if device == "cuda" else "cpu",
@@ -263,12 +262,10 @@ def _fit(
 
 def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:
     """A checkpoint of fixed name, written at epoch ends only."""
-    return ModelCheckpoint(
-        directory, name, save_on_train_epoch_end=True, enable_version_counter=False, **options
-    )
+    return ModelCheckpoint(directory, name, save_on_train_epoch_end=True, enable_version_counter=False, **options)
 
 
-def _quiet() -> None:
+def quiet() -> None:
     """Silences Lightning's advice about loaders, loggers and workers, none of which applies here."""
     import logging
 

@@ -1,0 +1,114 @@
+import subprocess
+import sys
+import time
+
+import pytest
+import run as entry  # registers schema and resolvers
+from conftest import ROOT
+from hydra import compose, initialize_config_dir
+
+
+def composed(*overrides):
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return compose("config", overrides=list(overrides))
+
+
+def call(*arguments):
+    """Runs run.py; returns its exit status, all it printed, and the seconds it took."""
+    began = time.monotonic()
+    done = subprocess.run([sys.executable, "run.py", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    return done.returncode, done.stdout + done.stderr, time.monotonic() - began
+
+
+def test_defaults_are_the_papers():
+    config = composed()
+    assert config.scale.name == "paper"
+    assert dict(config.scale.pairs) == {"train": 10000, "val": 128, "test": 500}
+    assert (config.train.learning_rate, config.train.min_delta, config.train.patience) == (1e-4, 1e-3, 5)
+    lidar = config.world.robot.sensors[0]
+    assert (lidar.number, lidar.range_max) == (100, 30)
+    assert lidar.angle_range == pytest.approx(3.14159265 / 2)
+    assert (config.world.world.width, config.world.world.height) == (50, 50)
+    assert config.model.encoder_weights is None
+
+
+@pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
+def test_every_experiment_takes_100_steps_and_is_what_the_paper_says(experiment):
+    spec = entry.world_spec(composed(f"exp={experiment}"))
+    motion = spec["motion"]
+    moving = "behavior" in spec["obstacles"]
+    assert motion["name"] == ("rotate" if experiment in "13" else "square")
+    assert moving == (experiment in "34")
+    steps = motion["steps"] if experiment in "13" else 4 * (motion["drive_steps"] + motion["turn_steps"])
+    assert steps == 100
+
+
+@pytest.mark.parametrize("model", ["unet", "fpn", "upernet", "segformer"])
+def test_every_model_has_the_papers_encoder(model):
+    assert dict(composed(f"model={model}").model) == {
+        "name": model,
+        "encoder_name": "mit_b0",
+        "encoder_weights": None,
+    }
+
+
+def test_runs_lie_where_they_should():
+    config = composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop")
+    assert config.run == "runs/exp4/fpn/no-decay/seed2"
+    assert config.outputs == "outputs/laptop"
+
+
+def test_runtime_does_not_make_another_run():
+    one = composed()
+    other = composed("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
+    model = {"name": "unet"}
+    assert entry.run_config(one, model) == entry.run_config(other, model)
+    assert entry.run_config(one, model) != entry.run_config(composed("train.batch_size=4"), model)
+    faster = composed("world.obstacles.moving.behavior.speed_m_s=[1,2]")
+    assert entry.run_config(one, model) != entry.run_config(faster, model)
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("exp=9", ["unknown experiment exp=9", "1, 2, 3, 4"]),
+        ("model=resnet", ["resnet", "fpn", "segformer", "unet", "upernet"]),
+        ("scale=huge", ["huge", "laptop", "paper", "smoke"]),
+        ("task=fly", ["fly", "record", "train", "evaluate", "report", "all"]),
+        ("decay=maybe", ["maybe", "bool"]),
+        ("train.lr=3", ["lr", "Train"]),
+        ("train.patience=often", ["often", "train.patience"]),
+    ],
+)
+def test_bad_input_is_named_quickly_and_leaves_nothing_behind(argument, words, tmp_path):
+    status, text, seconds = call(argument, f"outputs={tmp_path / 'out'}")
+    assert status != 0
+    assert all(word in text for word in words), text
+    assert seconds < 15  # a bound for a busy machine; it takes half a second
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_input_imports_nothing_heavy():
+    code = "import sys, run; print([m for m in ('torch', 'irsim', 'segmentation_models_pytorch') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_training_without_recordings_says_how_to_get_them(tmp_path):
+    status, text, _ = call("task=train", "scale=smoke", f"outputs={tmp_path / 'smoke'}")
+    assert status != 0
+    assert "python run.py task=record scale=smoke exp=3" in text
+
+
+def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
+    status, text, _ = call("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
+    assert status == 0, text
+    code = (
+        "import sys, irsim, repro.behaviors\n"
+        "env = irsim.make(sys.argv[1], headless=True)\n"
+        "for _ in range(100): env.step()\n"
+        "print('hits', int(env.robot.lidar.valid.sum()), 'at', env.robot.state[:2, 0].round(3).tolist())\n"
+    )
+    path = tmp_path / "worlds" / "exp3-seed17-cw.yaml"
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    assert "at [25.0, 25.0]" in done.stdout

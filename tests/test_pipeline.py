@@ -1,0 +1,106 @@
+import shutil
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+from conftest import ROOT
+
+from repro.metrics import METRICS
+
+COMMAND = ["run.py", "-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
+
+
+def tiny(outputs):
+    return [
+        "scale=smoke", f"outputs={outputs}", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4",
+        "scale.max_epochs=1", "runtime.accelerator=cpu",
+    ]  # fmt: skip
+
+
+def call(*arguments):
+    done = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=500)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """The sweep of the README at a tiny size."""
+    outputs = tmp_path_factory.mktemp("study") / "smoke"
+    status, text = call(*COMMAND, *tiny(outputs))
+    assert status == 0, text[-4000:]
+    return outputs, text
+
+
+def test_the_sweep_ends_with_a_complete_table(study):
+    outputs, text = study
+    table = pd.read_csv(outputs / "tables" / "ablation.csv")
+    assert len(table) == 10  # 4 models and their average, twice
+    assert (
+        table.groupby("experiment")["model"].apply(list).tolist()
+        == [["unet", "fpn", "upernet", "segformer", "average"]] * 2
+    )
+    for metric in METRICS:
+        assert table[metric].between(0, 1).all()
+        assert ((table[metric] - table[f"paper_{metric}"]) - table[f"delta_{metric}"]).abs().max() < 2e-4
+    assert "Prediction metrics without the gray-scale time decay" in text
+    assert "Scale smoke: 64 x 64 px, 16 training and 4 test pairs" in text
+
+
+def test_simple_predictors_stand_in_the_main_table(study):
+    outputs, _ = study
+    table = pd.read_csv(outputs / "tables" / "main.csv")
+    assert table["model"].tolist() == ["all_free", "last_seen"] * 2
+
+
+def test_run_directories_are_complete(study):
+    outputs, _ = study
+    run = outputs / "runs" / "exp4" / "upernet" / "no-decay" / "seed0"
+    names = {path.name for path in run.iterdir()}
+    assert names >= {
+        "config.yaml", "history.csv", "metrics.csv", "per_image.csv", "provenance.json", "model",
+        "predictions.npz", "tensorboard", ".hydra",
+    }  # fmt: skip
+
+
+def test_typed_again_nothing_is_done_again(study):
+    outputs, _ = study
+    files = [*outputs.glob("recordings/*/*.npz"), *outputs.glob("runs/**/history.csv")]
+    before = {path: path.stat().st_mtime_ns for path in files}
+    assert len(before) == 6 + 8
+    status, text = call(*COMMAND, *tiny(outputs))
+    assert status == 0, text[-4000:]
+    assert text.count("done already") == 8
+    assert {path: path.stat().st_mtime_ns for path in files} == before
+
+
+def test_another_configuration_in_the_same_place_is_refused(study):
+    outputs, _ = study
+    status, text = call("run.py", "exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
+    assert status != 0
+    assert "train.batch_size is 8, asked for 4" in text
+
+
+def test_a_failing_job_does_not_cost_the_table_of_the_others(study, tmp_path):
+    outputs, _ = study
+    copy = tmp_path / "smoke"
+    shutil.copytree(outputs, copy)
+    shutil.rmtree(copy / "tables")
+    (copy / "runs/exp3/fpn/no-decay/seed0/config.yaml").write_text("experiment: '3'\nmodel: {name: fpn}\n")
+    shutil.rmtree(copy / "runs/exp3/fpn/no-decay/seed0/model")
+    (copy / "runs/exp3/fpn/no-decay/seed0/provenance.json").unlink()
+    status, text = call(*COMMAND, *tiny(copy))
+    assert status != 0
+    assert "holds a run of another configuration" in text
+    table = pd.read_csv(copy / "tables" / "ablation.csv")
+    assert len(table) == 4 + 4 + 1 - 1
+    assert "| 4 | U-Net |" in text
+
+
+def test_report_rebuilds_tables_and_figures(study):
+    outputs, _ = study
+    shutil.rmtree(outputs / "tables")
+    status, text = call("run.py", "task=report", *tiny(outputs))
+    assert status == 0, text[-4000:]
+    assert (outputs / "tables" / "ablation.tex").is_file()
+    assert (outputs / "figures" / "data_collection.png").is_file()
