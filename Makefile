@@ -5,7 +5,7 @@ SWEEP := model=unet,fpn,upernet,segformer
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test check bench clean
+.PHONY: help setup reproduce test check bench readme clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
@@ -47,6 +47,9 @@ check: setup ## ruff (lint and format) and mypy
 
 bench: setup ## speed and memory as ratios to the plain way, on this machine
 	$(PY) reproduce/bench.py
+
+readme: setup ## make the tables of README.md anew from reproduce/results
+	$(PY) run.py task=readme
 
 clean: ## delete caches and .venv; outputs/ stays
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info

@@ -20,6 +20,9 @@ from omegaconf import DictConfig, OmegaConf
 from repro.config import Config, Task
 
 
+ROOT = Path(__file__).parent
+
+
 def known_experiment(exp: str, experiments: DictConfig) -> str:
     """Gives `exp` back, or ends with an error that lists the experiments there are."""
     if str(exp) not in experiments:
@@ -29,13 +32,9 @@ def known_experiment(exp: str, experiments: DictConfig) -> str:
 
 def place(task: Task, exp: str, run: str) -> str:
     """Where a task's files lie below the outputs directory."""
-    places = {
-        Task.record: f"recordings/exp{exp}",
-        Task.world: "worlds",
-        Task.report: "tables",
-        Task.plan: "plan",
-    }
-    return places.get(task, run)
+    if task in (Task.all, Task.train, Task.evaluate):
+        return run
+    return f"recordings/exp{exp}" if task is Task.record else "other"
 
 
 OmegaConf.register_new_resolver("place", place, replace=True)
@@ -187,6 +186,22 @@ def report(config: DictConfig) -> None:
         print(f"Figure: {path}")
 
 
+def publish(config: DictConfig) -> None:
+    """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
+    from repro.publish import publish
+
+    print(publish(Path(config.outputs), ROOT / "reproduce" / "results"))
+    readme(config)
+
+
+def readme(config: DictConfig) -> None:
+    """Makes the tables of README.md anew from reproduce/results."""
+    from repro.publish import readme_with_results
+
+    path = ROOT / "README.md"
+    path.write_text(readme_with_results(path.read_text(), ROOT / "reproduce" / "results"))
+
+
 def world(config: DictConfig) -> None:
     """Writes the world of one seed and its twin as plain IR-SIM YAML."""
     from repro.worlds import sample_world, turn_around, write_world
@@ -223,6 +238,8 @@ TASKS = {
     Task.report: report,
     Task.plan: plan,
     Task.world: world,
+    Task.publish: publish,
+    Task.readme: readme,
 }
 
 

@@ -6,7 +6,7 @@ from conftest import ROOT
 ORDER = [
     *("config", "runs", "grid", "behaviors", "worlds", "recording", "store", "projection", "datasets"),
     *("models", "losses", "metrics", "planning", "training", "evaluation"),
-    *("paper", "results", "report", "figures"),
+    *("paper", "results", "report", "figures", "publish"),
 ]
 STANDALONE = ("models", "losses", "metrics")
 

@@ -17,6 +17,8 @@ class Task(enum.Enum):
     report = "report"
     plan = "plan"
     world = "world"
+    publish = "publish"
+    readme = "readme"
 
 
 @dataclass
