@@ -19,7 +19,6 @@ from omegaconf import DictConfig, OmegaConf
 
 from repro.config import Config, Task
 
-
 ROOT = Path(__file__).parent
 
 
@@ -34,7 +33,7 @@ def place(task: Task, exp: str, run: str) -> str:
     """Where a task's files lie below the outputs directory."""
     if task in (Task.all, Task.train, Task.evaluate):
         return run
-    return f"recordings/exp{exp}" if task is Task.record else "other"
+    return f"recordings/exp{exp}" if task is Task.record else "hydra"
 
 
 OmegaConf.register_new_resolver("place", place, replace=True)
@@ -113,7 +112,7 @@ def record(config: DictConfig) -> None:
     from repro.evaluation import BASELINES, evaluate_baseline
     from repro.grid import Grid
     from repro.paper import targets
-    from repro.runs import prepare_run, read_status, run_directory
+    from repro.runs import prepare_run, run_directory
     from repro.store import record_experiment
 
     directory, pairs = recordings(config), plain(config.scale.pairs)
@@ -122,8 +121,7 @@ def record(config: DictConfig) -> None:
     for name in BASELINES:
         run = run_directory(Path(config.outputs), config.exp, name, True, 0)
         prepare_run(run, run_config(with_values(config, seed=0, decay=True), {"name": name}))
-        if read_status(run) != "evaluated":
-            evaluate_baseline(run, directory)
+        evaluate_baseline(run, directory)
     if not is_new and config.task is not Task.record:
         return
     found = describe(directory, Grid(config.scale.size_px))

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from repro.datasets import coverage, load_pairs, visibility
+from repro.datasets import Batches, Pairs, coverage, load_pairs, visibility
 from repro.grid import Grid
 from repro.store import read_shards
 
@@ -56,3 +56,17 @@ def test_visibility_counts_the_area_of_what_was_hit(recorded):
     share = visibility(recorded, "test", Grid(64))
     assert 0.7 < share <= 1
     assert (share == 1) == everything_seen
+
+
+def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
+    pairs = Pairs(torch.arange(10, dtype=torch.uint8).view(10, 1, 1, 1), torch.zeros(10, 1, 1, 1))
+    shuffled = Batches(pairs, 4, seed=1)
+    seen = [(255 * image).round().int().flatten().tolist() for image, _ in shuffled]
+    assert [len(batch) for batch in seen] == [4, 4] == [4] * len(shuffled)
+    assert seen == [(255 * image).round().int().flatten().tolist() for image, _ in Batches(pairs, 4, seed=1)]
+    assert seen != [(255 * image).round().int().flatten().tolist() for image, _ in Batches(pairs, 4, seed=2)]
+    in_order = Batches(pairs, 4)
+    assert [len(image) for image, _ in in_order] == [4, 4, 2]
+    assert len(in_order) == 3
+    with pytest.raises(ValueError, match=r"batch_size=16 but there are only 10"):
+        Batches(pairs, 16, seed=0)

@@ -5,7 +5,7 @@ import torch
 from conftest import run_config
 
 from repro.datasets import Pairs, load_pairs
-from repro.evaluation import evaluate, evaluate_baseline, last_seen, read_predictions
+from repro.evaluation import best_radius, evaluate, evaluate_baseline, last_seen, read_predictions
 from repro.grid import Grid
 from repro.metrics import METRICS, confusion, scores
 from repro.runs import prepare_run, read_provenance
@@ -69,7 +69,7 @@ def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
     assert 0.1 < row["obstacle_iou"] < 1
     val = load_pairs(recorded, "val", Grid(32), decay=True, lightest=0.8)
     iou = [scores(confusion(last_seen(val, r), val.maps.float()).sum(0))["obstacle_iou"] for r in range(9)]
-    assert read_provenance(tmp_path)["radius_px"] == int(np.argmax(iou))
+    assert read_provenance(tmp_path)["radius_px"] == int(np.argmax(iou)) == best_radius(val)
 
 
 def test_last_seen_draws_discs_around_hits():

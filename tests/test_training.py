@@ -11,9 +11,8 @@ import torch
 from conftest import ROOT, run_config
 
 from repro import training
-from repro.datasets import Pairs
-from repro.runs import prepare_run, read_provenance, read_status
-from repro.training import Batches, train
+from repro.runs import prepare_run, read_provenance, read_status, write_provenance
+from repro.training import train
 
 
 def begin(run, recorded, **changes):
@@ -133,21 +132,14 @@ def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch
     assert not (tmp_path / "model").exists()
 
 
+def test_other_recordings_than_the_run_began_with_are_refused(recorded, tmp_path):
+    prepare_run(tmp_path, run_config())
+    write_provenance(tmp_path, status="paused", recordings="of another day")
+    with pytest.raises(ValueError, match="began with other recordings"):
+        train(tmp_path, recorded)
+
+
 def test_without_recordings_the_command_is_named(tmp_path):
     prepare_run(tmp_path / "run", run_config())
     with pytest.raises(ValueError, match="task=record scale=laptop exp=3"):
         train(tmp_path / "run", tmp_path / "laptop" / "recordings" / "exp3")
-
-
-def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
-    pairs = Pairs(torch.arange(10, dtype=torch.uint8).view(10, 1, 1, 1), torch.zeros(10, 1, 1, 1))
-    shuffled = Batches(pairs, 4, seed=1)
-    seen = [(255 * image).round().int().flatten().tolist() for image, _ in shuffled]
-    assert [len(batch) for batch in seen] == [4, 4] == [4] * len(shuffled)
-    assert seen == [(255 * image).round().int().flatten().tolist() for image, _ in Batches(pairs, 4, seed=1)]
-    assert seen != [(255 * image).round().int().flatten().tolist() for image, _ in Batches(pairs, 4, seed=2)]
-    in_order = Batches(pairs, 4)
-    assert [len(image) for image, _ in in_order] == [4, 4, 2]
-    assert len(in_order) == 3
-    with pytest.raises(ValueError, match=r"batch_size=16 but there are only 10"):
-        Batches(pairs, 16, seed=0)

@@ -1,5 +1,6 @@
 """Pairs for training and evaluation: (projection, true map) as uint8 images in memory."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,27 @@ class Pairs:
     def batch(self, index: Tensor) -> tuple[Tensor, Tensor]:
         """Gathers and casts some pairs: images in [0, 1] and maps, float32, (B, 1, H, W)."""
         return self.images[index].float() / 255, self.maps[index].float()
+
+
+class Batches:
+    """Batches of one epoch, gathered on the device that holds the pairs; shuffled by `seed` when it is given."""
+
+    def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None) -> None:
+        self.pairs, self.batch_size, self.seed = pairs, batch_size, seed
+        if seed is not None and len(pairs) < batch_size:
+            raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
+
+    def __len__(self) -> int:
+        full, rest = divmod(len(self.pairs), self.batch_size)
+        return full + (rest > 0 and self.seed is None)  # in training the last, smaller batch is left out
+
+    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
+        order = torch.arange(len(self.pairs))
+        if self.seed is not None:
+            order = torch.randperm(len(self.pairs), generator=torch.Generator().manual_seed(self.seed))
+        order = order.to(self.pairs.images.device)
+        for index in order.split(self.batch_size)[: len(self)]:
+            yield self.pairs.batch(index)
 
 
 def load_pairs(

@@ -17,8 +17,8 @@ from torch.nn import functional as F
 from repro.datasets import Pairs, load_pairs
 from repro.grid import Grid
 from repro.metrics import confusion, scores, ssim
-from repro.runs import read_config, read_status, write_provenance
-from repro.store import recordings_hash
+from repro.runs import lock, read_config, read_status, write_provenance
+from repro.store import check_recordings
 
 BASELINES = ("all_free", "last_seen")
 
@@ -37,30 +37,34 @@ def evaluate(run: Path, recordings: Path, *, accelerator: str = "auto") -> pd.Se
     Raises:
         ValueError: the run is not finished, or the recordings are not those it was trained on.
     """
-    if read_status(run) not in ("finished", "evaluated"):
-        raise ValueError(f"{run} is not trained to its end: train it with task=train first")
-    config = read_config(run)
-    device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
-    test = _load(recordings, "test", config, device)
-    model = smp.from_pretrained(run / "model").to(device)
-    return _write(run, predict(model, test), test, recordings)
+    with lock(run):
+        if read_status(run) == "evaluated":
+            return _read(run)
+        if read_status(run) != "finished":
+            raise ValueError(f"{run} is not trained to its end: train it with task=train first")
+        config = read_config(run)
+        device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+        test = _load(recordings, "test", config, device)
+        model = smp.from_pretrained(run / "model").to(device)
+        return _write(run, predict(model, test), test, recordings)
 
 
 def evaluate_baseline(run: Path, recordings: Path) -> pd.Series:
     """Evaluates `all_free` or `last_seen`, whichever the run's config names as its model, on the test set.
 
     `all_free` predicts that there is no obstacle. `last_seen` predicts one wherever a hit lies within a
-    radius; of 0 to 8 pixels, the radius with the best obstacle IoU on the validation set is taken.
+    radius, the one that is best on the validation set.
     """
-    config = read_config(run)
-    test = _load(recordings, "test", config, "cpu")
-    if config["model"]["name"] == "all_free":
-        return _write(run, torch.ones(test.maps.shape), test, recordings)
-    val = _load(recordings, "val", config, "cpu")
-    truth = val.maps.float()
-    iou = [scores(confusion(last_seen(val, r), truth).sum(0))["obstacle_iou"].item() for r in range(9)]
-    radius = int(np.argmax(iou))
-    return _write(run, last_seen(test, radius), test, recordings, radius_px=radius)
+    with lock(run):
+        if read_status(run) == "evaluated":
+            return _read(run)
+        config = read_config(run)
+        test = _load(recordings, "test", config, "cpu")
+        if config["model"]["name"] == "all_free":
+            return _write(run, torch.ones(test.maps.shape), test, recordings)
+        val = _load(recordings, "val", config, "cpu")
+        radius = best_radius(val)
+        return _write(run, last_seen(test, radius), test, recordings, radius_px=radius)
 
 
 @torch.inference_mode()
@@ -69,6 +73,13 @@ def predict(model: torch.nn.Module, pairs: Pairs, batch: int = 32) -> Tensor:
     model.eval()
     index = torch.arange(len(pairs), device=pairs.images.device)
     return torch.cat([torch.sigmoid(model(pairs.batch(part)[0])).cpu() for part in index.split(batch)])
+
+
+def best_radius(pairs: Pairs, largest_px: int = 8) -> int:
+    """Radius of `last_seen`, of 0 to `largest_px` pixels, with the best obstacle IoU."""
+    truth = pairs.maps.float()
+    radii = range(largest_px + 1)
+    return int(np.argmax([scores(confusion(last_seen(pairs, r), truth).sum(0))["obstacle_iou"] for r in radii]))
 
 
 def last_seen(pairs: Pairs, radius_px: int) -> Tensor:
@@ -91,9 +102,13 @@ def _load(recordings: Path, split: str, config: dict[str, Any], device: str) -> 
     return load_pairs(recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
 
 
+def _read(run: Path) -> pd.Series:
+    return pd.read_csv(run / "metrics.csv").iloc[0]
+
+
 def _write(run: Path, probability: Tensor, test: Pairs, recordings: Path, **facts: Any) -> pd.Series:
     """Measures predictions and writes them with their metrics into the run directory."""
-    used = recordings_hash(recordings)
+    check_recordings(run, recordings)
     truth = test.maps.cpu().float()
     counts, similarity = confusion(probability, truth), ssim(probability, truth)
     binary = ssim((probability > 0.5).float(), truth)
@@ -106,5 +121,5 @@ def _write(run: Path, probability: Tensor, test: Pairs, recordings: Path, **fact
     np.savez_compressed(run / "predictions.npz", free=free)
     per_image.rename_axis("image").to_csv(run / "per_image.csv", float_format="%.6f")
     row.to_frame().T.to_csv(run / "metrics.csv", index=False, float_format="%.6f")
-    write_provenance(run, status="evaluated", recordings=used, test_pairs=len(test), **facts)
+    write_provenance(run, status="evaluated", test_pairs=len(test), **facts)
     return row

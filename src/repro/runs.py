@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from filelock import FileLock
 
 _PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
 
@@ -75,6 +76,11 @@ def write_provenance(run: Path, *, status: str, **facts: Any) -> None:
     if status != "failed":
         content.pop("error", None)
     replace_file(run / "provenance.json", json.dumps(content, indent=1))
+
+
+def lock(run: Path) -> FileLock:
+    """Keeps a second process waiting until the first has done its part of a run."""
+    return FileLock(run / ".lock")
 
 
 def replace_file(path: Path, text: str) -> None:

@@ -24,7 +24,7 @@ from filelock import FileLock
 from tqdm import tqdm
 
 from repro.recording import Recording, record, replay
-from repro.runs import replace_file
+from repro.runs import read_provenance, read_status, replace_file, write_provenance
 from repro.worlds import sample_world, turn_around, write_world
 
 FORMAT = 1
@@ -141,6 +141,18 @@ def recordings_hash(directory: Path) -> str:
     """One hash over all shards, for the provenance of what is made from them."""
     shards = read_manifest(directory)["shards"]
     return hashlib.sha256("".join(entry["sha256"] for entry in shards.values()).encode()).hexdigest()
+
+
+def check_recordings(run: Path, recordings: Path) -> None:
+    """Notes in a run's provenance which recordings it is made from, or checks that they still are.
+
+    Raises:
+        ValueError: the recordings are missing, or others than the run began with.
+    """
+    used, found = read_provenance(run).get("recordings"), recordings_hash(recordings)
+    if used not in (None, found):
+        raise ValueError(f"{run} began with other recordings than {recordings} holds now: delete it and train again")
+    write_provenance(run, status=read_status(run) or "begun", recordings=found)
 
 
 def spec_fingerprint(spec: dict[str, Any]) -> str:

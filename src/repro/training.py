@@ -8,10 +8,10 @@ same numbers as one that never was.
 Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and patience 5.
 """
 
+import logging
 import shutil
 import time
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,43 +20,23 @@ import pandas as pd
 import torch
 from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint
 from lightning.pytorch.loggers import TensorBoardLogger
-from torch import Tensor, nn
+from segmentation_models_pytorch.base import SegmentationModel
+from torch import Tensor
 
-from repro.datasets import Pairs, load_pairs
+from repro.datasets import Batches, Pairs, load_pairs
 from repro.grid import Grid
 from repro.losses import MapLoss
 from repro.models import create_model
-from repro.runs import read_config, read_status, replace_file, write_provenance
-from repro.store import recordings_hash
+from repro.runs import lock, read_config, read_status, replace_file, write_provenance
+from repro.store import check_recordings
 
 _STARTED = time.monotonic()
-
-
-class Batches:
-    """Batches of one epoch, gathered on the device that holds the pairs; shuffled by `seed` when it is given."""
-
-    def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None) -> None:
-        self.pairs, self.batch_size, self.seed = pairs, batch_size, seed
-        if seed is not None and len(pairs) < batch_size:
-            raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
-
-    def __len__(self) -> int:
-        full, rest = divmod(len(self.pairs), self.batch_size)
-        return full + (rest > 0 and self.seed is None)  # in training the last, smaller batch is left out
-
-    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
-        order = torch.arange(len(self.pairs))
-        if self.seed is not None:
-            order = torch.randperm(len(self.pairs), generator=torch.Generator().manual_seed(self.seed))
-        order = order.to(self.pairs.images.device)
-        for index in order.split(self.batch_size)[: len(self)]:
-            yield self.pairs.batch(index)
 
 
 class Predictor(L.LightningModule):
     """A network with its loss and optimiser."""
 
-    def __init__(self, model: nn.Module, train: Pairs, val: Pairs, config: dict[str, Any]) -> None:
+    def __init__(self, model: SegmentationModel, train: Pairs, val: Pairs, config: dict[str, Any]) -> None:
         super().__init__()
         self.model, self.loss, self.config = model, MapLoss(config["dice_eps"]), config
         self.pairs: dict[str, Pairs] = {"train": train, "val": val}
@@ -180,49 +160,47 @@ def train(
         ValueError: the recordings are missing, broken or others than the run began with.
         FloatingPointError: the loss is not finite; the run is marked failed.
     """
-    config = read_config(run)
-    if read_status(run) in ("finished", "evaluated"):
-        return "finished"
-    if over_budget(max_minutes):
-        return "paused"
-    try:
-        finished = _fit(run, recordings, config, accelerator, precision, compile, max_minutes)
-    except FloatingPointError as error:
-        write_provenance(run, status="failed", error=str(error))
-        raise
-    return "finished" if finished else "paused"
+    with lock(run):
+        if read_status(run) in ("finished", "evaluated"):
+            return "finished"
+        if over_budget(max_minutes):
+            return "paused"
+        check_recordings(run, recordings)
+        write_provenance(run, status="training", precision=precision, compiled=compile)
+        device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+        predictor = _predictor(recordings, read_config(run), device)
+        if compile:
+            predictor.model.compile()
+        try:
+            finished = _fit(run, predictor, device, precision, max_minutes)
+        except FloatingPointError as error:
+            write_provenance(run, status="failed", error=str(error))
+            raise
+        write_provenance(run, status="finished" if finished else "paused")
+        if finished:
+            shutil.rmtree(run / "checkpoints")
+        return "finished" if finished else "paused"
 
 
-def _fit(
-    run: Path,
-    recordings: Path,
-    config: dict[str, Any],
-    accelerator: str,
-    precision: str,
-    compile: bool,
-    max_minutes: float | None,
-) -> bool:
-    """Fits until early stopping, the last epoch or the budget; returns whether it is finished."""
-    device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
-    grid, data = Grid(config["data"]["size_px"]), config["data"]
-    settings = {**config["train"], "seed": config["seed"]}
-    train_pairs, val_pairs = (
-        load_pairs(recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
-        for split in ("train", "val")
-    )
+def _predictor(recordings: Path, config: dict[str, Any], device: str) -> Predictor:
+    """Loads the data and creates the network that a run's configuration names."""
+    data, model = config["data"], config["model"]
+    options = {"decay": config["decay"], "lightest": data["lightest"], "device": device}
+    grid = Grid(data["size_px"])
+    train_pairs, val_pairs = (load_pairs(recordings, split, grid, **options) for split in ("train", "val"))
     torch.manual_seed(config["seed"])
-    options = {name: config["model"][name] for name in ("encoder_name", "encoder_weights")}
-    model = create_model(config["model"]["name"], **options).to(memory_format=torch.channels_last)
-    if compile:
-        model.compile()
-    predictor = Predictor(model, train_pairs, val_pairs, settings)
+    network = create_model(model["name"], encoder_name=model["encoder_name"], encoder_weights=model["encoder_weights"])
+    settings = {**config["train"], "seed": config["seed"]}
+    return Predictor(network.to(memory_format=torch.channels_last), train_pairs, val_pairs, settings)
 
-    checkpoints = run / "checkpoints"
+
+def _fit(run: Path, predictor: Predictor, device: str, precision: str, max_minutes: float | None) -> bool:
+    """Fits until early stopping, the last epoch or the budget; returns whether that was the end."""
+    settings, checkpoints = predictor.config, run / "checkpoints"
     history = History(run / "history.csv")
     stop = Stop(max_minutes, min_delta=settings["min_delta"], patience=settings["patience"])
     best = _checkpoint(checkpoints, "best", monitor="val_loss", save_weights_only=True)
     last = _checkpoint(checkpoints, "last")
-    began = time.monotonic()
     quiet()
     trainer = L.Trainer(
         max_epochs=settings["max_epochs"],
@@ -240,22 +218,16 @@ def _fit(
     resume = checkpoints / "last.ckpt"
     trainer.fit(predictor, ckpt_path=resume if resume.is_file() else None, weights_only=False)
     if stop.paused:
-        write_provenance(run, status="paused")
         return False
     state = torch.load(checkpoints / "best.ckpt", map_location="cpu", weights_only=False)["state_dict"]
-    model.load_state_dict({key.removeprefix("model."): value for key, value in state.items()})
-    model.save_pretrained(run / "model")
-    shutil.rmtree(checkpoints)
+    predictor.load_state_dict(state)
+    predictor.model.save_pretrained(run / "model")
     write_provenance(
         run,
-        status="finished",
-        recordings=recordings_hash(recordings),
-        train_pairs=len(train_pairs),
+        status="training",
+        train_pairs=len(predictor.pairs["train"]),
         epochs=len(history.rows),
         training_seconds=round(sum(row["seconds"] for row in history.rows), 1),
-        process_seconds=round(time.monotonic() - began, 1),
-        precision=precision,
-        compiled=compile,
     )
     return True
 
@@ -267,8 +239,6 @@ def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:
 
 def quiet() -> None:
     """Silences Lightning's advice about loaders, loggers and workers, none of which applies here."""
-    import logging
-
     for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.ERROR)
     warnings.filterwarnings("ignore", module="lightning")
