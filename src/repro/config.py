@@ -61,7 +61,7 @@ class Runtime:
 
     workers: int = 2
     accelerator: str = "auto"
-    precision: str = "32-true"
+    precision: str = "auto"
     compile: bool = False
     max_minutes: float | None = None
 

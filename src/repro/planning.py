@@ -22,7 +22,7 @@ def seconds_per_image(architecture: str, size_px: int, batch_size: int, precisio
     for step in range(steps + 1):
         if step == 1:  # the one before was warm-up
             began = _clock(device)
-        with torch.autocast(device, torch.bfloat16, enabled=precision == "bf16-mixed"):
+        with torch.autocast(device, torch.bfloat16, enabled=precision.startswith("bf16")):
             logits = model(image)
         optimizer.zero_grad()
         loss(logits, image).backward()
@@ -59,8 +59,11 @@ def cost_warning(architecture: str, scale: dict[str, Any], precision: str) -> st
 
 
 def _training_seconds(architecture: str, scale: dict[str, Any], precision: str) -> float:
-    batch_size = scale["batch_size"] if torch.cuda.is_available() else 4  # enough for a CPU, and quick
-    each = seconds_per_image(architecture, scale["size_px"], batch_size, precision)
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    quick = device == "cuda" or scale["size_px"] <= 64  # else a smaller batch tells a CPU's speed soon enough
+    batch_size, steps = (scale["batch_size"], 8) if quick else (4, 2)
+    precision = "bf16-mixed" if precision == "auto" and device == "cuda" else precision
+    each = seconds_per_image(architecture, scale["size_px"], batch_size, precision, steps)
     return each * scale["pairs"]["train"] * _epochs(scale)
 
 

@@ -139,7 +139,7 @@ def train(
     recordings: Path,
     *,
     accelerator: str = "auto",
-    precision: str = "32-true",
+    precision: str = "auto",
     compile: bool = False,
     max_minutes: float | None = None,
 ) -> str:
@@ -149,8 +149,8 @@ def train(
         run: a run directory with its config.yaml (`runs.prepare_run`).
         recordings: the recorded experiment to train on.
         accelerator: Lightning's: auto, cpu, gpu.
-        precision: Lightning's: 32-true, bf16-mixed.
-        compile: whether to compile the network with torch.compile.
+        precision: Lightning's: 32-true, bf16-mixed; auto is bf16-mixed on a GPU that has it, else 32-true.
+        compile: whether to compile the network with torch.compile; where that fails it says so and goes on.
         max_minutes: budget of this process; reaching it pauses the run at an epoch's end.
 
     Returns:
@@ -166,8 +166,10 @@ def train(
         if over_budget(max_minutes):
             return "paused"
         check_recordings(run, recordings)
-        write_provenance(run, status="training", precision=precision, compiled=compile)
         device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+        precision = resolve_precision(precision, device)
+        compile = compile and compiles(read_config(run), device)
+        write_provenance(run, status="training", precision=precision, compiled=compile)
         predictor = _predictor(recordings, read_config(run), device)
         if compile:
             predictor.model.compile()
@@ -180,6 +182,26 @@ def train(
         if finished:
             shutil.rmtree(run / "checkpoints")
         return "finished" if finished else "paused"
+
+
+def resolve_precision(precision: str, device: str) -> str:
+    """What `auto` means on a device; anything else as it is."""
+    if precision != "auto":
+        return precision
+    return "bf16-mixed" if device == "cuda" and torch.cuda.is_bf16_supported() else "32-true"
+
+
+def compiles(config: dict[str, Any], device: str) -> bool:
+    """Tries torch.compile on a network of its own, forward and backward; says why where it fails."""
+    size_px = config["data"]["size_px"]
+    network = create_model(config["model"]["name"], encoder_name=config["model"]["encoder_name"]).to(device)
+    network.compile()
+    try:
+        network(torch.zeros(2, 1, size_px, size_px, device=device)).sum().backward()
+    except Exception as error:  # whatever the compiler raises, the network itself works without it
+        print(f"torch.compile fails here ({type(error).__name__}), going on without it")
+        return False
+    return True
 
 
 def _predictor(recordings: Path, config: dict[str, Any], device: str) -> Predictor:
