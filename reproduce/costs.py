@@ -1,0 +1,140 @@
+"""What each network costs: parameters, operations, training time, memory, and latency from scans to map.
+
+    python reproduce/costs.py [--size-px 256] [--results reproduce/results/laptop]
+
+Latency is one run at a time: projection of its 100 scans and prediction, the median of 20 calls after a warm-up.
+ONNX Runtime is tried where it is installed (`pip install -e ".[costs]"`), compilation where torch.compile works; a cell that could not be measured says `-`.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor, nn
+from torch.utils.flop_counter import FlopCounterMode
+
+from repro.datasets import Pairs
+from repro.grid import Grid
+from repro.models import ARCHITECTURES, create_model
+from repro.projection import project
+from repro.training import Predictor
+
+STEPS, BEAMS = 100, 100
+
+
+def scans(device: str) -> tuple[Tensor, Tensor, Tensor]:
+    """Random scans of one run: ranges (1, T, N), angles (N,), poses (1, T, 3)."""
+    generator = torch.Generator().manual_seed(0)
+    ranges = 30 * torch.rand(1, STEPS, BEAMS, generator=generator)
+    angles = torch.linspace(-torch.pi / 4, torch.pi / 4, BEAMS)
+    poses = torch.tensor([25.0, 25.0, 0.0]).repeat(1, STEPS, 1)
+    poses[..., 2] = torch.linspace(0, 2 * torch.pi, STEPS)
+    return ranges.to(device), angles.to(device), poses.to(device)
+
+
+def latency_ms(predict: Callable[[Tensor], object], grid: Grid, device: str, repeat: int = 20) -> float:
+    """Median time from the scans of one run to its predicted map [ms]."""
+    inputs, times = scans(device), []
+    for _ in range(repeat + 3):
+        began = time.perf_counter()
+        predict(project(*inputs, grid)[:, None].float() / 255)
+        if device == "cuda":
+            torch.cuda.synchronize()
+        times.append(time.perf_counter() - began)
+    return 1000 * float(np.median(times[3:]))
+
+
+def compiled(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
+    """The compiled network, or None where torch.compile fails."""
+    try:
+        network = torch.compile(model)
+        network(image)
+    except Exception as error:
+        print(f"torch.compile: {type(error).__name__}", file=sys.stderr)
+        return None
+    return network
+
+
+def onnx(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
+    """The network in ONNX Runtime on the CPU, or None where that is not installed."""
+    try:
+        import onnxruntime
+        import onnxscript  # noqa: F401
+    except ImportError:
+        return None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = torch.get_num_threads()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.onnx"
+        torch.onnx.export(model, (image,), path, dynamo=True, external_data=False, verbose=False)
+        session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    name = session.get_inputs()[0].name
+    return lambda x: session.run(None, {name: x.numpy()})
+
+
+def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float | None:
+    """Largest GPU memory of a training step in bf16 [GB]; None without a GPU."""
+    if not torch.cuda.is_available():
+        return None
+    torch.cuda.reset_peak_memory_stats()
+    image = torch.zeros(batch_size, 1, size_px, size_px, dtype=torch.uint8, device="cuda")
+    settings = {"learning_rate": 1e-4, "dice_eps": 1e-6, "batch_size": batch_size, "seed": 0}
+    predictor = Predictor(create_model(architecture), Pairs(image, image), Pairs(image, image), settings).cuda()
+    optimizer = predictor.configure_optimizers()
+    for _ in range(2):
+        with torch.autocast("cuda", torch.bfloat16):
+            loss = predictor.training_step((image.float(), image.float()), 0)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    return torch.cuda.max_memory_allocated() / 1e9
+
+
+def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, object]:
+    """One row of the table."""
+    grid, model = Grid(size_px), create_model(architecture).eval()
+    image = torch.rand(1, 1, size_px, size_px)
+    counter = FlopCounterMode(display=False)
+    with counter:
+        model(image)
+    row: dict[str, object] = {
+        "model": architecture,
+        "parameters_m": sum(p.numel() for p in model.parameters()) / 1e6,
+        "forward_gflop": counter.get_total_flops() / 1e9,
+        "training_gpu_gb": peak_training_gb(architecture, size_px, batch_size),
+    }
+    with torch.inference_mode():
+        for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
+            network, sample = model.to(device), image.to(device)
+            row[f"{device}_eager_ms"] = latency_ms(network, grid, device)
+            fast = compiled(network, sample)
+            row[f"{device}_compiled_ms"] = latency_ms(fast, grid, device) if fast else None
+    session = onnx(model.cpu(), image)
+    row["cpu_onnx_ms"] = latency_ms(session, grid, "cpu") if session else None
+    return row
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--size-px", type=int, default=256)
+    parser.add_argument("--batch-size", type=int, default=16)
+    parser.add_argument("--results", type=Path, help="published results whose training times to add")
+    options = parser.parse_args()
+    table = pd.DataFrame([measure(name, options.size_px, options.batch_size) for name in ARCHITECTURES])
+    if options.results:
+        runs = pd.read_csv(options.results / "runs.csv")
+        minutes = runs.groupby("model")["training_seconds"].mean() / 60
+        table["training_min"] = table["model"].map(minutes)
+    print(table.to_csv(index=False, float_format="%.3g", na_rep="-"))
+    if options.results:
+        table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g", na_rep="-")
+
+
+if __name__ == "__main__":
+    main()
