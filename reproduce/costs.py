@@ -3,7 +3,8 @@
     python reproduce/costs.py [--size-px 256] [--results reproduce/results/laptop]
 
 Latency is one run at a time: projection of its 100 scans and prediction, the median of 20 calls after a warm-up.
-ONNX Runtime is tried where it is installed (`pip install -e ".[costs]"`), compilation where torch.compile works; a cell that could not be measured says `-`.
+ONNX Runtime is tried where it is installed (`pip install -e ".[costs]"`), compilation where torch.compile works; a cell
+that could not be measured says `-`.
 """
 
 import argparse

@@ -2,12 +2,17 @@ import json
 
 import pandas as pd
 import pytest
-from conftest import ROOT
+import segmentation_models_pytorch as smp
+import torch
+from conftest import ROOT, run_config
 from test_results import fake_run, fake_study
 
-from repro.publish import publish, readme_with_results
+from repro.evaluation import evaluate
+from repro.publish import export_weights, publish, readme_with_results
 from repro.report import write_tables
 from repro.results import read_results
+from repro.runs import prepare_run
+from repro.training import train
 
 RESULTS = ROOT / "reproduce" / "results"
 
@@ -37,8 +42,10 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     fake_run(outputs, "3", "unet", False, 0, 0.4)
     target = publish(outputs, results)
     assert target == results / "laptop"
-    names = {path.name for path in target.iterdir()}
-    assert names == {"main.csv", "main.txt", "ablation.csv", "ablation.txt", "runs.csv", "provenance.json"}
+    tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
+    assert {path.name for path in target.iterdir()} == tables | {"runs.csv", "provenance.json", "README.md"}
+    page = (target / "README.md").read_text()
+    assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(outputs)) == 6
     assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
@@ -51,6 +58,25 @@ def test_readme_tables_are_those_of_the_report(tmp_path):
     made = readme_with_results(text, tmp_path / "results")
     assert made == f"before\n<!-- results: laptop main -->\n{write_tables(outputs)['main']}<!-- end -->\nafter\n"
     assert readme_with_results(made, tmp_path / "results") == made
+
+
+def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
+    run, target = tmp_path / "run", tmp_path / "weights"
+    prepare_run(run, run_config(max_epochs=1))
+    train(run, recorded, accelerator="cpu")
+    with pytest.raises(ValueError, match="not evaluated"):
+        export_weights(run, target)
+    evaluate(run, recorded, accelerator="cpu")
+    export_weights(run, target)
+    image = torch.rand(2, 1, 32, 32)
+    full, half = (smp.from_pretrained(path).float().eval() for path in (run / "model", target))
+    with torch.inference_mode():
+        assert (torch.sigmoid(full(image)) - torch.sigmoid(half(image))).abs().max() < 0.01
+    size = (target / "model.safetensors").stat().st_size
+    assert size < 0.55 * (run / "model" / "model.safetensors").stat().st_size
+    card = (target / "README.md").read_text()
+    assert "24 simulated pairs" in card
+    assert "obstacle_iou" in card
 
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):

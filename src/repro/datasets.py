@@ -10,7 +10,7 @@ from torch import Tensor
 
 from repro.grid import Grid
 from repro.projection import project, rasterize
-from repro.store import read_manifest, read_shards
+from repro.store import read_shards
 
 
 @dataclass(frozen=True)
@@ -119,5 +119,4 @@ def visibility(directory: Path, split: str, grid: Grid) -> float:
 
 def describe(directory: Path, grid: Grid) -> dict[str, float]:
     """Coverage and visibility of the test split, to be read beside what the paper's tables imply."""
-    read_manifest(directory)
     return {"coverage": coverage(directory, "test", grid), "visibility": visibility(directory, "test", grid)}

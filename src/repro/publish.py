@@ -1,20 +1,23 @@
 """What the reproduction claims: results copied from an outputs directory into reproduce/results, and into README.
 
 A published directory holds main.csv and ablation.csv, runs.csv (every run with its seed, metrics and times),
-provenance.json (where every run came from), commands.md and the figures. The README's tables are generated
-from it and from nothing else.
+provenance.json (where every run came from), the figures, and a README.md that says what was run, on what, and
+how to do it again. The tables of the project's README are generated from it and from nothing else.
 """
 
 import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+import segmentation_models_pytorch as smp
 
-from repro.report import to_markdown, write_tables
-from repro.results import TRAINED, read_results
-from repro.runs import read_provenance, run_directory
+from repro.metrics import METRICS
+from repro.report import NAMES, SETUPS, to_markdown, write_tables
+from repro.results import TRAINED, caption, read_results
+from repro.runs import read_config, read_provenance, read_status, run_directory
 
 MARKS = re.compile(r"(<!-- results: (\w+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -51,7 +54,70 @@ def publish(outputs: Path, results: Path) -> Path:
     (target / "provenance.json").write_text(json.dumps(origins, indent=1) + "\n")
     for figure in sorted((outputs / "figures").glob("*.png")):
         shutil.copyfile(figure, target / figure.name)
+    (target / "README.md").write_text(page_of_runs(outputs.name, runs, list(origins.values())))
     return target
+
+
+def page_of_runs(scale: str, runs: pd.DataFrame, origins: list[dict[str, Any]]) -> str:
+    """What was run at a scale, on what, for how long, and the command that trains each network again."""
+    networks = runs[runs["model"].isin(TRAINED)]
+    seeds, experiments = (",".join(map(str, sorted(networks[key].unique()))) for key in ("seed", "experiment"))
+    machines = sorted({json.dumps(origin["hardware"], sort_keys=True) for origin in origins})
+    versions = {name: origins[-1]["versions"][name] for name in ("torch", "segmentation-models-pytorch", "ir-sim")}
+    commits = sorted({str(origin["commit"]) for origin in origins})
+    lines = [
+        f"# Published results, scale {scale}\n",
+        caption(runs, scale) + "\n",
+        "`main.csv` and `ablation.csv` are the tables, `runs.csv` has every run with its seed, all metrics and times,",
+        "`provenance.json` where every run came from.\n",
+        f"- machine: {'; '.join(machines)}",
+        f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
+        f"- commit: {', '.join(commits)}",
+        f"- precision: {', '.join(sorted({o['precision'] for o in origins if 'precision' in o}))}\n",
+        "| network | trainings | minutes each | train it again |",
+        "|---|---|---|---|",
+    ]
+    for model in TRAINED:
+        mine = networks[networks["model"] == model]
+        if len(mine):
+            command = f"python run.py -m model={model} exp={experiments} seed={seeds} scale={scale}"
+            minutes = mine["training_seconds"].mean() / 60
+            lines.append(f"| {NAMES[model]} | {len(mine)} | {minutes:.1f} | `{command}` |")
+    lines.append("\nThe ablation adds `exp=3,4 decay=false` in place of `exp=...`.")
+    return "\n".join(lines) + "\n"
+
+
+def export_weights(run: Path, target: Path) -> None:
+    """Writes the best weights of a run as float16, with a card that says what they are and are not.
+
+    Args:
+        run: an evaluated run directory.
+        target: a directory from which `smp.from_pretrained` reads them.
+
+    Raises:
+        ValueError: the run is not evaluated.
+    """
+    if read_status(run) != "evaluated":
+        raise ValueError(f"{run} is not evaluated, so there is nothing to say of its weights")
+    config, origin = read_config(run), read_provenance(run)
+    smp.from_pretrained(run / "model").half().save_pretrained(target)
+    metrics = pd.read_csv(run / "metrics.csv").iloc[0]
+    data, model = config["data"], config["model"]
+    (target / "README.md").write_text(
+        f"# {NAMES[model['name']]} ({model['encoder_name']}), experiment {config['experiment']}\n\n"
+        "```python\nimport segmentation_models_pytorch as smp\n\n"
+        f'model = smp.from_pretrained("{target.name}").float().eval()\n```\n\n'
+        f"**Input**: the cumulative dynamic sensor projection (`repro.projection.project`), (B, 1, {data['size_px']}, "
+        f"{data['size_px']}) in [0, 1], white background, the oldest hit {data['lightest']}"
+        f"{'' if config['decay'] else ', without time decay'}. **Output**: logits of *free*, same size, at the last step.\n\n"
+        f"**Data**: {origin['train_pairs']} simulated pairs of a 50 x 50 m world ({SETUPS[config['experiment']]}), "
+        f"recordings {origin['recordings'][:12]}, seed {config['seed']}, {origin['epochs']} epochs, commit "
+        f"{origin['commit']}.\n\n"
+        f"**Test set** ({origin['test_pairs']} pairs): "
+        + ", ".join(f"{name} {metrics[name]:.4f}" for name in (*METRICS, "obstacle_iou"))
+        + ".\n\n**Limits**: simulated scans without noise, obstacles of the sizes and speeds of "
+        "`conf/world/paper.yaml`, one robot path; float16 weights. Not for use on a robot as it is.\n"
+    )
 
 
 def readme_with_results(text: str, results: Path) -> str:
