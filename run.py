@@ -192,6 +192,15 @@ def publish(config: DictConfig) -> None:
     readme(config)
 
 
+def export(config: DictConfig) -> None:
+    """Writes the weights of one run as float16 with a model card into reproduce/results."""
+    from repro.publish import export_weights
+
+    target = ROOT / "reproduce" / "results" / config.scale.name / f"exp{config.exp}-{config.model.name}"
+    export_weights(Path(config.outputs) / config.run, target)
+    print(target)
+
+
 def readme(config: DictConfig) -> None:
     """Makes the tables of README.md anew from reproduce/results."""
     from repro.publish import readme_with_results
@@ -237,6 +246,7 @@ TASKS = {
     Task.plan: plan,
     Task.world: world,
     Task.publish: publish,
+    Task.export: export,
     Task.readme: readme,
 }
 

@@ -18,6 +18,7 @@ class Task(enum.Enum):
     plan = "plan"
     world = "world"
     publish = "publish"
+    export = "export"
     readme = "readme"
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 import segmentation_models_pytorch as smp
 
 from repro.metrics import METRICS
-from repro.report import NAMES, SETUPS, to_markdown, write_tables
+from repro.report import NAMES, SETUPS, write_tables
 from repro.results import TRAINED, caption, read_results
 from repro.runs import read_config, read_provenance, read_status, run_directory
 
@@ -99,36 +99,32 @@ def export_weights(run: Path, target: Path) -> None:
     """
     if read_status(run) != "evaluated":
         raise ValueError(f"{run} is not evaluated, so there is nothing to say of its weights")
-    config, origin = read_config(run), read_provenance(run)
     smp.from_pretrained(run / "model").half().save_pretrained(target)
-    metrics = pd.read_csv(run / "metrics.csv").iloc[0]
-    data, model = config["data"], config["model"]
-    (target / "README.md").write_text(
-        f"# {NAMES[model['name']]} ({model['encoder_name']}), experiment {config['experiment']}\n\n"
-        "```python\nimport segmentation_models_pytorch as smp\n\n"
-        f'model = smp.from_pretrained("{target.name}").float().eval()\n```\n\n'
-        f"**Input**: the cumulative dynamic sensor projection (`repro.projection.project`), (B, 1, {data['size_px']}, "
-        f"{data['size_px']}) in [0, 1], white background, the oldest hit {data['lightest']}"
-        f"{'' if config['decay'] else ', without time decay'}. **Output**: logits of *free*, same size, at the last step.\n\n"
-        f"**Data**: {origin['train_pairs']} simulated pairs of a 50 x 50 m world ({SETUPS[config['experiment']]}), "
-        f"recordings {origin['recordings'][:12]}, seed {config['seed']}, {origin['epochs']} epochs, commit "
-        f"{origin['commit']}.\n\n"
-        f"**Test set** ({origin['test_pairs']} pairs): "
-        + ", ".join(f"{name} {metrics[name]:.4f}" for name in (*METRICS, "obstacle_iou"))
-        + ".\n\n**Limits**: simulated scans without noise, obstacles of the sizes and speeds of "
-        "`conf/world/paper.yaml`, one robot path; float16 weights. Not for use on a robot as it is.\n"
-    )
+    (target / "README.md").write_text(_card(run, target.name, read_config(run), read_provenance(run)))
 
 
-def readme_with_results(text: str, results: Path) -> str:
-    """The README with the tables between its marks made anew from the published results.
+def _card(run: Path, name: str, config: dict[str, Any], origin: dict[str, Any]) -> str:
+    """The model card: data, metrics, limits."""
+    metrics, data, model = pd.read_csv(run / "metrics.csv").iloc[0], config["data"], config["model"]
+    shape = f"(B, 1, {data['size_px']}, {data['size_px']})"
+    numbers = ", ".join(f"{metric} {metrics[metric]:.4f}" for metric in (*METRICS, "obstacle_iou"))
+    return f"""# {NAMES[model["name"]]} ({model["encoder_name"]}), experiment {config["experiment"]}
 
-    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`.
-    """
+```python
+import segmentation_models_pytorch as smp
 
-    def table(match: re.Match[str]) -> str:
-        directory, name = results / match[2], match[3]
-        rows = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
-        return match[1] + to_markdown(rows, (directory / f"{name}.txt").read_text().strip()) + match[4]
+model = smp.from_pretrained("{name}").float().eval()
+```
 
-    return MARKS.sub(table, text)
+**Input**: the cumulative dynamic sensor projection (`repro.projection.project`) as {shape} in [0, 1]: white background,
+newest hit 0, oldest hit {data["lightest"] if config["decay"] else "0 as well (no time decay)"}.
+**Output**: logits of *free* at the last step, {shape}.
+
+**Data**: {origin["train_pairs"]} simulated pairs ({SETUPS[config["experiment"]]}), recordings {origin["recordings"][:12]},
+seed {config["seed"]}, {origin["epochs"]} epochs, commit {origin["commit"]}.
+
+**Test set** ({origin["test_pairs"]} pairs): {numbers}.
+
+**Limits**: scans without noise, obstacles of the sizes and speeds of `conf/world/paper.yaml`, one robot path,
+float16 weights. It has seen nothing but simulation.
+"""
