@@ -139,6 +139,26 @@ def test_replay_check_notices_another_scan():
         check_replay(world, record(turn_around(world)))
 
 
+def test_a_full_disk_leaves_only_whole_shards(tmp_path, monkeypatch):
+    save, calls = np.savez_compressed, []
+
+    def save_until_full(file, **arrays):
+        calls.append(file)
+        if len(calls) == 3:
+            file.write(b"half of a shard")
+            raise OSError(28, "No space left on device")
+        save(file, **arrays)
+
+    monkeypatch.setattr(store, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(np, "savez_compressed", save_until_full)
+    with pytest.raises(OSError, match="No space left"):
+        record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
+    assert {path.name for path in tmp_path.iterdir()} == {"train-0000.npz", "train-0001.npz", ".lock"}
+    monkeypatch.setattr(np, "savez_compressed", save)
+    record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
+    assert sum(len(shard["ranges"]) for shard in read_shards(tmp_path, "train")) == 8
+
+
 def _record(directory, results):
     results.put(record_experiment(directory, world_spec("1"), PAIRS, workers=1))
 

@@ -116,8 +116,8 @@ import segmentation_models_pytorch as smp
 model = smp.from_pretrained("{name}").float().eval()
 ```
 
-**Input**: the cumulative dynamic sensor projection (`repro.projection.project`) as {shape} in [0, 1]: white background,
-newest hit 0, oldest hit {data["lightest"] if config["decay"] else "0 as well (no time decay)"}.
+**Input**: the cumulative dynamic sensor projection (`repro.projection.project`) as {shape} in [0, 1]:
+white background, newest hit 0, oldest hit {data["lightest"] if config["decay"] else "0 as well (no time decay)"}.
 **Output**: logits of *free* at the last step, {shape}.
 
 **Data**: {origin["train_pairs"]} simulated pairs ({SETUPS[config["experiment"]]}), recordings {origin["recordings"][:12]},

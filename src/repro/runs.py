@@ -13,13 +13,15 @@ import json
 import os
 import platform
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import yaml
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 _PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
 
@@ -78,9 +80,19 @@ def write_provenance(run: Path, *, status: str, **facts: Any) -> None:
     replace_file(run / "provenance.json", json.dumps(content, indent=1))
 
 
-def lock(run: Path) -> FileLock:
-    """Keeps a second process waiting until the first has done its part of a run."""
-    return FileLock(run / ".lock")
+@contextmanager
+def lock(directory: Path) -> Iterator[None]:
+    """Keeps a second process waiting, and saying so, until the first has done its part in a directory."""
+    guard = FileLock(directory / ".lock")
+    try:
+        guard.acquire(timeout=0)
+    except Timeout:
+        print(f"waiting: another process works in {directory}", flush=True)
+        guard.acquire()
+    try:
+        yield
+    finally:
+        guard.release()
 
 
 def replace_file(path: Path, text: str) -> None:

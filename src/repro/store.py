@@ -20,11 +20,10 @@ from typing import Any
 
 import joblib
 import numpy as np
-from filelock import FileLock
 from tqdm import tqdm
 
 from repro.recording import Recording, record, replay
-from repro.runs import read_provenance, read_status, replace_file, write_provenance
+from repro.runs import lock, read_provenance, read_status, replace_file, write_provenance
 from repro.worlds import sample_world, turn_around, write_world
 
 FORMAT = 1
@@ -72,7 +71,7 @@ def record_experiment(
     directory.mkdir(parents=True, exist_ok=True)
     fingerprint = spec_fingerprint(spec)
     shards = list(_shards(pairs))
-    with FileLock(directory / ".lock"):  # a second process waits here, then finds the work done
+    with lock(directory):  # a second process waits here, then finds the work done
         if (directory / "manifest.json").is_file():
             manifest = read_manifest(directory)
             _check_same(directory, manifest, fingerprint, pairs)
