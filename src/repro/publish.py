@@ -106,6 +106,7 @@ def export_weights(run: Path, target: Path) -> None:
 def _card(run: Path, name: str, config: dict[str, Any], origin: dict[str, Any]) -> str:
     """The model card: data, metrics, limits."""
     metrics, data, model = pd.read_csv(run / "metrics.csv").iloc[0], config["data"], config["model"]
+    oldest = data["lightest"] if config["decay"] else "0 as well (no time decay)"
     shape = f"(B, 1, {data['size_px']}, {data['size_px']})"
     numbers = ", ".join(f"{metric} {metrics[metric]:.4f}" for metric in (*METRICS, "obstacle_iou"))
     return f"""# {NAMES[model["name"]]} ({model["encoder_name"]}), experiment {config["experiment"]}
@@ -117,7 +118,7 @@ model = smp.from_pretrained("{name}").float().eval()
 ```
 
 **Input**: the cumulative dynamic sensor projection (`repro.projection.project`) as {shape} in [0, 1]:
-white background, newest hit 0, oldest hit {data["lightest"] if config["decay"] else "0 as well (no time decay)"}.
+white background, newest hit 0, oldest hit {oldest}.
 **Output**: logits of *free* at the last step, {shape}.
 
 **Data**: {origin["train_pairs"]} simulated pairs ({SETUPS[config["experiment"]]}), recordings {origin["recordings"][:12]},
