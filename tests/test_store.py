@@ -177,7 +177,7 @@ def test_two_processes_record_one_experiment_together(tmp_path):
     assert not list(tmp_path.glob("*.tmp"))
 
 
-def test_killed_while_recording_what_is_there_is_whole(tmp_path):
+def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on(tmp_path, monkeypatch):
     directory = tmp_path / "rec"
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
@@ -196,3 +196,8 @@ def test_killed_while_recording_what_is_there_is_whole(tmp_path):
     assert not (directory / "manifest.json").exists()
     for path in shards:
         store._read(path, spec_fingerprint(world_spec("2")))
+    monkeypatch.setattr(store, "SHARD_WORLDS", 2)
+    (directory / "half.tmp").write_bytes(b"half of a shard")
+    record_experiment(directory, world_spec("2"), {"train": 400}, workers=2)
+    assert sum(len(shard["ranges"]) for shard in read_shards(directory, "train")) == 400
+    assert not list(directory.glob("*.tmp"))

@@ -121,8 +121,8 @@ model = smp.from_pretrained("{name}").float().eval()
 white background, newest hit 0, oldest hit {oldest}.
 **Output**: logits of *free* at the last step, {shape}.
 
-**Data**: {origin["train_pairs"]} simulated pairs ({SETUPS[config["experiment"]]}), recordings {origin["recordings"][:12]},
-seed {config["seed"]}, {origin["epochs"]} epochs, commit {origin["commit"]}.
+**Data**: {origin["train_pairs"]} simulated pairs ({SETUPS[config["experiment"]]}),
+recordings {origin["recordings"][:12]}, seed {config["seed"]}, {origin["epochs"]} epochs, commit {origin["commit"]}.
 
 **Test set** ({origin["test_pairs"]} pairs): {numbers}.
 

@@ -68,18 +68,19 @@ def record_experiment(
     Raises:
         ValueError: a count is odd, a shard there is of another configuration, or IR-SIM disagrees.
     """
+    fingerprint, shards = spec_fingerprint(spec), list(_shards(pairs))
     directory.mkdir(parents=True, exist_ok=True)
-    fingerprint = spec_fingerprint(spec)
-    shards = list(_shards(pairs))
     with lock(directory):  # a second process waits here, then finds the work done
         if (directory / "manifest.json").is_file():
             manifest = read_manifest(directory)
             _check_same(directory, manifest, fingerprint, pairs)
             return manifest
-        for shard in shards:
-            if (directory / shard.name).is_file():
-                _read(directory / shard.name, fingerprint)
+        for leftover in directory.glob("*.tmp"):
+            leftover.unlink()  # of a process that was killed
         missing = [shard for shard in shards if not (directory / shard.name).is_file()]
+        for shard in shards:
+            if shard not in missing:
+                _read(directory / shard.name, fingerprint)
         jobs = (joblib.delayed(_write_shard)(directory, shard, spec, verify_every) for shard in missing)
         parallel = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
         total, done = 2 * sum(s.worlds for s in shards), 2 * sum(s.worlds for s in missing)
