@@ -135,8 +135,8 @@ def record(config: DictConfig) -> None:
 
 def train(config: DictConfig) -> str:
     """Trains one network, unless that is done; returns `finished` or `paused`."""
+    from repro import training
     from repro.runs import prepare_run, read_status
-    from repro.training import train
 
     run = Path(config.outputs) / config.run
     prepare_run(run, run_config(config, plain(config.model)))
@@ -144,7 +144,7 @@ def train(config: DictConfig) -> str:
         print(f"training {run}", flush=True)
         warn_of_cost(config)
     options = {key: config.runtime[key] for key in ("accelerator", "precision", "compile", "max_minutes")}
-    status = train(run, recordings(config), **options)
+    status = training.train(run, recordings(config), **options)
     if status == "paused":
         print(f"paused {run}: the budget is spent, the same command goes on from here")
     return status
@@ -152,14 +152,14 @@ def train(config: DictConfig) -> str:
 
 def evaluate(config: DictConfig) -> None:
     """Evaluates one trained network, unless that is done."""
-    from repro.evaluation import evaluate
+    from repro import evaluation
     from repro.runs import read_status
 
     run = Path(config.outputs) / config.run
     if read_status(run) == "evaluated":
         print(f"done already: {run}")
         return
-    row = evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
+    row = evaluation.evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
     print(f"{run}: " + ", ".join(f"{name} {value:.4f}" for name, value in row.items()))
 
 
@@ -186,9 +186,9 @@ def report(config: DictConfig) -> None:
 
 def publish(config: DictConfig) -> None:
     """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
-    from repro.publish import publish
+    from repro import publish
 
-    print(publish(Path(config.outputs), ROOT / "reproduce" / "results"))
+    print(publish.publish(Path(config.outputs), ROOT / "reproduce" / "results"))
     readme(config)
 
 
