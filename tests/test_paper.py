@@ -28,4 +28,5 @@ def test_free_is_the_positive_class_of_the_tables():
 def test_targets():
     assert targets("1")["coverage"] == pytest.approx(0.100, abs=1e-3)
     assert targets("3")["coverage"] == pytest.approx(0.0834, abs=3e-4)
+    assert targets("12") == {}
     assert targets("4") == pytest.approx({"coverage": 0.0845, "specificity": 0.5707}, abs=3e-4)

@@ -32,8 +32,11 @@ def targets(experiment: str) -> dict[str, float]:
 
     Returns:
         `coverage`, the obstacle share that the paper's average row implies, and `specificity`, which the
-        visibility of the worlds must exceed: nobody predicts obstacles never hit.
+        visibility of the worlds must exceed: nobody predicts obstacles never hit. Empty for an experiment
+        that the paper does not have.
     """
     rows = read_paper().query("model == 'average' and decay and experiment == @experiment")
+    if rows.empty:
+        return {}
     coverage, specificity = implied_coverage(rows).item(), rows["specificity"].item()
     return {"coverage": coverage, "specificity": specificity}
