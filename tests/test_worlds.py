@@ -6,6 +6,7 @@ import pytest
 import yaml
 from conftest import world_spec
 
+from repro.recording import drive
 from repro.worlds import sample_world, shape_radius, turn_around, write_world
 
 
@@ -37,6 +38,14 @@ def test_twins_share_obstacles_and_differ_in_direction_only(spec):
     assert twin["obstacle"] == world["obstacle"]
     assert twin["robot"]["behavior"] == {**world["robot"]["behavior"], "direction": -1}
     assert turn_around(twin) == world
+
+
+def test_the_robot_comes_back_as_it_began(spec):
+    for world in (sample_world(spec, 0), turn_around(sample_world(spec, 0))):
+        x, y, heading = drive(world)[-1]
+        start_x, start_y, start_heading = world["robot"]["state"]
+        assert (x, y) == pytest.approx((start_x, start_y), abs=1e-9)
+        assert math.cos(heading - start_heading) == pytest.approx(1)
 
 
 def test_rectangles_have_the_area_of_their_disc():

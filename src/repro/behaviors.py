@@ -36,7 +36,7 @@ def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarr
 def square_commands(
     *, side_m: float, drive_steps: int, turn_steps: int, direction: int, step_time: float
 ) -> np.ndarray:
-    """Commands of one square: four times a straight side, then a quarter turn on the spot.
+    """Commands of one square: four times a quarter turn on the spot, then a straight side.
 
     Args:
         side_m: side of the square [m].
@@ -50,7 +50,7 @@ def square_commands(
     """
     drive = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps, 1))
     turn = np.tile([0.0, direction * math.pi / 2 / (turn_steps * step_time)], (turn_steps, 1))
-    return np.tile(np.concatenate([drive, turn]), (4, 1))
+    return np.tile(np.concatenate([turn, drive]), (4, 1))
 
 
 def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
