@@ -15,7 +15,7 @@ import pandas as pd
 import segmentation_models_pytorch as smp
 
 from repro.metrics import METRICS
-from repro.report import NAMES, SETUPS, write_tables
+from repro.report import NAMES, SETUPS, to_markdown, write_tables
 from repro.results import TRAINED, caption, read_results
 from repro.runs import read_config, read_provenance, read_status, run_directory
 
@@ -129,3 +129,17 @@ recordings {origin["recordings"][:12]}, seed {config["seed"]}, {origin["epochs"]
 **Limits**: scans without noise, obstacles of the sizes and speeds of `conf/world/paper.yaml`, one robot path,
 float16 weights. It has seen nothing but simulation.
 """
+
+
+def readme_with_results(text: str, results: Path) -> str:
+    """The README with the tables between its marks made anew from the published results.
+
+    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`.
+    """
+
+    def table(match: re.Match[str]) -> str:
+        directory, name = results / match[2], match[3]
+        rows = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
+        return match[1] + to_markdown(rows, (directory / f"{name}.txt").read_text().strip()) + match[4]
+
+    return MARKS.sub(table, text)
