@@ -20,7 +20,7 @@ def example():
     run = record(sample_world(world_spec("3"), 0))
     image = np.full((32, 32), 255, dtype=np.uint8)
     image[4:8, 4:8] = 0
-    return Example("Experiment 3", image, image / 255, image // 255, run.ranges, run.poses)
+    return Example("Experiment 3", image, image / 255, image // 255, run.ranges, run.poses, 0.8)
 
 
 @pytest.fixture(autouse=True)

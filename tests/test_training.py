@@ -121,8 +121,7 @@ def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch
     forward = training.MapLoss.forward
 
     def poisoned(self, logits, target):
-        value = forward(self, logits, target)
-        return value * float("nan") if self.training and not hasattr(self, "spared") else value
+        return forward(self, logits, target) * (float("nan") if self.training else 1.0)
 
     monkeypatch.setattr(training.MapLoss, "forward", poisoned)
     with pytest.raises(FloatingPointError, match="the loss is nan at epoch 0, batch 0"):
@@ -130,6 +129,18 @@ def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch
     assert read_provenance(tmp_path)["status"] == "failed"
     assert "epoch 0, batch 0" in read_provenance(tmp_path)["error"]
     assert not (tmp_path / "model").exists()
+
+
+def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
+    forward = training.MapLoss.forward
+
+    def poisoned(self, logits, target):
+        return forward(self, logits, target) * (1.0 if self.training else float("nan"))
+
+    monkeypatch.setattr(training.MapLoss, "forward", poisoned)
+    with pytest.raises(FloatingPointError, match="the validation loss is nan at epoch 0"):
+        begin(tmp_path, recorded)
+    assert read_provenance(tmp_path)["status"] == "failed"
 
 
 def test_other_recordings_than_the_run_began_with_are_refused(recorded, tmp_path):

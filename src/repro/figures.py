@@ -30,7 +30,7 @@ STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.f
 
 @dataclass(frozen=True)
 class Example:
-    """One test run with what U-Net makes of it: projection and map (H, W), ranges (T, N), poses (T, 3)."""
+    """One test run with what U-Net makes of it: projection and maps (H, W), ranges (T, N), poses (T, 3)."""
 
     title: str
     projection: np.ndarray
@@ -38,6 +38,7 @@ class Example:
     truth: np.ndarray
     ranges: np.ndarray
     poses: np.ndarray
+    lightest: float
 
 
 def write_figures(outputs: Path, specs: dict[str, dict[str, Any]], index: int = 0) -> list[Path]:
@@ -90,6 +91,7 @@ def load_example(outputs: Path, experiment: str, decay: bool, index: int) -> Exa
         pairs.maps[index, 0].numpy(),
         shard["ranges"][index],
         shard["poses"][index],
+        data["lightest"],
     )
 
 
@@ -133,7 +135,7 @@ def data_representation(examples: list[Example]) -> Figure:
     figure, axes = plt.subplots(1, len(examples), figsize=(3 * len(examples), 3.3), layout="constrained")
     for ax, example in zip(np.atleast_1d(axes), examples, strict=True):
         shown = _image(ax, example.projection, example.title)
-    bar = figure.colorbar(shown, ax=axes, fraction=0.012, pad=0.01, ticks=[0, 204, 255])
+    bar = figure.colorbar(shown, ax=axes, fraction=0.012, pad=0.01, ticks=[0, 255 * examples[0].lightest, 255])
     bar.ax.set_yticklabels(["last step", "first step", "no hit"])
     return figure
 
@@ -152,30 +154,9 @@ def results(examples: list[Example]) -> Figure:
 
 def method_overview(example: Example) -> Figure:
     """The way of one run: scans and poses, projection, network, prediction, comparison with the truth."""
-    figure = plt.figure(figsize=(12, 3))
-    width, top, size = 0.15, 0.5, 0.36
-    scans = figure.add_axes((0.05, top + 0.06, width, size))
-    scans.imshow(np.where(np.isfinite(example.ranges), example.ranges, np.nan), aspect="auto", cmap="viridis_r")
-    scans.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, 99), yticks=(0, 99))
-    poses = figure.add_axes((0.05, 0.02, width, 0.3))
-    x, y, heading = example.poses.T
-    turn = slice(None, None, 4)
-    poses.quiver(
-        x[turn],
-        y[turn],
-        np.cos(heading[turn]),
-        np.sin(heading[turn]),
-        np.arange(len(x))[turn],
-        cmap="Greys",
-        clim=(-40, 100),
-        angles="xy",
-        scale_units="xy",
-        scale=0.5,
-        width=0.015,
-    )
-    middle = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
-    poses.set(xlim=(middle[0] - 9, middle[0] + 9), ylim=(middle[1] - 9, middle[1] + 9))
-    poses.set(title="Robot poses", aspect="equal", xticks=(), yticks=())
+    figure, width = plt.figure(figsize=(12, 3)), 0.15
+    _show_scans(figure.add_axes((0.05, 0.56, width, 0.36)), example)
+    _show_poses(figure.add_axes((0.05, 0.02, width, 0.3)), example)
     panels = {
         0.29: (example.projection, "Cumulative dynamic\nsensor projection"),
         0.62: (255 * example.prediction, "Predicted map"),
@@ -195,6 +176,22 @@ def method_overview(example: Example) -> Figure:
     figure.add_artist(compare)
     figure.text(0.81, 0.5, "loss,\nmetrics", ha="center", va="bottom", color=ACCENT)
     return figure
+
+
+def _show_scans(ax: Axes, example: Example) -> None:
+    """All scans of a run as one picture, a row a step; misses stay white."""
+    ax.imshow(np.where(np.isfinite(example.ranges), example.ranges, np.nan), aspect="auto", cmap="viridis_r")
+    ax.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, 99), yticks=(0, 99))
+
+
+def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0) -> None:
+    """The robot's poses as arrows, the newest darkest."""
+    x, y, heading = example.poses[::every].T
+    arrows = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
+    ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)
+    middle_x, middle_y = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
+    ax.set(xlim=(middle_x - half_m, middle_x + half_m), ylim=(middle_y - half_m, middle_y + half_m))
+    ax.set(title="Robot poses", aspect="equal", xticks=(), yticks=())
 
 
 def _image(ax: Axes, image: np.ndarray, title: str = "") -> Any:

@@ -9,6 +9,7 @@ Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and 
 """
 
 import logging
+import math
 import shutil
 import time
 import warnings
@@ -96,6 +97,8 @@ class History(Callback):
     def on_train_epoch_end(self, trainer: L.Trainer, module: Predictor) -> None:  # type: ignore[override]
         module.log("train_loss", module.train_loss())
         values = {name: trainer.callback_metrics[name].item() for name in ("train_loss", "val_loss")}
+        if not math.isfinite(values["val_loss"]):
+            raise FloatingPointError(f"the validation loss is {values['val_loss']} at epoch {trainer.current_epoch}")
         seconds = round(time.monotonic() - self.since, 2)
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
         replace_file(self.path, pd.DataFrame(self.rows).to_csv(index=False))
