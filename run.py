@@ -7,10 +7,9 @@ python run.py task=report                                              tables an
 python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
 """
 
-import atexit
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import hydra
 from hydra.core.config_store import ConfigStore
@@ -43,14 +42,16 @@ ConfigStore.instance().store(name="schema", node=Config)
 
 
 class TablesAtTheEnd(Callback):
-    """Rebuilds and prints the tables when a multirun ends, also when a job of it failed.
+    """Notes whose tables are due when a multirun ends, also when a job of it failed.
 
-    Hydra skips `on_multirun_end` then, so the work is done as the process exits.
+    Hydra skips `on_multirun_end` then, so the bottom of this file prints them.
     """
+
+    due: ClassVar[list[Path]] = []
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         if config.task in (Task.all, Task.evaluate):
-            atexit.register(print_tables, Path(config.outputs))
+            self.due.append(Path(config.outputs))
 
 
 def print_tables(outputs: Path) -> None:
@@ -257,4 +258,8 @@ def main(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    finally:
+        for outputs in TablesAtTheEnd.due:
+            print_tables(outputs)

@@ -135,7 +135,7 @@ def test_replay_check_notices_another_scan():
     world = sample_world(world_spec("2"), 0)
     run = record(world)
     assert check_replay(world, run) < 1e-9
-    with pytest.raises(ValueError, match="other scans"):
+    with pytest.raises(ValueError, match="plain IR-SIM"):
         check_replay(world, record(turn_around(world)))
 
 
