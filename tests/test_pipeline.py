@@ -1,6 +1,7 @@
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -95,6 +96,18 @@ def test_a_failing_job_does_not_cost_the_table_of_the_others(study, tmp_path):
     table = pd.read_csv(copy / "tables" / "ablation.csv")
     assert len(table) == 4 + 4 + 1 - 1
     assert "| 4 | U-Net |" in text
+
+
+def test_a_launcher_with_processes_does_the_same(study, tmp_path):
+    outputs, _ = study
+    copy = tmp_path / "smoke"
+    arguments = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=cores", *tiny(copy)]
+    status, text = call(*arguments)
+    assert status == 0, text[-4000:]
+    for experiment in ("exp3", "exp4"):
+        same = Path("recordings") / experiment / "manifest.json"
+        assert (copy / same).read_text() == (outputs / same).read_text()
+    assert "| 4 | FPN |" in text
 
 
 def test_report_rebuilds_tables_and_figures(study):
