@@ -1,5 +1,6 @@
 # Everything runs in .venv, made by `make setup` for whatever python3 is 3.11 or 3.12.
 PYTHON ?= python3
+ARGS ?= # more words for the sweeps of `make reproduce`
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
 SHELL := bash
@@ -33,8 +34,8 @@ reproduce: setup ## the whole study: [SCALE=smoke|laptop|paper], paper where the
 	fi; \
 	set -x; \
 	$(PY) run.py task=plan scale=$$scale; \
-	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 scale=$$scale; \
-	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false scale=$$scale; \
+	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 scale=$$scale $(ARGS); \
+	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false scale=$$scale $(ARGS); \
 	$(PY) run.py task=report scale=$$scale
 
 test: setup ## the tests, without GPU and network

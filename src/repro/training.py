@@ -169,11 +169,12 @@ def train(
         if over_budget(max_minutes):
             return "paused"
         check_recordings(run, recordings)
+        config = read_config(run)
         device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
         precision = resolve_precision(precision, device)
-        compile = compile and compiles(read_config(run), device)
-        write_provenance(run, status="training", precision=precision, compiled=compile)
-        predictor = _predictor(recordings, read_config(run), device)
+        compile = compile and compiles(config, device)
+        write_provenance(run, status="training", seed=config["seed"], precision=precision, compiled=compile)
+        predictor = _predictor(recordings, config, device)
         if compile:
             predictor.model.compile()
         try:
