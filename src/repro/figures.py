@@ -187,7 +187,7 @@ def _show_scans(ax: Axes, example: Example) -> None:
 def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0) -> None:
     """The robot's poses as arrows, the newest darkest."""
     x, y, heading = example.poses[::every].T
-    arrows = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
+    arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
     ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)
     middle_x, middle_y = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
     ax.set(xlim=(middle_x - half_m, middle_x + half_m), ylim=(middle_y - half_m, middle_y + half_m))
