@@ -16,23 +16,9 @@ from hydra.core.config_store import ConfigStore
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
-from repro.config import Config, Task
+from repro.config import Config, Task, known_experiment, place
 
 ROOT = Path(__file__).parent
-
-
-def known_experiment(exp: str, experiments: DictConfig) -> str:
-    """Gives `exp` back, or ends with an error that lists the experiments there are."""
-    if str(exp) not in experiments:
-        raise SystemExit(f"unknown experiment exp={exp}; there are exp={', '.join(map(str, experiments))}")
-    return str(exp)
-
-
-def place(task: Task, exp: str, run: str) -> str:
-    """Where a task's files lie below the outputs directory."""
-    if task in (Task.all, Task.train, Task.evaluate):
-        return run
-    return f"recordings/exp{exp}" if task is Task.record else "hydra"
 
 
 OmegaConf.register_new_resolver("place", place, replace=True)

@@ -2,7 +2,7 @@ import pytest
 import segmentation_models_pytorch as smp
 import torch
 
-from repro.models import ARCHITECTURES, create_model
+from repro.models import ARCHITECTURES, compiles, create_model, resolve_precision
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
@@ -35,3 +35,19 @@ def test_weights_that_cannot_be_had_say_what_to_do(monkeypatch):
     monkeypatch.setattr(smp, "create_model", refuse)
     with pytest.raises(ValueError, match=r"imagenet weights of mit_b0 .*offline.*encoder_weights=null"):
         create_model("unet", encoder_weights="imagenet")
+
+
+def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
+    def fail(self, *_, **__):
+        self.forward = None  # the compiler's failure shows at the first call
+
+    monkeypatch.setattr(torch.nn.Module, "compile", fail)
+    assert not compiles("fpn", "mit_b0", 32, "cpu")
+    assert "torch.compile fails here (TypeError)" in capsys.readouterr().out
+    monkeypatch.setattr(torch.nn.Module, "compile", lambda self: None)
+    assert compiles("fpn", "mit_b0", 64, "cpu")
+
+
+def test_precision_follows_the_device_only_when_it_is_auto():
+    assert resolve_precision("auto", "cpu") == "32-true"
+    assert resolve_precision("bf16-mixed", "cpu") == "bf16-mixed"

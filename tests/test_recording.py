@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.recording import beam_angles, make, record, replay, scan
+from repro.recording import beam_angles, check_replay, make, record, replay, scan
 from repro.worlds import sample_world, turn_around, write_world
 
 
@@ -114,3 +114,11 @@ def test_a_behavior_that_irsim_skipped_is_refused(tmp_path):
     write_world(world, tmp_path / "world.yaml")
     with pytest.raises(ValueError, match="not active"):
         make(tmp_path / "world.yaml")
+
+
+def test_replay_check_notices_another_scan():
+    world = sample_world(world_spec("2"), 0)
+    run = record(world)
+    assert check_replay(world, run) < 1e-9
+    with pytest.raises(ValueError, match="plain IR-SIM"):
+        check_replay(world, record(turn_around(world)))

@@ -14,7 +14,6 @@ from conftest import ROOT, world_spec
 from repro import store
 from repro.recording import record
 from repro.store import (
-    check_replay,
     read_manifest,
     read_shards,
     record_experiment,
@@ -129,14 +128,6 @@ def test_fingerprint_follows_every_parameter():
     changed["obstacles"]["behavior"]["speed_m_s"][1] += 0.1
     assert spec_fingerprint(spec) != spec_fingerprint(changed)
     assert spec_fingerprint(spec) != spec_fingerprint({**spec, "experiment": "4"})
-
-
-def test_replay_check_notices_another_scan():
-    world = sample_world(world_spec("2"), 0)
-    run = record(world)
-    assert check_replay(world, run) < 1e-9
-    with pytest.raises(ValueError, match="plain IR-SIM"):
-        check_replay(world, record(turn_around(world)))
 
 
 def test_a_full_disk_leaves_only_whole_shards(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
-"""Schema of the configuration: names, types and what is mandatory. The values are in conf/."""
+"""Schema of the configuration: names, types, what is mandatory, and its resolvers. The values are in conf/."""
 
 import enum
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,3 +82,17 @@ class Config:
     train: Train = field(default_factory=Train)
     runtime: Runtime = field(default_factory=Runtime)
     run: str = MISSING
+
+
+def known_experiment(exp: str, experiments: Collection[str]) -> str:
+    """Gives `exp` back, or ends with an error that lists the experiments there are."""
+    if str(exp) not in experiments:
+        raise SystemExit(f"unknown experiment exp={exp}; there are exp={', '.join(map(str, experiments))}")
+    return str(exp)
+
+
+def place(task: Task, exp: str, run: str) -> str:
+    """Where a task's files lie below the outputs directory."""
+    if task in (Task.all, Task.train, Task.evaluate):
+        return run
+    return f"recordings/exp{exp}" if task is Task.record else "hydra"

@@ -1,6 +1,7 @@
 """The four image-to-image networks of the paper, from segmentation-models-pytorch."""
 
 import segmentation_models_pytorch as smp
+import torch
 from segmentation_models_pytorch.base import SegmentationModel
 
 ARCHITECTURES = ("unet", "fpn", "upernet", "segformer")
@@ -34,3 +35,22 @@ def create_model(
             f"the {encoder_weights} weights of {encoder_name} could not be had ({type(error).__name__}: {error}); "
             "connect to the internet once, or train from scratch with model.encoder_weights=null"
         ) from error
+
+
+def resolve_precision(precision: str, device: str) -> str:
+    """What `auto` means on a device; anything else as it is."""
+    if precision != "auto":
+        return precision
+    return "bf16-mixed" if device == "cuda" and torch.cuda.is_bf16_supported() else "32-true"
+
+
+def compiles(architecture: str, encoder_name: str, size_px: int, device: str) -> bool:
+    """Tries torch.compile on a network of its own, forward and backward; says why where it fails."""
+    network = create_model(architecture, encoder_name=encoder_name).to(device)
+    network.compile()
+    try:
+        network(torch.zeros(2, 1, size_px, size_px, device=device)).sum().backward()
+    except Exception as error:  # whatever the compiler raises, the network itself works without it
+        print(f"torch.compile fails here ({type(error).__name__}), going on without it")
+        return False
+    return True

@@ -6,6 +6,7 @@ checks, geometry trees, YAML): all 100 scans of a run at once. The two agree to 
 sample of every recorded experiment to prove it, and the tests and the bench do too.
 """
 
+import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from repro.behaviors import Drift, robot_commands  # before IR-SIM: it keeps the import quiet
-from repro.worlds import World
+from repro.worlds import World, write_world
 
 # isort: split
 import irsim
@@ -81,6 +82,28 @@ def replay(path: Path, *, env: Any = None) -> Recording:
     return Recording(
         np.array(ranges), lidar.angle_list, np.array(poses), outlines, np.array(states).swapaxes(0, 1), seen
     )
+
+
+def check_replay(world: World, run: Recording) -> float:
+    """Replays a world by plain IR-SIM and compares; returns the largest difference of a range [m].
+
+    Raises:
+        ValueError: the two differ by more than a micrometre.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "world.yaml"
+        write_world(world, path)
+        truth = replay(path)
+    hit = np.isfinite(truth.ranges)
+    if not np.array_equal(hit, np.isfinite(run.ranges)):
+        raise ValueError(f"plain IR-SIM hits and misses elsewhere in the world {world}")
+    worst = float(np.abs(truth.ranges[hit] - run.ranges[hit]).max(initial=0))
+    drift = float(np.abs(truth.states - run.states).max())
+    if max(worst, drift) > 1e-6:
+        raise ValueError(
+            f"plain IR-SIM differs by {worst} m in ranges, {drift} in obstacle states, in the world {world}"
+        )
+    return worst
 
 
 def make(path: Path, **options: Any) -> Any:

@@ -21,9 +21,9 @@ import joblib
 import numpy as np
 from tqdm import tqdm
 
-from repro.recording import Recording, record, replay
+from repro.recording import Recording, check_replay, record
 from repro.runs import lock, read_provenance, read_status, replace_file, write_provenance
-from repro.worlds import sample_world, turn_around, write_world
+from repro.worlds import sample_world, turn_around
 
 FORMAT = 1
 SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
@@ -198,28 +198,6 @@ def _write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_eve
             raise
     os.replace(file.name, directory / shard.name)
     return shard.worlds
-
-
-def check_replay(world: dict[str, Any], run: Recording) -> float:
-    """Replays a world by plain IR-SIM and compares; returns the largest difference of a range [m].
-
-    Raises:
-        ValueError: the two differ by more than a micrometre.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "world.yaml"
-        write_world(world, path)
-        truth = replay(path)
-    hit = np.isfinite(truth.ranges)
-    if not np.array_equal(hit, np.isfinite(run.ranges)):
-        raise ValueError(f"plain IR-SIM hits and misses elsewhere in the world {world}")
-    worst = float(np.abs(truth.ranges[hit] - run.ranges[hit]).max(initial=0))
-    drift = float(np.abs(truth.states - run.states).max())
-    if max(worst, drift) > 1e-6:
-        raise ValueError(
-            f"plain IR-SIM differs by {worst} m in ranges, {drift} in obstacle states, in the world {world}"
-        )
-    return worst
 
 
 def _widen(outlines: np.ndarray, runs: list[Recording]) -> np.ndarray:

@@ -27,7 +27,7 @@ from torch import Tensor
 from repro.datasets import Batches, Pairs, load_pairs
 from repro.grid import Grid
 from repro.losses import MapLoss
-from repro.models import create_model
+from repro.models import compiles, create_model, resolve_precision
 from repro.runs import lock, read_config, read_status, replace_file, write_provenance
 from repro.store import check_recordings
 
@@ -172,7 +172,8 @@ def train(
         config = read_config(run)
         device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
         precision = resolve_precision(precision, device)
-        compile = compile and compiles(config, device)
+        model, size_px = config["model"], config["data"]["size_px"]
+        compile = compile and compiles(model["name"], model["encoder_name"], size_px, device)
         write_provenance(run, status="training", seed=config["seed"], precision=precision, compiled=compile)
         predictor = _predictor(recordings, config, device)
         if compile:
@@ -186,26 +187,6 @@ def train(
         if finished:
             shutil.rmtree(run / "checkpoints")
         return "finished" if finished else "paused"
-
-
-def resolve_precision(precision: str, device: str) -> str:
-    """What `auto` means on a device; anything else as it is."""
-    if precision != "auto":
-        return precision
-    return "bf16-mixed" if device == "cuda" and torch.cuda.is_bf16_supported() else "32-true"
-
-
-def compiles(config: dict[str, Any], device: str) -> bool:
-    """Tries torch.compile on a network of its own, forward and backward; says why where it fails."""
-    size_px = config["data"]["size_px"]
-    network = create_model(config["model"]["name"], encoder_name=config["model"]["encoder_name"]).to(device)
-    network.compile()
-    try:
-        network(torch.zeros(2, 1, size_px, size_px, device=device)).sum().backward()
-    except Exception as error:  # whatever the compiler raises, the network itself works without it
-        print(f"torch.compile fails here ({type(error).__name__}), going on without it")
-        return False
-    return True
 
 
 def _predictor(recordings: Path, config: dict[str, Any], device: str) -> Predictor:
