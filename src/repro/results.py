@@ -83,7 +83,7 @@ def caption(results: pd.DataFrame, scale: str) -> str:
     if networks.empty:
         return f"Scale {scale}: no network evaluated yet."
     first, seeds = networks.iloc[0], sorted(networks["seed"].unique())
-    epochs = f"{int(networks['epochs'].min())} to {int(networks['epochs'].max())}"
+    epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
     return (
         f"Scale {scale}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
         f"{int(first['test_pairs'])} test pairs an experiment, {epochs} epochs, "
