@@ -20,7 +20,6 @@ from repro.config import Config, Task, known_experiment, place
 
 ROOT = Path(__file__).parent
 
-
 OmegaConf.register_new_resolver("place", place, replace=True)
 OmegaConf.register_new_resolver("known", known_experiment, replace=True)
 OmegaConf.register_new_resolver("decay", lambda decay: "decay" if decay else "no-decay", replace=True)

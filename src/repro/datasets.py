@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -94,6 +95,13 @@ def load_pairs(
         true = rasterize(outlines, states[:, -1], world, len(runs) // 2, grid)
         maps.append(true[runs // 2])  # twins share the map
     return Pairs(torch.cat(images)[:, None], torch.cat(maps)[:, None])
+
+
+def load_pairs_of_run(directory: Path, split: str, config: dict[str, Any], device: str) -> Pairs:
+    """Makes the pairs of a split as the config.yaml of a run asks for them, see `load_pairs`."""
+    data = config["data"]
+    grid = Grid(data["size_px"])
+    return load_pairs(directory, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
 
 
 def coverage(directory: Path, split: str, grid: Grid) -> float:

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from repro.datasets import Pairs, load_pairs
-from repro.grid import Grid
+from repro.datasets import Pairs, load_pairs_of_run
 from repro.metrics import confusion, scores, ssim
+from repro.models import resolve_device
 from repro.runs import lock, read_config, read_status, write_provenance
 from repro.store import check_recordings
 
@@ -43,8 +43,8 @@ def evaluate(run: Path, recordings: Path, *, accelerator: str = "auto") -> pd.Se
         if read_status(run) != "finished":
             raise ValueError(f"{run} is not trained to its end: train it with task=train first")
         config = read_config(run)
-        device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
-        test = _load(recordings, "test", config, device)
+        device = resolve_device(accelerator)
+        test = load_pairs_of_run(recordings, "test", config, device)
         model = smp.from_pretrained(run / "model").to(device)
         return _write(run, predict(model, test), test, recordings)
 
@@ -59,10 +59,10 @@ def evaluate_baseline(run: Path, recordings: Path) -> pd.Series:
         if read_status(run) == "evaluated":
             return _read(run)
         config = read_config(run)
-        test = _load(recordings, "test", config, "cpu")
+        test = load_pairs_of_run(recordings, "test", config, "cpu")
         if config["model"]["name"] == "all_free":
             return _write(run, torch.ones(test.maps.shape), test, recordings)
-        val = _load(recordings, "val", config, "cpu")
+        val = load_pairs_of_run(recordings, "val", config, "cpu")
         radius = best_radius(val)
         return _write(run, last_seen(test, radius), test, recordings, radius_px=radius)
 
@@ -94,12 +94,6 @@ def read_predictions(run: Path) -> np.ndarray:
     """Reads the kept probabilities of free, (M, H, W), float32 in [0, 1]."""
     with np.load(run / "predictions.npz", allow_pickle=False) as file:
         return file["free"].astype(np.float32) / 255
-
-
-def _load(recordings: Path, split: str, config: dict[str, Any], device: str) -> Pairs:
-    data = config["data"]
-    grid = Grid(data["size_px"])
-    return load_pairs(recordings, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
 
 
 def _read(run: Path) -> pd.Series:

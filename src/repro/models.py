@@ -37,6 +37,11 @@ def create_model(
         ) from error
 
 
+def resolve_device(accelerator: str = "auto") -> str:
+    """The device an accelerator (auto, cpu, gpu) means here: cuda where there is one and it is not ruled out."""
+    return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+
+
 def resolve_precision(precision: str, device: str) -> str:
     """What `auto` means on a device; anything else as it is."""
     if precision != "auto":

@@ -6,7 +6,7 @@ from typing import Any
 import torch
 
 from repro.losses import MapLoss
-from repro.models import ARCHITECTURES, create_model
+from repro.models import ARCHITECTURES, create_model, resolve_device, resolve_precision
 
 TRAININGS = 6  # of each network: four experiments, and two without decay
 USUAL_EPOCHS = 20  # at which early stopping has usually ended a training
@@ -15,7 +15,7 @@ _RECORDING_SECONDS = 0.008  # a run on one core
 
 def seconds_per_image(architecture: str, size_px: int, batch_size: int, precision: str, steps: int = 2) -> float:
     """Measures forward, backward and step for one image on this machine [s]."""
-    device = "cuda" if torch.cuda.is_available() else "cpu"
+    device = resolve_device()
     model = create_model(architecture).to(device).to(memory_format=torch.channels_last)
     optimizer, loss = torch.optim.Adam(model.parameters()), MapLoss()
     image = torch.rand(batch_size, 1, size_px, size_px, device=device)
@@ -59,10 +59,10 @@ def cost_warning(architecture: str, scale: dict[str, Any], precision: str) -> st
 
 
 def _training_seconds(architecture: str, scale: dict[str, Any], precision: str) -> float:
-    device = "cuda" if torch.cuda.is_available() else "cpu"
+    device = resolve_device()
     quick = device == "cuda" or scale["size_px"] <= 64  # else a smaller batch tells a CPU's speed soon enough
     batch_size, steps = (scale["batch_size"], 8) if quick else (4, 2)
-    precision = "bf16-mixed" if precision == "auto" and device == "cuda" else precision
+    precision = resolve_precision(precision, device)
     each = seconds_per_image(architecture, scale["size_px"], batch_size, precision, steps)
     return each * scale["pairs"]["train"] * _epochs(scale)
 

@@ -24,10 +24,9 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
 
-from repro.datasets import Batches, Pairs, load_pairs
-from repro.grid import Grid
+from repro.datasets import Batches, Pairs, load_pairs_of_run
 from repro.losses import MapLoss
-from repro.models import compiles, create_model, resolve_precision
+from repro.models import compiles, create_model, resolve_device, resolve_precision
 from repro.runs import lock, read_config, read_status, replace_file, write_provenance
 from repro.store import check_recordings
 
@@ -170,7 +169,7 @@ def train(
             return "paused"
         check_recordings(run, recordings)
         config = read_config(run)
-        device = "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+        device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         model, size_px = config["model"], config["data"]["size_px"]
         compile = compile and compiles(model["name"], model["encoder_name"], size_px, device)
@@ -191,10 +190,8 @@ def train(
 
 def _predictor(recordings: Path, config: dict[str, Any], device: str) -> Predictor:
     """Loads the data and creates the network that a run's configuration names."""
-    data, model = config["data"], config["model"]
-    options = {"decay": config["decay"], "lightest": data["lightest"], "device": device}
-    grid = Grid(data["size_px"])
-    train_pairs, val_pairs = (load_pairs(recordings, split, grid, **options) for split in ("train", "val"))
+    model = config["model"]
+    train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
     torch.manual_seed(config["seed"])
     network = create_model(model["name"], encoder_name=model["encoder_name"], encoder_weights=model["encoder_weights"])
     settings = {**config["train"], "seed": config["seed"]}
