@@ -15,6 +15,7 @@ import pandas as pd
 import segmentation_models_pytorch as smp
 
 from repro.metrics import METRICS
+from repro.paper import KEYS
 from repro.report import NAMES, SETUPS, to_markdown, write_tables
 from repro.results import TRAINED, caption, read_results
 from repro.runs import read_config, read_provenance, read_status, run_directory
@@ -49,7 +50,7 @@ def publish(outputs: Path, results: Path) -> Path:
     runs.to_csv(target / "runs.csv", index=False, float_format="%.6g")
     origins = {
         str(run.relative_to(outputs)): read_provenance(run)
-        for run in (run_directory(outputs, r.experiment, r.model, r.decay, r.seed) for r in runs.itertuples())
+        for run in (run_directory(outputs, *keys) for keys in runs[[*KEYS, "seed"]].to_numpy())
     }
     (target / "provenance.json").write_text(json.dumps(origins, indent=1) + "\n")
     for figure in sorted((outputs / "figures").glob("*.png")):

@@ -1,6 +1,7 @@
 """Run directories to tidy rows, and tidy rows to the paper's two tables with the difference to it."""
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -22,7 +23,7 @@ def read_results(outputs: Path) -> pd.DataFrame:
     Raises:
         ValueError: the runs are of different resolutions or numbers of pairs, so no table can hold them.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for path in sorted(outputs.glob("runs/exp*/*/*/seed*/metrics.csv")):
         config, origin = read_config(path.parent), read_provenance(path.parent)
         if read_status(path.parent) != "evaluated":
@@ -34,7 +35,7 @@ def read_results(outputs: Path) -> pd.DataFrame:
                 "model": config["model"]["name"],
                 "decay": config["decay"],
                 "seed": config["seed"],
-                **pd.read_csv(path).iloc[0].to_dict(),
+                **{str(name): value for name, value in pd.read_csv(path).iloc[0].items()},
                 "size_px": config["data"]["size_px"],
                 **facts,
             }
