@@ -121,7 +121,8 @@ def record(config: DictConfig) -> None:
 
 def train(config: DictConfig) -> str:
     """Trains one network, unless that is done; returns `finished` or `paused`."""
-    from repro import training
+    from repro import evaluation, training
+    from repro.metrics import one_line
     from repro.runs import prepare_run, read_status
 
     run = Path(config.outputs) / config.run
@@ -133,12 +134,16 @@ def train(config: DictConfig) -> str:
     status = training.train(run, recordings(config), **options)
     if status == "paused":
         print(f"paused {run}: the budget is spent, the same command goes on from here")
+    elif not (run / "validation.csv").is_file():
+        row = evaluation.validate(run, recordings(config), accelerator=config.runtime.accelerator)
+        print(f"{run}, validation: {one_line(row)}")
     return status
 
 
 def evaluate(config: DictConfig) -> None:
     """Evaluates one trained network, unless that is done."""
     from repro import evaluation
+    from repro.metrics import one_line
     from repro.runs import read_status
 
     run = Path(config.outputs) / config.run
@@ -146,7 +151,7 @@ def evaluate(config: DictConfig) -> None:
         print(f"done already: {run}")
         return
     row = evaluation.evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
-    print(f"{run}: " + ", ".join(f"{name} {value:.4f}" for name, value in row.items()))
+    print(f"{run}, test: {one_line(row)}")
 
 
 def all_steps(config: DictConfig) -> None:

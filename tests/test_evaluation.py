@@ -1,11 +1,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+import segmentation_models_pytorch as smp
 import torch
 from conftest import run_config
 
 from repro.datasets import Pairs, load_pairs
-from repro.evaluation import best_radius, evaluate, evaluate_baseline, last_seen, read_predictions
+from repro.evaluation import best_radius, evaluate, evaluate_baseline, last_seen, predict, read_predictions, validate
 from repro.grid import Grid
 from repro.metrics import METRICS, confusion, scores
 from repro.runs import prepare_run, read_provenance
@@ -48,10 +49,23 @@ def test_provenance_names_the_data(evaluated, recorded):
     assert facts["test_pairs"] == 8
 
 
-def test_an_untrained_run_is_refused(recorded, tmp_path):
+def test_validation_is_measured_on_the_validation_set(evaluated, recorded):
+    row = validate(evaluated, recorded, accelerator="cpu")
+    val = load_pairs(recorded, "val", Grid(32), decay=True, lightest=0.8)
+    probability = predict(smp.from_pretrained(evaluated / "model"), val)
+    expected = scores(confusion(probability, val.maps.float()).sum(0))
+    kept = pd.read_csv(evaluated / "validation.csv").iloc[0]
+    for name in METRICS[1:]:
+        assert row[name] == pytest.approx(expected[name].item(), abs=1e-6), name
+        assert kept[name] == pytest.approx(row[name], abs=1e-6), name
+    assert read_provenance(evaluated)["status"] == "evaluated"
+
+
+@pytest.mark.parametrize("measure", [evaluate, validate])
+def test_an_untrained_run_is_refused(measure, recorded, tmp_path):
     prepare_run(tmp_path, run_config())
     with pytest.raises(ValueError, match="not trained to its end"):
-        evaluate(tmp_path, recorded)
+        measure(tmp_path, recorded)
 
 
 def test_all_free_scores_the_free_share(recorded, tmp_path):

@@ -2,6 +2,7 @@ import pytest
 import segmentation_models_pytorch as smp
 import torch
 
+from repro import models
 from repro.models import ARCHITECTURES, compiles, create_model, resolve_precision
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
@@ -48,6 +49,9 @@ def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
     assert compiles("fpn", "mit_b0", 64, "cpu")
 
 
-def test_precision_follows_the_device_only_when_it_is_auto():
-    assert resolve_precision("auto", "cpu") == "32-true"
+@pytest.mark.parametrize(("native", "auto"), [(True, "bf16-mixed"), (False, "32-true")])
+def test_precision_follows_the_device_only_when_it_is_auto(native, auto, monkeypatch):
+    monkeypatch.setattr(models, "_cpu_has_bf16", lambda: native)
+    assert resolve_precision("auto", "cpu") == auto
     assert resolve_precision("bf16-mixed", "cpu") == "bf16-mixed"
+    assert resolve_precision("32-true", "cpu") == "32-true"

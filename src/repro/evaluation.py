@@ -4,6 +4,8 @@ Run directory in, run directory out: predictions, the pooled metrics and one row
 wanted later is computed from the predictions kept there.
 """
 
+import contextlib
+import io
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +42,31 @@ def evaluate(run: Path, recordings: Path, *, accelerator: str = "auto") -> pd.Se
     with lock(run):
         if read_status(run) == "evaluated":
             return _read(run)
-        if read_status(run) != "finished":
-            raise ValueError(f"{run} is not trained to its end: train it with task=train first")
-        config = read_config(run)
-        device = resolve_device(accelerator)
-        test = load_pairs_of_run(recordings, "test", config, device)
-        model = smp.from_pretrained(run / "model").to(device)
-        return _write(run, predict(model, test), test, recordings)
+        test, probability = _predict_split("test", run, recordings, accelerator)
+        return _write(run, probability, test)
+
+
+def validate(run: Path, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
+    """Measures the best weights of a finished run on the validation set and writes validation.csv.
+
+    Worlds are calibrated by these numbers, so that nothing is ever chosen on test data.
+
+    Args:
+        run: a run directory whose training is finished.
+        recordings: the recorded experiment it was trained on.
+        accelerator: auto, cpu or gpu.
+
+    Returns:
+        the pooled metrics, as `evaluate` returns them for the test set.
+
+    Raises:
+        ValueError: the run is not finished, or the recordings are not those it was trained on.
+    """
+    with lock(run):
+        val, probability = _predict_split("val", run, recordings, accelerator)
+        row, _ = _measure(probability, val)
+        _write_row(row, run / "validation.csv")
+        return row
 
 
 def evaluate_baseline(run: Path, recordings: Path) -> pd.Series:
@@ -58,13 +78,14 @@ def evaluate_baseline(run: Path, recordings: Path) -> pd.Series:
     with lock(run):
         if read_status(run) == "evaluated":
             return _read(run)
+        check_recordings(run, recordings)
         config = read_config(run)
         test = load_pairs_of_run(recordings, "test", config, "cpu")
         if config["model"]["name"] == "all_free":
-            return _write(run, torch.ones(test.maps.shape), test, recordings)
+            return _write(run, torch.ones(test.maps.shape), test)
         val = load_pairs_of_run(recordings, "val", config, "cpu")
         radius = best_radius(val)
-        return _write(run, last_seen(test, radius), test, recordings, radius_px=radius)
+        return _write(run, last_seen(test, radius), test, radius_px=radius)
 
 
 @torch.inference_mode()
@@ -100,20 +121,40 @@ def _read(run: Path) -> pd.Series:
     return pd.read_csv(run / "metrics.csv").iloc[0]
 
 
-def _write(run: Path, probability: Tensor, test: Pairs, recordings: Path, **facts: Any) -> pd.Series:
-    """Measures predictions and writes them with their metrics into the run directory."""
+def _predict_split(split: str, run: Path, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:
+    """The pairs of a split and what the best weights of a finished run predict for them."""
+    if read_status(run) not in ("finished", "evaluated"):
+        raise ValueError(f"{run} is not trained to its end: train it with task=train first")
     check_recordings(run, recordings)
-    truth = test.maps.cpu().float()
+    device = resolve_device(accelerator)
+    pairs = load_pairs_of_run(recordings, split, read_config(run), device)
+    with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints where the weights come from
+        model = smp.from_pretrained(run / "model").to(device)
+    return pairs, predict(model, pairs)
+
+
+def _measure(probability: Tensor, pairs: Pairs) -> tuple[pd.Series, pd.DataFrame]:
+    """The pooled metrics of predictions, and one row an image."""
+    truth = pairs.maps.cpu().float()
     counts, similarity = confusion(probability, truth), ssim(probability, truth)
     binary = ssim((probability > 0.5).float(), truth)
     per_image = pd.DataFrame(
         {"ssim": similarity, "ssim_binary": binary, **{k: v.numpy() for k, v in scores(counts).items()}}
     )
     pooled = {name: value.item() for name, value in scores(counts.sum(0)).items()}
-    row = pd.Series({"ssim": similarity.mean().item(), "ssim_binary": binary.mean().item(), **pooled})
+    return pd.Series({"ssim": similarity.mean().item(), "ssim_binary": binary.mean().item(), **pooled}), per_image
+
+
+def _write_row(row: pd.Series, path: Path) -> None:
+    row.to_frame().T.to_csv(path, index=False, float_format="%.6f")
+
+
+def _write(run: Path, probability: Tensor, test: Pairs, **facts: Any) -> pd.Series:
+    """Measures predictions for the test set and writes them with their metrics into the run directory."""
+    row, per_image = _measure(probability, test)
     free = (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
     np.savez_compressed(run / "predictions.npz", free=free)
     per_image.rename_axis("image").to_csv(run / "per_image.csv", float_format="%.6f")
-    row.to_frame().T.to_csv(run / "metrics.csv", index=False, float_format="%.6f")
+    _write_row(row, run / "metrics.csv")
     write_provenance(run, status="evaluated", test_pairs=len(test), **facts)
     return row

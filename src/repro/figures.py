@@ -15,9 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-from repro.datasets import load_pairs
+from repro.datasets import load_pairs_of_run
 from repro.evaluation import read_predictions
-from repro.grid import Grid
 from repro.recording import make
 from repro.report import SETUPS
 from repro.runs import read_config, read_status, run_directory
@@ -79,9 +78,8 @@ def write_figures(outputs: Path, specs: dict[str, dict[str, Any]], index: int = 
 def load_example(outputs: Path, experiment: str, decay: bool, index: int) -> Example:
     """Reads one test run of U-Net's: what went in, what came out, what was true."""
     run = run_directory(outputs, experiment, "unet", decay, 0)
-    recordings, data = outputs / "recordings" / f"exp{experiment}", read_config(run)["data"]
-    grid = Grid(data["size_px"])
-    pairs = load_pairs(recordings, "test", grid, decay=decay, lightest=data["lightest"])
+    recordings, config = outputs / "recordings" / f"exp{experiment}", read_config(run)
+    pairs = load_pairs_of_run(recordings, "test", config, "cpu")
     shard = next(read_shards(recordings, "test"))
     title = f"Experiment {experiment}\n" + (SETUPS.get(experiment, "") if decay else "No time decay")
     return Example(
@@ -91,7 +89,7 @@ def load_example(outputs: Path, experiment: str, decay: bool, index: int) -> Exa
         pairs.maps[index, 0].numpy(),
         shard["ranges"][index],
         shard["poses"][index],
-        data["lightest"],
+        config["data"]["lightest"],
     )
 
 

@@ -5,6 +5,9 @@ follows twice), and its counts are pooled over the test set: DEVIATIONS D10. For
 Segmentation-Metrics-PyTorch, which the paper names; SSIM is piqa's.
 """
 
+from collections.abc import Mapping
+
+import pandas as pd
 import torch
 from piqa import SSIM
 from torch import Tensor
@@ -57,3 +60,8 @@ def ssim(probability: Tensor, target: Tensor, batch: int = 64) -> Tensor:
     measure = SSIM(n_channels=1, reduction="none").to(probability.device)
     pairs = zip(probability.float().split(batch), target.float().split(batch), strict=True)
     return torch.cat([measure(p, t) for p, t in pairs])
+
+
+def one_line(row: Mapping[str, float] | pd.Series) -> str:
+    """Metrics as one line of text."""
+    return ", ".join(f"{name} {value:.4f}" for name, value in row.items())

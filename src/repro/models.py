@@ -43,10 +43,17 @@ def resolve_device(accelerator: str = "auto") -> str:
 
 
 def resolve_precision(precision: str, device: str) -> str:
-    """What `auto` means on a device; anything else as it is."""
+    """What `auto` means on a device: bf16-mixed where it computes in bfloat16 natively, else 32-true."""
     if precision != "auto":
         return precision
-    return "bf16-mixed" if device == "cuda" and torch.cuda.is_bf16_supported() else "32-true"
+    native = torch.cuda.is_bf16_supported(including_emulation=False) if device == "cuda" else _cpu_has_bf16()
+    return "bf16-mixed" if native else "32-true"
+
+
+def _cpu_has_bf16() -> bool:
+    """Whether the CPU multiplies in bfloat16 itself: with AVX-512 BF16 or AMX."""
+    capabilities = torch.cpu.get_capabilities()
+    return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))
 
 
 def compiles(architecture: str, encoder_name: str, size_px: int, device: str) -> bool:

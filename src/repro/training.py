@@ -151,7 +151,7 @@ def train(
         run: a run directory with its config.yaml (`runs.prepare_run`).
         recordings: the recorded experiment to train on.
         accelerator: Lightning's: auto, cpu, gpu.
-        precision: Lightning's: 32-true, bf16-mixed; auto is bf16-mixed on a GPU that has it, else 32-true.
+        precision: Lightning's: 32-true, bf16-mixed; auto is bf16-mixed where it is native, else 32-true.
         compile: whether to compile the network with torch.compile; where that fails it says so and goes on.
         max_minutes: budget of this process; reaching it pauses the run at an epoch's end.
 
