@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from bench_training import TRAINING_COLUMNS, device_name, training_rows
 from hydra import compose, initialize_config_dir
-from torch.utils.data import DataLoader, TensorDataset
-from torch.utils.flop_counter import FlopCounterMode
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
@@ -148,106 +147,11 @@ def plain_projection(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, 
     return image
 
 
-def matrix_peak(device: str, dtype: torch.dtype) -> float:
-    """Measured rate of a large matrix product [FLOP/s]."""
-    size = 8192 if device == "cuda" else 4096
-    a, b = (torch.randn(size, size, device=device, dtype=dtype) for _ in range(2))
-    a @ b
-
-    def product() -> None:
-        a @ b
-        if device == "cuda":
-            torch.cuda.synchronize()
-
-    return 2 * size**3 / clock(product, 5)
-
-
-def bench_training(size_px: int, batch_size: int, pairs: int) -> None:
-    """Our epoch against the plain one, and the share of it spent outside the batches' forward, backward and step."""
-    from repro.models import ARCHITECTURES, create_model
-
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    precision = "bf16-mixed" if device == "cuda" else "32-true"
-    peak = matrix_peak(device, torch.bfloat16 if device == "cuda" else torch.float32)
-    title = f"Training at {size_px} px, batch {batch_size}, {precision} on {device}"
-    title += f" ({peak / 1e9:.0f} GFLOP/s in a matrix product)"
-    names = ("model", "plain [images/s]", "ours [images/s]", "ratio", "GFLOP/s", "of matrix rate", "between batches")
-    heads(title, *names)
-    for name in ARCHITECTURES:
-        counter = FlopCounterMode(display=False)
-        with counter:
-            create_model(name)(torch.rand(1, 1, size_px, size_px).expand(2, -1, -1, -1)).sum().backward()
-        operations = counter.get_total_flops() / 2
-        plain = plain_epoch(name, size_px, batch_size, pairs, device)
-        ours, between = our_epoch(name, size_px, batch_size, pairs, device, precision)
-        row(
-            name, f"{pairs / plain:.1f}", f"{pairs / ours:.1f}", f"{plain / ours:.2f} x",
-            f"{operations * pairs / ours / 1e9:.0f}", f"{operations * pairs / ours / peak:.0%}",
-            f"{between:.1%}",
-        )  # fmt: skip
-
-
-def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str) -> float:
-    """An epoch written the plain way: smp model, DataLoader, float32, eager [s]."""
-    from repro.losses import MapLoss
-    from repro.models import create_model
-
-    model, loss = create_model(name).to(device), MapLoss()
-    optimizer = torch.optim.Adam(model.parameters(), 1e-4)
-    images, maps = torch.rand(pairs, 1, size_px, size_px), torch.rand(pairs, 1, size_px, size_px).round()
-    loader = DataLoader(TensorDataset(images, maps), batch_size, shuffle=True, drop_last=True)
-
-    def epoch() -> None:
-        for image, target in loader:
-            optimizer.zero_grad()
-            loss(model(image.to(device)), target.to(device)).backward()
-            optimizer.step()
-        if device == "cuda":
-            torch.cuda.synchronize()
-
-    epoch()
-    return clock(epoch, 1)
-
-
-def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str, precision: str) -> tuple[float, float]:
-    """An epoch of `training.train`'s own loop, validation left out: its time [s], its share between batches."""
-    import lightning as L
-
-    from repro.datasets import Pairs
-    from repro.models import create_model
-    from repro.training import Predictor, quiet
-
-    quiet()
-    images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
-    data = Pairs(images, images // 128)
-    config = {"learning_rate": 1e-4, "batch_size": batch_size, "dice_eps": 1e-6, "seed": 0}
-    predictor = Predictor(create_model(name).to(memory_format=torch.channels_last), data, data, config)
-    marks: list[float] = []
-    batches: list[float] = []
-
-    class Clock(L.Callback):
-        def on_train_epoch_start(self, *_: Any) -> None:
-            batches.clear()
-            marks.append(time.perf_counter())
-
-        def on_train_batch_start(self, *_: Any) -> None:
-            batches.append(-time.perf_counter())
-
-        def on_train_batch_end(self, *_: Any) -> None:
-            batches.append(time.perf_counter())
-
-        def on_train_epoch_end(self, *_: Any) -> None:
-            predictor.train_loss().item()
-            marks.append(time.perf_counter())
-
-    trainer = L.Trainer(
-        max_epochs=2, accelerator="gpu" if device == "cuda" else "cpu", devices=1, precision=precision,  # type: ignore[arg-type]
-        callbacks=[Clock()], logger=False, enable_checkpointing=False, limit_val_batches=0,
-        enable_progress_bar=False, enable_model_summary=False, reload_dataloaders_every_n_epochs=1,
-    )  # fmt: skip
-    trainer.fit(predictor)
-    epoch_s = marks[3] - marks[2]
-    return epoch_s, 1 - sum(batches) / epoch_s
+def bench_training(size_px: int, batch_size: int, pairs: int, with_compile: bool) -> None:
+    """An epoch of ours against the plain one, in every precision this machine computes in natively."""
+    heads(f"Training at {size_px} px, batch {batch_size}, {device_name()}", *TRAINING_COLUMNS)
+    for cells in training_rows(size_px, batch_size, pairs, with_compile):
+        row(*cells)
 
 
 def main() -> None:
@@ -256,6 +160,7 @@ def main() -> None:
     parser.add_argument("--size-px", type=int, default=256 if torch.cuda.is_available() else 64)
     parser.add_argument("--batch-size", type=int, default=16 if torch.cuda.is_available() else 8)
     parser.add_argument("--pairs", type=int, default=2048 if torch.cuda.is_available() else 160)
+    parser.add_argument("--compile", action="store_true", help="a row for torch.compile, which takes minutes")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     if "recording" in options.parts:
@@ -263,7 +168,7 @@ def main() -> None:
     if "projection" in options.parts:
         bench_projection()
     if "training" in options.parts:
-        bench_training(options.size_px, options.batch_size, options.pairs)
+        bench_training(options.size_px, options.batch_size, options.pairs, options.compile)
 
 
 if __name__ == "__main__":

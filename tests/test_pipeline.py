@@ -1,6 +1,7 @@
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pandas as pd
@@ -108,6 +109,32 @@ def test_a_launcher_with_processes_does_the_same(study, tmp_path):
         same = Path("recordings") / experiment / "manifest.json"
         assert (copy / same).read_text() == (outputs / same).read_text()
     assert "| 4 | FPN |" in text
+
+
+def test_interrupted_again_and_again_it_ends_with_the_same_numbers(tmp_path):
+    words = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", *tiny("")[2:], "scale.max_epochs=2"]
+    whole, parts = (["scale=smoke", f"outputs={tmp_path / name / 'smoke'}"] for name in ("whole", "parts"))
+    status, text = call(*words, *whole)
+    assert status == 0, text[-4000:]
+
+    first_epoch = tmp_path / "parts/smoke/runs/exp3/fpn/no-decay/seed0/history.csv"
+    process = subprocess.Popen([sys.executable, *words, *parts], cwd=ROOT, stdout=subprocess.DEVNULL)
+    while process.poll() is None and not first_epoch.exists():
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+
+    calls, text = 0, "paused"
+    while "paused" in text and calls < 8:
+        calls += 1
+        status, text = call(*words, *parts, "runtime.max_minutes=0.001")
+        assert status == 0, text[-4000:]
+    assert calls in (3, 4)  # an epoch a call; the killed one had done the first of four, or nearly
+    for name in ("metrics.csv", "validation.csv", "per_image.csv"):
+        for experiment in ("exp3", "exp4"):
+            run = Path("smoke/runs") / experiment / "fpn/no-decay/seed0" / name
+            assert (tmp_path / "parts" / run).read_text() == (tmp_path / "whole" / run).read_text()
+    assert pd.read_csv(tmp_path / "parts/smoke/tables/ablation.csv")["ssim"].notna().all()
 
 
 def test_report_rebuilds_tables_and_figures(study):

@@ -89,14 +89,12 @@ def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded,
 def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, recorded, tmp_path, monkeypatch):
     run, calls = tmp_path / "paused", 0
     prepare_run(run, run_config(max_epochs=6))
-    began = time.monotonic()
-    monkeypatch.setattr(training, "_STARTED", began - 3600)
+    monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
     assert train(run, recorded, accelerator="cpu", max_minutes=59) == "paused"
     assert read_status(run) is None  # nothing was begun
     while True:
         calls += 1
-        spent = iter([False, True])
-        monkeypatch.setattr(training, "over_budget", lambda _, spent=spent: next(spent))
+        monkeypatch.setattr(training.Budget, "epochs", 0)  # as in a new process
         if train(run, recorded, accelerator="cpu", max_minutes=1) == "finished":
             break
         assert read_status(run) == "paused"

@@ -30,8 +30,6 @@ from repro.models import compiles, create_model, resolve_device, resolve_precisi
 from repro.runs import lock, read_config, read_status, replace_file, write_provenance
 from repro.store import check_recordings
 
-_STARTED = time.monotonic()
-
 
 class Predictor(L.LightningModule):
     """A network with its loss and optimiser."""
@@ -127,13 +125,20 @@ class Stop(EarlyStopping):
     def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         super().on_train_epoch_end(trainer, module)
         last = trainer.current_epoch + 1 == trainer.max_epochs
-        if over_budget(self.minutes) and not trainer.should_stop and not last:
+        Budget.epochs += 1
+        if Budget.is_spent(self.minutes) and not trainer.should_stop and not last:
             self.paused = trainer.should_stop = True
 
 
-def over_budget(minutes: float | None) -> bool:
-    """Whether this process has run for so many minutes; None is no limit."""
-    return minutes is not None and time.monotonic() - _STARTED > 60 * minutes
+class Budget:
+    """How long this process has been at work. It always trains one epoch, so that every call gets further."""
+
+    started, epochs = time.monotonic(), 0
+
+    @classmethod
+    def is_spent(cls, minutes: float | None) -> bool:
+        """Whether so many minutes are over; None is no limit."""
+        return minutes is not None and cls.epochs > 0 and time.monotonic() - cls.started > 60 * minutes
 
 
 def train(
@@ -153,7 +158,7 @@ def train(
         accelerator: Lightning's: auto, cpu, gpu.
         precision: Lightning's: 32-true, bf16-mixed; auto is bf16-mixed where it is native, else 32-true.
         compile: whether to compile the network with torch.compile; where that fails it says so and goes on.
-        max_minutes: budget of this process; reaching it pauses the run at an epoch's end.
+        max_minutes: budget of this process; reaching it pauses the run at an epoch's end, after one epoch at least.
 
     Returns:
         `finished` or `paused`.
@@ -165,7 +170,7 @@ def train(
     with lock(run):
         if read_status(run) in ("finished", "evaluated"):
             return "finished"
-        if over_budget(max_minutes):
+        if Budget.is_spent(max_minutes):
             return "paused"
         check_recordings(run, recordings)
         config = read_config(run)

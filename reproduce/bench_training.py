@@ -1,0 +1,140 @@
+"""How fast an epoch of `training.train` is, beside the same epoch written the plain way."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import lightning as L
+import numpy as np
+import torch
+from torch.utils.data import DataLoader, TensorDataset
+from torch.utils.flop_counter import FlopCounterMode
+
+from repro.datasets import Pairs
+from repro.losses import MapLoss
+from repro.models import ARCHITECTURES, compiles, create_model, resolve_device, resolve_precision
+from repro.training import Predictor, quiet
+
+TRAINING_COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
+ROUNDS = 3  # the ways take turns, so that a noisy machine is noisy for all of them
+Epoch = Callable[[], tuple[float, float]]  # seconds, and their share between batches
+
+
+def device_name() -> str:
+    """What trains here."""
+    return torch.cuda.get_device_name() if torch.cuda.is_available() else f"CPU, {torch.get_num_threads()} threads"
+
+
+def training_rows(size_px: int, batch_size: int, pairs: int, with_compile: bool) -> Iterator[tuple[str, ...]]:
+    """One row for each network and way: plain, ours in float32, in bfloat16 where it is native, compiled if asked."""
+    quiet()
+    device = resolve_device()
+    best = resolve_precision("auto", device)
+    peaks = {dtype: matrix_rate(device, dtype) for dtype in (torch.float32, torch.bfloat16)}
+    for name in ARCHITECTURES:
+        ways: dict[str, Epoch] = {"plain, 32-true": plain_epoch(name, size_px, batch_size, pairs, device)}
+        for precision in sorted({"32-true", best}):
+            ways[f"ours, {precision}"] = our_epoch(name, size_px, batch_size, pairs, device, precision)
+        if with_compile and compiles(name, "mit_b0", size_px, device):
+            ways[f"ours, {best}, compiled"] = our_epoch(name, size_px, batch_size, pairs, device, best, True)
+        for epoch in ways.values():
+            epoch()
+        rounds = [{way: epoch() for way, epoch in ways.items()} for _ in range(ROUNDS)]
+        times = {way: np.median([results[way] for results in rounds], axis=0) for way in ways}
+        plain, operations = times["plain, 32-true"][0], training_operations(name, size_px) * pairs
+        for way, (seconds, between) in times.items():
+            rate = operations / seconds
+            yield (
+                name, way, f"{pairs / seconds:.0f}", f"{plain / seconds:.2f} x", f"{rate / 1e9:.0f}",
+                f"{rate / peaks[torch.bfloat16 if 'bf16' in way else torch.float32]:.0%}",
+                f"{between:.1%}" if "ours" in way else "",
+            )  # fmt: skip
+
+
+def training_operations(name: str, size_px: int) -> float:
+    """Floating-point operations of forward and backward for one image."""
+    counter = FlopCounterMode(display=False)
+    with counter:
+        create_model(name)(torch.rand(2, 1, size_px, size_px)).sum().backward()
+    return counter.get_total_flops() / 2
+
+
+def matrix_rate(device: str, dtype: torch.dtype) -> float:
+    """Measured rate of a large matrix product [FLOP/s]."""
+    size = 8192 if device == "cuda" else 4096
+    a, b = (torch.randn(size, size, device=device, dtype=dtype) for _ in range(2))
+    times = []
+    for _ in range(6):
+        began = time.perf_counter()
+        a @ b
+        _wait(device)
+        times.append(time.perf_counter() - began)
+    return 2 * size**3 / float(np.median(times[1:]))
+
+
+def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str) -> Epoch:
+    """An epoch written the plain way: smp model, DataLoader, float32, eager."""
+    model, loss = create_model(name).to(device), MapLoss()
+    optimizer = torch.optim.Adam(model.parameters(), 1e-4)
+    images, maps = torch.rand(pairs, 1, size_px, size_px), torch.rand(pairs, 1, size_px, size_px).round()
+    loader = DataLoader(TensorDataset(images, maps), batch_size, shuffle=True, drop_last=True)
+
+    def epoch() -> tuple[float, float]:
+        began = time.perf_counter()
+        for image, target in loader:
+            optimizer.zero_grad()
+            loss(model(image.to(device)), target.to(device)).backward()
+            optimizer.step()
+        _wait(device)
+        return time.perf_counter() - began, 0.0
+
+    return epoch
+
+
+def our_epoch(
+    name: str, size_px: int, batch_size: int, pairs: int, device: str, precision: Any, compiled: bool = False
+) -> Epoch:
+    """An epoch of `training.train`'s own loop, validation left out."""
+    images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
+    data = Pairs(images, images // 128)
+    config = {"learning_rate": 1e-4, "batch_size": batch_size, "dice_eps": 1e-6, "seed": 0}
+    predictor = Predictor(create_model(name).to(memory_format=torch.channels_last), data, data, config)
+    if compiled:
+        predictor.model.compile()
+
+    def epoch() -> tuple[float, float]:
+        clock = Clock()
+        trainer = L.Trainer(
+            max_epochs=1, accelerator="gpu" if device == "cuda" else "cpu", devices=1, precision=precision,
+            callbacks=[clock], logger=False, enable_checkpointing=False, limit_val_batches=0,
+            enable_progress_bar=False, enable_model_summary=False,
+        )  # fmt: skip
+        trainer.fit(predictor)
+        return clock.epoch_s, 1 - clock.batches_s / clock.epoch_s
+
+    return epoch
+
+
+class Clock(L.Callback):
+    """Seconds of an epoch, and of its batches' forward, backward and step."""
+
+    def __init__(self) -> None:
+        self.epoch_s = self.batches_s = 0.0
+
+    def on_train_epoch_start(self, *_: Any) -> None:
+        self.epoch_s -= time.perf_counter()
+
+    def on_train_batch_start(self, *_: Any) -> None:
+        self.batches_s -= time.perf_counter()
+
+    def on_train_batch_end(self, *_: Any) -> None:
+        self.batches_s += time.perf_counter()
+
+    def on_train_epoch_end(self, trainer: L.Trainer, module: Predictor) -> None:  # type: ignore[override]
+        module.train_loss().item()  # waits for the GPU
+        self.epoch_s += time.perf_counter()
+
+
+def _wait(device: str) -> None:
+    if device == "cuda":
+        torch.cuda.synchronize()
