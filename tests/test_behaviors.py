@@ -29,6 +29,14 @@ def test_square_ends_where_it_began(direction):
     assert np.allclose(spread, 10)
 
 
+def test_a_square_begins_in_the_middle_of_a_side():
+    commands = square_commands(side_m=10, drive_steps=20, turn_steps=5, direction=1, step_time=0.1)
+    assert (commands[:10, 0] > 0).all()
+    assert (commands[10:15, 0] == 0).all()
+    with pytest.raises(ValueError, match="even.*got 21"):
+        square_commands(side_m=10, drive_steps=21, turn_steps=4, direction=1, step_time=0.1)
+
+
 def test_unknown_robot_behavior_lists_the_known_ones():
     with pytest.raises(ValueError, match=r"rotate.*square.*got 'dash'"):
         robot_commands({"name": "dash"}, 0.1)

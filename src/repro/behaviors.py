@@ -36,21 +36,26 @@ def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarr
 def square_commands(
     *, side_m: float, drive_steps: int, turn_steps: int, direction: int, step_time: float
 ) -> np.ndarray:
-    """Commands of one square: four times a quarter turn on the spot, then a straight side.
+    """Commands of one square from the middle of a side: half a side, a quarter turn on the spot, half a side, ...
 
     Args:
         side_m: side of the square [m].
-        drive_steps: time steps along a side.
+        drive_steps: time steps along a side, even.
         turn_steps: time steps at a corner.
         direction: 1 for counter-clockwise (turning left), -1 for clockwise.
         step_time: duration of a step [s].
 
     Returns:
         linear and angular velocity of each step [m/s, rad/s], (T, 2) with T = 4 (drive_steps + turn_steps).
+
+    Raises:
+        ValueError: drive_steps is odd, so that the square has no middle of a side.
     """
-    drive = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps, 1))
+    if drive_steps % 2:
+        raise ValueError(f"drive_steps must be even, half of them before a corner and half after, got {drive_steps}")
+    half_side = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps // 2, 1))
     turn = np.tile([0.0, direction * math.pi / 2 / (turn_steps * step_time)], (turn_steps, 1))
-    return np.tile(np.concatenate([turn, drive]), (4, 1))
+    return np.tile(np.concatenate([half_side, turn, half_side]), (4, 1))
 
 
 def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:

@@ -126,9 +126,8 @@ def _obstacle(rng, spec: dict, x: float, y: float, shape: dict) -> dict[str, Any
 
 
 def _start(motion: dict, world: World, direction: int) -> list[float]:
-    """Start pose [x, y, heading]: the centre, or the square's lower left corner as the robot comes back to it."""
+    """Start pose [x, y, heading]: the centre, or the middle of the square's left side, down (1) or up (-1) it."""
     centre_x, centre_y = world["width"] / 2, world["height"] / 2
     if motion["name"] == "rotate":
         return [centre_x, centre_y, 0.0]
-    half = motion["side_m"] / 2
-    return [centre_x - half, centre_y - half, -math.pi / 2 if direction == 1 else math.pi]
+    return [centre_x - motion["side_m"] / 2, centre_y, -direction * math.pi / 2]
