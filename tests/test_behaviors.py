@@ -33,7 +33,7 @@ def test_a_square_begins_in_the_middle_of_a_side():
     commands = square_commands(side_m=10, drive_steps=20, turn_steps=5, direction=1, step_time=0.1)
     assert (commands[:10, 0] > 0).all()
     assert (commands[10:15, 0] == 0).all()
-    with pytest.raises(ValueError, match="even.*got 21"):
+    with pytest.raises(ValueError, match=r"even.*got 21"):
         square_commands(side_m=10, drive_steps=21, turn_steps=4, direction=1, step_time=0.1)
 
 

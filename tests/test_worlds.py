@@ -48,6 +48,14 @@ def test_the_robot_comes_back_as_it_began(spec):
         assert math.cos(heading - start_heading) == pytest.approx(1)
 
 
+def test_the_twin_drives_the_path_backwards(spec):
+    start = [sample_world(spec, 0)["robot"]["state"][:2]]
+    there, back = (
+        np.concatenate([start, drive(w)[:, :2]]) for w in (sample_world(spec, 0), turn_around(sample_world(spec, 0)))
+    )
+    assert np.allclose(there, back[::-1], atol=1e-9)
+
+
 def test_rectangles_have_the_area_of_their_disc():
     spec = world_spec("1")
     spec["obstacles"] = {**spec["obstacles"], "radius_m": [2.0, 2.0], "disc_share": 0.0}
