@@ -1,10 +1,10 @@
 """What each network costs: parameters, operations, training time, memory, and latency from scans to map.
 
-    python reproduce/costs.py [--size-px 256] [--results reproduce/results/laptop]
+    python reproduce/costs.py reproduce/results/laptop
 
-Latency is one run at a time: projection of its 100 scans and prediction, the median of 20 calls after a warm-up.
-ONNX Runtime is tried where it is installed (`pip install -e ".[costs]"`), compilation where torch.compile works; a cell
-that could not be measured says `-`.
+writes costs.csv there, at the resolution of those results and at the paper scale's. Latency is one run at a time:
+projection of its 100 scans and prediction, the median of 20 calls after a warm-up. ONNX Runtime is tried where it is
+installed (`pip install -e ".[costs]"`), compilation where torch.compile works; what cannot be measured stays empty.
 """
 
 import argparse
@@ -24,9 +24,10 @@ from repro.datasets import Pairs
 from repro.grid import Grid
 from repro.models import ARCHITECTURES, create_model
 from repro.projection import project
+from repro.report import costs_to_markdown
 from repro.training import Predictor
 
-STEPS, BEAMS = 100, 100
+STEPS, BEAMS, PAPER_PX = 100, 100, 256
 
 
 def scans(device: str) -> tuple[Tensor, Tensor, Tensor]:
@@ -106,35 +107,48 @@ def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, objec
         model(image)
     row: dict[str, object] = {
         "model": architecture,
+        "size_px": size_px,
         "parameters_m": sum(p.numel() for p in model.parameters()) / 1e6,
         "forward_gflop": counter.get_total_flops() / 1e9,
+        "training_min": None,
         "training_gpu_gb": peak_training_gb(architecture, size_px, batch_size),
     }
     with torch.inference_mode():
-        for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
-            network, sample = model.to(device), image.to(device)
-            row[f"{device}_eager_ms"] = latency_ms(network, grid, device)
-            fast = compiled(network, sample)
+        for device in ("cpu", "cuda"):
+            usable = device == "cpu" or torch.cuda.is_available()
+            network, sample = (model.to(device), image.to(device)) if usable else (None, image)
+            row[f"{device}_eager_ms"] = latency_ms(network, grid, device) if network else None
+            fast = compiled(network, sample) if network else None
             row[f"{device}_compiled_ms"] = latency_ms(fast, grid, device) if fast else None
     session = onnx(model.cpu(), image)
     row["cpu_onnx_ms"] = latency_ms(session, grid, "cpu") if session else None
     return row
 
 
+def note(runs: pd.DataFrame) -> str:
+    """What was measured, and on what."""
+    gpu = f", GPU: {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ""
+    return (
+        f"Costs of the networks. Training: minutes of a run at {runs['size_px'].iloc[0]:.0f} px, "
+        f"{runs['train_pairs'].max():.0f} pairs, mean of all. Latency: one run, from its scans to the predicted map. "
+        f"CPU: {torch.get_num_threads()} threads{gpu}, torch {torch.__version__}."
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size-px", type=int, default=256)
-    parser.add_argument("--batch-size", type=int, default=16)
-    parser.add_argument("--results", type=Path, help="published results whose training times to add")
+    parser.add_argument("results", type=Path, help="published results, say reproduce/results/laptop")
+    parser.add_argument("--batch-size", type=int, default=16, help="of the training whose GPU memory is measured")
     options = parser.parse_args()
-    table = pd.DataFrame([measure(name, options.size_px, options.batch_size) for name in ARCHITECTURES])
-    if options.results:
-        runs = pd.read_csv(options.results / "runs.csv")
-        minutes = runs.groupby("model")["training_seconds"].mean() / 60
-        table["training_min"] = table["model"].map(minutes)
-    print(table.to_csv(index=False, float_format="%.3g", na_rep="-"))
-    if options.results:
-        table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g", na_rep="-")
+    runs = pd.read_csv(options.results / "runs.csv")
+    trained_px = int(runs["size_px"].iloc[0])
+    sizes = sorted({trained_px, PAPER_PX})
+    table = pd.DataFrame([measure(name, size, options.batch_size) for size in sizes for name in ARCHITECTURES])
+    minutes = table["model"].map(runs.groupby("model")["training_seconds"].mean() / 60)
+    table["training_min"] = minutes.where(table["size_px"] == trained_px)
+    table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g")
+    (options.results / "costs.txt").write_text(note(runs) + "\n")
+    print(costs_to_markdown(table, note(runs)))
 
 
 if __name__ == "__main__":

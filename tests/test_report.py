@@ -1,7 +1,7 @@
 import pandas as pd
 from test_results import fake_run, fake_study
 
-from repro.report import write_tables
+from repro.report import costs_to_markdown, write_tables
 
 
 def test_three_forms_of_both_tables(tmp_path):
@@ -34,3 +34,19 @@ def test_nothing_evaluated_yet_is_said(tmp_path):
     pages = write_tables(tmp_path)
     assert all("No run evaluated yet" in page for page in pages.values())
     assert not (tmp_path / "tables" / "main.csv").exists()
+
+
+def test_costs_leave_out_what_was_measured_nowhere():
+    table = pd.DataFrame(
+        {
+            "model": ["unet", "fpn"],
+            "size_px": [64, 64],
+            "parameters_m": [5.5512, 5.07],
+            "training_gpu_gb": [None, None],
+            "cpu_compiled_ms": [12.34, None],
+        }
+    )
+    page = costs_to_markdown(table, "Costs of the networks.").splitlines()
+    assert page[0] == "**Costs of the networks.**"
+    assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, compiled [ms] |", "|---|---|---|---|"]
+    assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]

@@ -16,7 +16,7 @@ import segmentation_models_pytorch as smp
 
 from repro.metrics import METRICS
 from repro.paper import KEYS
-from repro.report import NAMES, SETUPS, to_markdown, write_tables
+from repro.report import NAMES, SETUPS, costs_to_markdown, to_markdown, write_tables
 from repro.results import TRAINED, caption, read_results
 from repro.runs import read_config, read_provenance, read_status, run_directory
 
@@ -135,12 +135,13 @@ float16 weights. It has seen nothing but simulation.
 def readme_with_results(text: str, results: Path) -> str:
     """The README with the tables between its marks made anew from the published results.
 
-    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`.
+    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`; for `main`, `ablation` or `costs`.
     """
 
     def table(match: re.Match[str]) -> str:
         directory, name = results / match[2], match[3]
         rows = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
-        return match[1] + to_markdown(rows, (directory / f"{name}.txt").read_text().strip()) + match[4]
+        page = costs_to_markdown if name == "costs" else to_markdown
+        return match[1] + page(rows, (directory / f"{name}.txt").read_text().strip()) + match[4]
 
     return MARKS.sub(table, text)

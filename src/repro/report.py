@@ -21,6 +21,19 @@ TITLES = {
     "main": "Prediction metrics across all four experiments for all models",
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
+COSTS = {
+    "model": "Model",
+    "size_px": "Image [px]",
+    "parameters_m": "Parameters [M]",
+    "forward_gflop": "Forward [GFLOP]",
+    "training_min": "Training [min]",
+    "training_gpu_gb": "Training memory on GPU [GB]",
+    "cpu_eager_ms": "CPU, eager [ms]",
+    "cpu_compiled_ms": "CPU, compiled [ms]",
+    "cpu_onnx_ms": "CPU, ONNX Runtime [ms]",
+    "cuda_eager_ms": "GPU, eager [ms]",
+    "cuda_compiled_ms": "GPU, compiled [ms]",
+}
 SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
 
 
@@ -57,6 +70,21 @@ def to_markdown(table: pd.DataFrame, note: str) -> str:
     for _, row in table.iterrows():
         cells = [_ours(row, metric) + _paper(row, metric, " ({:.3f})") for metric in METRICS]
         lines.append(f"| {row['experiment']} | {NAMES[row['model']]} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def costs_to_markdown(table: pd.DataFrame, note: str) -> str:
+    """One row a network and resolution; what was measured nowhere is left out."""
+    table = table.dropna(axis="columns", how="all")
+    lines = [
+        f"**{note}**",
+        "",
+        "| " + " | ".join(COSTS[str(name)] for name in table) + " |",
+        "|" + "---|" * table.shape[1],
+    ]
+    for _, row in table.iterrows():
+        cells = ["" if pd.isna(value) else NAMES.get(value, f"{value:.3g}") for value in row]
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
