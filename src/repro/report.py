@@ -83,7 +83,7 @@ def costs_to_markdown(table: pd.DataFrame, note: str) -> str:
         "|" + "---|" * table.shape[1],
     ]
     for _, row in table.iterrows():
-        cells = ["" if pd.isna(value) else NAMES.get(value, f"{value:.3g}") for value in row]
+        cells = [NAMES[value] if isinstance(value, str) else "" if pd.isna(value) else f"{value:.3g}" for value in row]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
