@@ -14,9 +14,15 @@ def test_rotation_is_one_full_turn_without_driving(direction):
     assert commands[:, 1].sum() * 0.1 == pytest.approx(direction * 2 * math.pi)
 
 
+def square(*, first_steps: int, direction: int = 1) -> np.ndarray:
+    return square_commands(
+        side_m=10, drive_steps=20, turn_steps=5, first_steps=first_steps, direction=direction, step_time=0.1
+    )
+
+
 @pytest.mark.parametrize("direction", [1, -1])
 def test_square_ends_where_it_began(direction):
-    commands = square_commands(side_m=10, drive_steps=20, turn_steps=5, direction=direction, step_time=0.1)
+    commands = square(first_steps=7, direction=direction)
     assert commands.shape == (100, 2)
     heading, position, corners = 0.0, np.zeros(2), []
     for speed, turn in commands:
@@ -29,12 +35,12 @@ def test_square_ends_where_it_began(direction):
     assert np.allclose(spread, 10)
 
 
-def test_a_square_begins_in_the_middle_of_a_side():
-    commands = square_commands(side_m=10, drive_steps=20, turn_steps=5, direction=1, step_time=0.1)
-    assert (commands[:10, 0] > 0).all()
-    assert (commands[10:15, 0] == 0).all()
-    with pytest.raises(ValueError, match=r"even.*got 21"):
-        square_commands(side_m=10, drive_steps=21, turn_steps=4, direction=1, step_time=0.1)
+@pytest.mark.parametrize("first_steps", [0, 10, 20])
+def test_a_square_turns_after_its_first_steps(first_steps):
+    turning = square(first_steps=first_steps)[:, 0] == 0
+    assert np.flatnonzero(turning)[:6].tolist() == [*range(first_steps, first_steps + 5), first_steps + 25]
+    with pytest.raises(ValueError, match=r"between 0 and drive_steps=20, got 21"):
+        square(first_steps=21)
 
 
 def test_unknown_robot_behavior_lists_the_known_ones():

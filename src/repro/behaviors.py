@@ -34,14 +34,15 @@ def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarr
 
 
 def square_commands(
-    *, side_m: float, drive_steps: int, turn_steps: int, direction: int, step_time: float
+    *, side_m: float, drive_steps: int, turn_steps: int, first_steps: int, direction: int, step_time: float
 ) -> np.ndarray:
-    """Commands of one square from the middle of a side: half a side, a quarter turn on the spot, half a side, ...
+    """Commands of one square: along a side to the corner, a quarter turn on the spot, and so four times around.
 
     Args:
         side_m: side of the square [m].
-        drive_steps: time steps along a side, even.
+        drive_steps: time steps along a side.
         turn_steps: time steps at a corner.
+        first_steps: time steps from the start to the first corner; half of drive_steps is the middle of a side.
         direction: 1 for counter-clockwise (turning left), -1 for clockwise.
         step_time: duration of a step [s].
 
@@ -49,13 +50,13 @@ def square_commands(
         linear and angular velocity of each step [m/s, rad/s], (T, 2) with T = 4 (drive_steps + turn_steps).
 
     Raises:
-        ValueError: drive_steps is odd, so that the square has no middle of a side.
+        ValueError: first_steps is longer than a side.
     """
-    if drive_steps % 2:
-        raise ValueError(f"drive_steps must be even, half of them before a corner and half after, got {drive_steps}")
-    half_side = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps // 2, 1))
+    if not 0 <= first_steps <= drive_steps:
+        raise ValueError(f"first_steps must be between 0 and drive_steps={drive_steps}, got {first_steps}")
+    drive = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps, 1))
     turn = np.tile([0.0, direction * math.pi / 2 / (turn_steps * step_time)], (turn_steps, 1))
-    return np.tile(np.concatenate([half_side, turn, half_side]), (4, 1))
+    return np.tile(np.concatenate([drive[:first_steps], turn, drive[first_steps:]]), (4, 1))
 
 
 def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
@@ -147,7 +148,7 @@ class RotateBehavior(_CommandBehavior):
 
 @register_behavior_class("diff", "square")
 class SquareBehavior(_CommandBehavior):
-    """One square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, direction: 1}`."""
+    """One square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 10, direction: 1}`."""
 
 
 @register_behavior_class("omni", "drift")

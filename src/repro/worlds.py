@@ -126,8 +126,10 @@ def _obstacle(rng, spec: dict, x: float, y: float, shape: dict) -> dict[str, Any
 
 
 def _start(motion: dict, world: World, direction: int) -> list[float]:
-    """Start pose [x, y, heading]: the centre, or the middle of the square's left side, down (1) or up (-1) it."""
+    """Start pose [x, y, heading]: the centre, or on the square's left side, `first_steps` before the corner."""
     centre_x, centre_y = world["width"] / 2, world["height"] / 2
     if motion["name"] == "rotate":
         return [centre_x, centre_y, 0.0]
-    return [centre_x - motion["side_m"] / 2, centre_y, -direction * math.pi / 2]
+    half = motion["side_m"] / 2
+    ahead = motion["side_m"] * motion["first_steps"] / motion["drive_steps"]  # to the corner below (1) or above (-1)
+    return [centre_x - half, centre_y - direction * (half - ahead), -direction * math.pi / 2]
