@@ -51,7 +51,7 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
 
 
 def turn_around(world: World) -> World:
-    """The twin: the robot takes its path in the opposite direction among the very same obstacles."""
+    """The twin: the robot turns and drives in the opposite direction among the very same obstacles."""
     twin = copy.deepcopy(world)
     behavior = twin["robot"]["behavior"]
     behavior["direction"] = -behavior["direction"]
