@@ -78,6 +78,15 @@ def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
     assert "24 simulated pairs" in card
     assert "obstacle_iou" in card
 
+    example = card.split("```python")[1].split("```")[0]
+    where = f"reproduce/results/{tmp_path.name}/weights"
+    assert where in example
+    scans = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
+    exec(example.replace(where, str(target)), scans)
+    assert scans["free"].shape == (2, 1, 32, 32)
+    assert scans["free"].min() >= 0
+    assert scans["free"].max() <= 1
+
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
     with pytest.raises(ValueError, match="no network has been evaluated"):

@@ -101,26 +101,33 @@ def export_weights(run: Path, target: Path) -> None:
     if read_status(run) != "evaluated":
         raise ValueError(f"{run} is not evaluated, so there is nothing to say of its weights")
     smp.from_pretrained(run / "model").half().save_pretrained(target)
-    (target / "README.md").write_text(_card(run, target.name, read_config(run), read_provenance(run)))
+    where = "/".join(target.parts[-2:])
+    (target / "README.md").write_text(_card(run, where, read_config(run), read_provenance(run)))
 
 
-def _card(run: Path, name: str, config: dict[str, Any], origin: dict[str, Any]) -> str:
+def _card(run: Path, where: str, config: dict[str, Any], origin: dict[str, Any]) -> str:
     """The model card: data, metrics, limits."""
     metrics, data, model = pd.read_csv(run / "metrics.csv").iloc[0], config["data"], config["model"]
-    oldest = data["lightest"] if config["decay"] else "0 as well (no time decay)"
-    shape = f"(B, 1, {data['size_px']}, {data['size_px']})"
+    law = f"lightest={data['lightest']}" if config["decay"] else "decay=False"
     numbers = ", ".join(f"{metric} {metrics[metric]:.4f}" for metric in (*METRICS, "obstacle_iou"))
     return f"""# {NAMES[model["name"]]} ({model["encoder_name"]}), experiment {config["experiment"]}
 
 ```python
 import segmentation_models_pytorch as smp
+import torch
 
-model = smp.from_pretrained("{name}").float().eval()
+from repro.grid import Grid
+from repro.projection import project
+
+model = smp.from_pretrained("reproduce/results/{where}").float().eval()
+with torch.inference_mode():
+    image = project(ranges, angles, poses, Grid({data["size_px"]}), {law})  # uint8, (B, H, W)
+    free = model(image[:, None] / 255).sigmoid()  # probability of free at the last step, (B, 1, H, W)
 ```
 
-**Input**: the cumulative dynamic sensor projection (`repro.projection.project`) as {shape} in [0, 1]:
-white background, newest hit 0, oldest hit {oldest}.
-**Output**: logits of *free* at the last step, {shape}.
+**Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
+in a map of 50 x 50 m, as float32 tensors. The image holds them all: the cumulative dynamic sensor projection.
+**Output**: the map at the last step, row 0 at the top; below 0.5 is an obstacle.
 
 **Data**: {origin["train_pairs"]} simulated pairs ({SETUPS[config["experiment"]]}),
 recordings {origin["recordings"][:12]}, seed {config["seed"]}, {origin["epochs"]} epochs, commit {origin["commit"]}.
