@@ -60,6 +60,17 @@ def test_readme_tables_are_those_of_the_report(tmp_path):
     assert readme_with_results(made, tmp_path / "results") == made
 
 
+def test_readme_can_show_the_rows_of_one_model(tmp_path):
+    outputs = tmp_path / "laptop"
+    fake_study(outputs)
+    fake_run(outputs, "3", "unet", False, 0, 0.4)
+    publish(outputs, tmp_path / "results")
+    made = readme_with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
+    assert made[1].startswith("**Scale laptop: 32 x 32 px")
+    assert [line.split("(")[0] for line in made[5:7]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
+    assert made[7] == "<!-- end -->"
+
+
 def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
     run, target = tmp_path / "run", tmp_path / "weights"
     prepare_run(run, run_config(max_epochs=1))

@@ -11,8 +11,8 @@ def test_three_forms_of_both_tables(tmp_path):
     files = {path.name for path in (tmp_path / "tables").iterdir()}
     assert files == {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "md", "tex")}
     assert len(pd.read_csv(tmp_path / "tables" / "main.csv")) == 6
-    assert "| 3 | U-Net | 0.5000 (0.663) |" in pages["main"]
-    assert "| 3 | All free | 0.9000 |" in pages["main"]
+    assert "| 3 | U-Net | 0.500 (0.663) |" in pages["main"]
+    assert "| 3 | All free | 0.900 |" in pages["main"]
     assert f"Scale {tmp_path.name}" in pages["ablation"]
 
 

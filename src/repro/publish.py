@@ -142,13 +142,30 @@ float16 weights. It has seen nothing but simulation.
 def readme_with_results(text: str, results: Path) -> str:
     """The README with the tables between its marks made anew from the published results.
 
-    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`; for `main`, `ablation` or `costs`.
+    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. In place of `main` it may name another table
+    (`ablation`, `costs`), or one network or `average` for its rows of both tables.
     """
 
     def table(match: re.Match[str]) -> str:
         directory, name = results / match[2], match[3]
-        rows = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
-        page = costs_to_markdown if name == "costs" else to_markdown
-        return match[1] + page(rows, (directory / f"{name}.txt").read_text().strip()) + match[4]
+        if name in NAMES:
+            page = to_markdown(*_rows_of_model(directory, name))
+        else:
+            page = (costs_to_markdown if name == "costs" else to_markdown)(*_published(directory, name))
+        return match[1] + page + match[4]
 
     return MARKS.sub(table, text)
+
+
+def _published(directory: Path, name: str) -> tuple[pd.DataFrame, str]:
+    """A published table and its caption."""
+    rows = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
+    return rows, (directory / f"{name}.txt").read_text().strip()
+
+
+def _rows_of_model(directory: Path, model: str) -> tuple[pd.DataFrame, str]:
+    """The rows of one model, or of the average, in the main table and the ablation, with a caption."""
+    (main, note), (ablation, _) = (_published(directory, name) for name in ("main", "ablation"))
+    ablation["experiment"] += ", no decay"
+    rows = pd.concat([main, ablation]).query("model == @model")
+    return rows, note[note.index("Scale ") :]

@@ -68,7 +68,7 @@ def to_markdown(table: pd.DataFrame, note: str) -> str:
     head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
     lines = [f"**{note}** Ours (paper).", "", head, "|---|---|" + "---|" * len(METRICS)]
     for _, row in table.iterrows():
-        cells = [_ours(row, metric) + _paper(row, metric, " ({:.3f})") for metric in METRICS]
+        cells = [_ours(row, metric, 3) + _paper(row, metric, " ({:.3f})") for metric in METRICS]
         lines.append(f"| {row['experiment']} | {NAMES[row['model']]} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -99,7 +99,7 @@ def to_latex(table: pd.DataFrame, note: str) -> str:
         lines = [rf" & {heads} \\", " & ".join(["Model", *HEADS.values(), *HEADS.values()]) + r" \\ \midrule"]
         for model in table["model"].unique():
             rows = [half.loc[model] if model in half.index else None for half in halves]
-            ours = [_ours(row, metric) if row is not None else "" for row in rows for metric in METRICS]
+            ours = [_ours(row, metric, 4) if row is not None else "" for row in rows for metric in METRICS]
             lines.append(" & ".join([NAMES[model], *ours]) + r" \\")
             paper = [_paper(row, metric, "{:.4f}") if row is not None else "" for row in rows for metric in METRICS]
             if any(paper):
@@ -116,9 +116,9 @@ def to_latex(table: pd.DataFrame, note: str) -> str:
     )
 
 
-def _ours(row: pd.Series, metric: str) -> str:
+def _ours(row: pd.Series, metric: str, digits: int) -> str:
     spread = row.get(f"std_{metric}")
-    return f"{row[metric]:.4f}" + (f" ± {spread:.4f}" if spread is not None and pd.notna(spread) else "")
+    return f"{row[metric]:.{digits}f}" + (f" ± {spread:.{digits}f}" if spread is not None and pd.notna(spread) else "")
 
 
 def _paper(row: pd.Series, metric: str, form: str) -> str:
