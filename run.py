@@ -16,7 +16,7 @@ from hydra.core.config_store import ConfigStore
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
-from repro.config import Config, Task, known_experiment, place
+from repro.config import Config, Task, known_experiment, place, plain, world_spec
 
 ROOT = Path(__file__).parent
 
@@ -48,25 +48,9 @@ def print_tables(outputs: Path) -> None:
     print(f"Tables: {outputs / 'tables'}")
 
 
-def plain(config: DictConfig) -> dict[str, Any]:
-    """Plain values of a part of the configuration, the only form in which `repro` takes them."""
-    return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
-
-
 def with_values(config: DictConfig, **values: Any) -> DictConfig:
     """The configuration with other values of some keys."""
     return OmegaConf.merge(config, values)  # type: ignore[return-value]
-
-
-def world_spec(config: DictConfig) -> dict[str, Any]:
-    """What decides the worlds of an experiment, as plain values."""
-    world = plain(config.world)
-    return {
-        "experiment": config.exp,
-        "world": world["world"],
-        "robot": world["robot"],
-        **world["experiments"][config.exp],
-    }
 
 
 def run_config(config: DictConfig, model: dict[str, Any]) -> dict[str, Any]:
@@ -82,7 +66,7 @@ def run_config(config: DictConfig, model: dict[str, Any]) -> dict[str, Any]:
             "size_px": config.scale.size_px,
             "lightest": config.lightest,
             "pairs": plain(config.scale.pairs),
-            "worlds": spec_fingerprint(world_spec(config)),
+            "worlds": spec_fingerprint(world_spec(config.world, config.exp)),
         },
         "train": plain(config.train),
     }
@@ -103,7 +87,7 @@ def record(config: DictConfig) -> None:
 
     directory, pairs = recordings(config), plain(config.scale.pairs)
     is_new = not (directory / "manifest.json").is_file()
-    record_experiment(directory, world_spec(config), pairs, workers=config.runtime.workers)
+    record_experiment(directory, world_spec(config.world, config.exp), pairs, workers=config.runtime.workers)
     for name in BASELINES:
         run = run_directory(Path(config.outputs), config.exp, name, True, 0)
         untrained = run_config(with_values(config, seed=0, decay=True), {"name": name})
@@ -170,7 +154,7 @@ def report(config: DictConfig) -> None:
 
     outputs = Path(config.outputs)
     print_tables(outputs)
-    specs = {exp: world_spec(with_values(config, exp=exp)) for exp in config.world.experiments}
+    specs = {exp: world_spec(config.world, exp) for exp in config.world.experiments}
     for path in write_figures(outputs, specs):
         print(f"Figure: {path}")
 
@@ -204,7 +188,7 @@ def world(config: DictConfig) -> None:
     """Writes the world of one seed and its twin as plain IR-SIM YAML."""
     from repro.worlds import sample_world, turn_around, write_world
 
-    sampled = sample_world(world_spec(config), config.seed)
+    sampled = sample_world(world_spec(config.world, config.exp), config.seed)
     for name, item in (("ccw", sampled), ("cw", turn_around(sampled))):
         path = Path(config.outputs) / "worlds" / f"exp{config.exp}-seed{config.seed}-{name}.yaml"
         write_world(item, path)

@@ -5,7 +5,6 @@ make bench        or        python reproduce/bench.py [recording projection trai
 
 import argparse
 import resource
-import sys
 import tempfile
 import time
 import warnings
@@ -16,21 +15,19 @@ from typing import Any
 import numpy as np
 import torch
 from bench_training import TRAINING_COLUMNS, device_name, training_rows
-from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from repro.behaviors import Drift  # noqa: F401  registers the behaviours
+from repro.config import world_spec
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
-
-import run as entry  # noqa: E402
-
-from repro.behaviors import Drift  # noqa: E402, F401  registers the behaviours
 
 PAPER_RUNS = 4 * (10_000 + 128 + 500)
 
 
 def spec(experiment: str) -> dict[str, Any]:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return entry.world_spec(compose("config", overrides=[f"exp={experiment}"]))
+    config = OmegaConf.create({"world": OmegaConf.load(ROOT / "conf" / "world" / "paper.yaml")})
+    return world_spec(config.world, experiment)
 
 
 def clock(work: Callable[[], Any], repeat: int = 3) -> float:

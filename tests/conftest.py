@@ -7,6 +7,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "2")
 import pytest
 from omegaconf import OmegaConf
 
+import repro.config
 from repro.store import record_experiment
 
 ROOT = Path(__file__).parents[1]
@@ -15,13 +16,7 @@ ROOT = Path(__file__).parents[1]
 def world_spec(experiment: str) -> dict[str, Any]:
     """What the configuration makes of an experiment, as plain values."""
     config = OmegaConf.create({"world": OmegaConf.load(ROOT / "conf" / "world" / "paper.yaml")})
-    world = OmegaConf.to_container(config, resolve=True)["world"]
-    return {
-        "experiment": experiment,
-        "world": world["world"],
-        "robot": world["robot"],
-        **world["experiments"][experiment],
-    }
+    return repro.config.world_spec(config.world, experiment)
 
 
 @pytest.fixture(params=["1", "2", "3", "4"])

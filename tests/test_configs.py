@@ -7,6 +7,8 @@ import run as entry  # registers schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
+from repro.config import world_spec
+
 
 def composed(*overrides):
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
@@ -34,7 +36,7 @@ def test_defaults_are_the_papers():
 
 @pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
 def test_every_experiment_takes_100_steps_and_is_what_the_paper_says(experiment):
-    spec = entry.world_spec(composed(f"exp={experiment}"))
+    spec = world_spec(composed(f"exp={experiment}").world, experiment)
     motion = spec["motion"]
     moving = "behavior" in spec["obstacles"]
     assert motion["name"] == ("rotate" if experiment in "13" else "square")

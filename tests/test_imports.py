@@ -5,7 +5,7 @@ from conftest import ROOT
 
 ORDER = [
     *("config", "runs", "grid", "behaviors", "worlds", "recording", "store", "projection", "datasets"),
-    *("models", "losses", "metrics", "planning", "training", "evaluation"),
+    *("models", "losses", "metrics", "planning", "callbacks", "training", "evaluation"),
     *("paper", "results", "report", "figures", "publish"),
 ]
 STANDALONE = ("models", "losses", "metrics")

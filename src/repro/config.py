@@ -1,11 +1,11 @@
-"""Schema of the configuration: names, types, what is mandatory, and its resolvers. The values are in conf/."""
+"""Schema of the configuration, its resolvers, and its parts as plain values. The values are in conf/."""
 
 import enum
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
-from omegaconf import MISSING
+from omegaconf import MISSING, DictConfig, OmegaConf
 
 
 class Task(enum.Enum):
@@ -96,3 +96,19 @@ def place(task: Task, exp: str, run: str) -> str:
     if task in (Task.all, Task.train, Task.evaluate):
         return run
     return f"recordings/exp{exp}" if task is Task.record else "hydra"
+
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """A part of the configuration as plain values, the only form in which the other modules take it."""
+    return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
+
+
+def world_spec(world: DictConfig, experiment: str) -> dict[str, Any]:
+    """What decides the worlds of an experiment, as `worlds.sample_world` takes it."""
+    values = plain(world)
+    return {
+        "experiment": experiment,
+        "world": values["world"],
+        "robot": values["robot"],
+        **values["experiments"][experiment],
+    }

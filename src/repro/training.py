@@ -9,25 +9,23 @@ Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and 
 """
 
 import logging
-import math
 import shutil
-import time
 import warnings
 from pathlib import Path
 from typing import Any
 
 import lightning as L
-import pandas as pd
 import torch
-from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint
+from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.loggers import TensorBoardLogger
 from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
 
+from repro.callbacks import Budget, History, Stop
 from repro.datasets import Batches, Pairs, load_pairs_of_run
 from repro.losses import MapLoss
 from repro.models import compiles, create_model, resolve_device, resolve_precision
-from repro.runs import lock, read_config, read_status, replace_file, write_provenance
+from repro.runs import lock, read_config, read_status, write_provenance
 from repro.store import check_recordings
 
 
@@ -79,66 +77,6 @@ class Predictor(L.LightningModule):
 
     def _epoch_seed(self) -> int:
         return self.config["seed"] * 1_000_003 + self.current_epoch
-
-
-class History(Callback):
-    """One row an epoch in history.csv, kept in the checkpoint so that a resumed run has them all."""
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.since = path, time.monotonic()
-        self.rows: list[dict[str, float]] = []
-
-    def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        self.since = time.monotonic()
-
-    def on_train_epoch_end(self, trainer: L.Trainer, module: Predictor) -> None:  # type: ignore[override]
-        module.log("train_loss", module.train_loss())
-        values = {name: trainer.callback_metrics[name].item() for name in ("train_loss", "val_loss")}
-        if not math.isfinite(values["val_loss"]):
-            raise FloatingPointError(f"the validation loss is {values['val_loss']} at epoch {trainer.current_epoch}")
-        seconds = round(time.monotonic() - self.since, 2)
-        self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
-        replace_file(self.path, pd.DataFrame(self.rows).to_csv(index=False))
-        print(
-            f"epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
-            f"val {values['val_loss']:.4f}  {seconds:.1f} s",
-            flush=True,
-        )
-
-    def state_dict(self) -> dict[str, Any]:
-        return {"rows": self.rows}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        self.rows = state["rows"]
-
-
-class Stop(EarlyStopping):
-    """Early stopping that remembers, after a resume, that it had already stopped; and the time budget."""
-
-    def __init__(self, minutes: float | None, **options: Any) -> None:
-        super().__init__("val_loss", check_on_train_epoch_end=True, **options)
-        self.minutes, self.paused = minutes, False
-
-    def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        trainer.should_stop = self.wait_count >= self.patience
-
-    def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        super().on_train_epoch_end(trainer, module)
-        last = trainer.current_epoch + 1 == trainer.max_epochs
-        Budget.epochs += 1
-        if Budget.is_spent(self.minutes) and not trainer.should_stop and not last:
-            self.paused = trainer.should_stop = True
-
-
-class Budget:
-    """How long this process has been at work. It always trains one epoch, so that every call gets further."""
-
-    started, epochs = time.monotonic(), 0
-
-    @classmethod
-    def is_spent(cls, minutes: float | None) -> bool:
-        """Whether so many minutes are over; None is no limit."""
-        return minutes is not None and cls.epochs > 0 and time.monotonic() - cls.started > 60 * minutes
 
 
 def train(
