@@ -163,7 +163,7 @@ def publish(config: DictConfig) -> None:
     """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
     from repro import publish
 
-    print(publish.publish(Path(config.outputs), ROOT / "reproduce" / "results"))
+    print(publish.publish(Path(config.outputs), ROOT / "reproduce" / "results", config.scale.name))
     readme(config)
 
 

@@ -11,7 +11,7 @@ from repro.evaluation import evaluate
 from repro.publish import export_weights, publish, readme_with_results
 from repro.report import write_tables
 from repro.results import read_results
-from repro.runs import prepare_run
+from repro.runs import prepare_run, run_directory, write_provenance
 from repro.training import train
 
 RESULTS = ROOT / "reproduce" / "results"
@@ -40,7 +40,7 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     outputs, results = tmp_path / "laptop", tmp_path / "results"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", False, 0, 0.4)
-    target = publish(outputs, results)
+    target = publish(outputs, results, "laptop")
     assert target == results / "laptop"
     tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
     assert {path.name for path in target.iterdir()} == tables | {"runs.csv", "provenance.json", "README.md"}
@@ -50,10 +50,18 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
 
+def test_a_variant_is_trained_again_with_its_own_words(tmp_path):
+    outputs = tmp_path / "laptop-fp32"
+    fake_run(outputs, "3", "unet", True, 0, 0.4)
+    write_provenance(run_directory(outputs, "3", "unet", True, 0), status="evaluated", precision="32-true")
+    page = (publish(outputs, tmp_path / "results", "laptop") / "README.md").read_text()
+    assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
+
+
 def test_readme_tables_are_those_of_the_report(tmp_path):
     outputs = tmp_path / "laptop"
     fake_study(outputs)
-    publish(outputs, tmp_path / "results")
+    publish(outputs, tmp_path / "results", "laptop")
     text = "before\n<!-- results: laptop main -->\nold\n<!-- end -->\nafter\n"
     made = readme_with_results(text, tmp_path / "results")
     assert made == f"before\n<!-- results: laptop main -->\n{write_tables(outputs)['main']}<!-- end -->\nafter\n"
@@ -64,7 +72,7 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
     outputs = tmp_path / "laptop"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", False, 0, 0.4)
-    publish(outputs, tmp_path / "results")
+    publish(outputs, tmp_path / "results", "laptop")
     made = readme_with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
     assert made[1].startswith("**Scale laptop: 32 x 32 px")
     assert [line.split("(")[0] for line in made[5:7]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
@@ -101,4 +109,4 @@ def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
     with pytest.raises(ValueError, match="no network has been evaluated"):
-        publish(tmp_path / "laptop", tmp_path / "results")
+        publish(tmp_path / "laptop", tmp_path / "results", "laptop")

@@ -23,12 +23,13 @@ from repro.runs import read_config, read_provenance, read_status, run_directory
 MARKS = re.compile(r"(<!-- results: (\w+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def publish(outputs: Path, results: Path) -> Path:
-    """Copies what an outputs directory has measured to results/<scale>.
+def publish(outputs: Path, results: Path, scale: str) -> Path:
+    """Copies what an outputs directory has measured to the directory of the same name in results.
 
     Args:
-        outputs: the outputs directory of one scale, named after it.
+        outputs: the outputs directory of one scale, named after it or after what is special about its runs.
         results: reproduce/results.
+        scale: the scale.
 
     Returns:
         the published directory.
@@ -55,36 +56,40 @@ def publish(outputs: Path, results: Path) -> Path:
     (target / "provenance.json").write_text(json.dumps(origins, indent=1) + "\n")
     for figure in sorted((outputs / "figures").glob("*.png")):
         shutil.copyfile(figure, target / figure.name)
-    (target / "README.md").write_text(page_of_runs(outputs.name, runs, list(origins.values())))
+    words = f"scale={scale}" + ("" if outputs.name == scale else f" outputs=outputs/{outputs.name}")
+    (target / "README.md").write_text(page_of_runs(outputs.name, words, runs, list(origins.values())))
     return target
 
 
-def page_of_runs(scale: str, runs: pd.DataFrame, origins: list[dict[str, Any]]) -> str:
-    """What was run at a scale, on what, for how long, and the command that trains each network again."""
+def page_of_runs(name: str, words: str, runs: pd.DataFrame, origins: list[dict[str, Any]]) -> str:
+    """What was run, on what, for how long, and the command (with `words`) that trains each network again."""
     networks = runs[runs["model"].isin(TRAINED)]
     seeds, experiments = (",".join(map(str, sorted(networks[key].unique()))) for key in ("seed", "experiment"))
     machines = sorted({json.dumps(origin["hardware"], sort_keys=True) for origin in origins})
     versions = {name: origins[-1]["versions"][name] for name in ("torch", "segmentation-models-pytorch", "ir-sim")}
+    precisions = sorted({origin["precision"] for origin in origins if "precision" in origin})
+    words += f" runtime.precision={precisions[0]}" if len(precisions) == 1 else ""
     commits = sorted({str(origin["commit"]) for origin in origins})
     lines = [
-        f"# Published results, scale {scale}\n",
-        caption(runs, scale) + "\n",
+        f"# Published results, {name}\n",
+        caption(runs, name) + "\n",
         "`main.csv` and `ablation.csv` are the tables, `runs.csv` has every run with its seed, all metrics and times,",
         "`provenance.json` where every run came from.\n",
         f"- machine: {'; '.join(machines)}",
         f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
         f"- commit: {', '.join(commits)}",
-        f"- precision: {', '.join(sorted({o['precision'] for o in origins if 'precision' in o}))}\n",
+        f"- precision: {', '.join(precisions)}\n",
         "| network | trainings | minutes each | train it again |",
         "|---|---|---|---|",
     ]
     for model in TRAINED:
         mine = networks[networks["model"] == model]
         if len(mine):
-            command = f"python run.py -m model={model} exp={experiments} seed={seeds} scale={scale}"
+            command = f"python run.py -m model={model} exp={experiments} seed={seeds} {words}"
             minutes = mine["training_seconds"].mean() / 60
             lines.append(f"| {NAMES[model]} | {len(mine)} | {minutes:.1f} | `{command}` |")
-    lines.append("\nThe ablation adds `exp=3,4 decay=false` in place of `exp=...`.")
+    if not runs["decay"].all():
+        lines.append("\nThe ablation: `exp=3,4 decay=false` in place of `exp=...`.")
     return "\n".join(lines) + "\n"
 
 
