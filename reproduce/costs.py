@@ -28,6 +28,7 @@ from repro.report import costs_to_markdown
 from repro.training import Predictor
 
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
+LATENCIES = ("cpu_eager_ms", "cpu_compiled_ms", "cpu_onnx_ms", "cuda_eager_ms", "cuda_compiled_ms")
 
 
 def scans(device: str) -> tuple[Tensor, Tensor, Tensor]:
@@ -54,6 +55,7 @@ def latency_ms(predict: Callable[[Tensor], object], grid: Grid, device: str, rep
 
 def compiled(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
     """The compiled network, or None where torch.compile fails."""
+    torch.compiler.reset()  # else the networks before count towards its limit of recompilations
     try:
         network = torch.compile(model)
         network(image)
@@ -113,15 +115,16 @@ def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, objec
         "training_min": None,
         "training_gpu_gb": peak_training_gb(architecture, size_px, batch_size),
     }
+    row |= dict.fromkeys(LATENCIES)
     with torch.inference_mode():
-        for device in ("cpu", "cuda"):
-            usable = device == "cpu" or torch.cuda.is_available()
-            network, sample = (model.to(device), image.to(device)) if usable else (None, image)
-            row[f"{device}_eager_ms"] = latency_ms(network, grid, device) if network else None
-            fast = compiled(network, sample) if network else None
-            row[f"{device}_compiled_ms"] = latency_ms(fast, grid, device) if fast else None
+        for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
+            row[f"{device}_eager_ms"] = latency_ms(model.to(device), grid, device)
+            fast = compiled(model, image.to(device))
+            if fast is not None:
+                row[f"{device}_compiled_ms"] = latency_ms(fast, grid, device)
     session = onnx(model.cpu(), image)
-    row["cpu_onnx_ms"] = latency_ms(session, grid, "cpu") if session else None
+    if session is not None:
+        row["cpu_onnx_ms"] = latency_ms(session, grid, "cpu")
     return row
 
 
@@ -130,7 +133,8 @@ def note(runs: pd.DataFrame) -> str:
     gpu = f", GPU: {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ""
     return (
         f"Costs of the networks. Training: minutes of a run at {runs['size_px'].iloc[0]:.0f} px, "
-        f"{runs['train_pairs'].max():.0f} pairs, mean of all. Latency: one run, from its scans to the predicted map. "
+        f"{runs['train_pairs'].max():.0f} pairs, mean of all, beside whatever else the machine did. "
+        "Latency: one run, from its scans to the predicted map. "
         f"CPU: {torch.get_num_threads()} threads{gpu}, torch {torch.__version__}."
     )
 
