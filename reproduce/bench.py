@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 import torch
 from bench_training import TRAINING_COLUMNS, device_name, training_rows
-from omegaconf import OmegaConf
 
 from repro.behaviors import Drift  # noqa: F401  registers the behaviours
-from repro.config import world_spec
+from repro.config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
 
@@ -26,8 +25,7 @@ PAPER_RUNS = 4 * (10_000 + 128 + 500)
 
 
 def spec(experiment: str) -> dict[str, Any]:
-    config = OmegaConf.create({"world": OmegaConf.load(ROOT / "conf" / "world" / "paper.yaml")})
-    return world_spec(config.world, experiment)
+    return world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
 
 
 def clock(work: Callable[[], Any], repeat: int = 3) -> float:

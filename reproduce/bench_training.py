@@ -12,7 +12,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from repro.datasets import Pairs
 from repro.losses import MapLoss
-from repro.models import ARCHITECTURES, compiles, create_model, resolve_device, resolve_precision
+from repro.models import ARCHITECTURES, clock, compiles, create_model, resolve_device, resolve_precision
 from repro.training import Predictor, quiet
 
 TRAINING_COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
@@ -65,10 +65,9 @@ def matrix_rate(device: str, dtype: torch.dtype) -> float:
     a, b = (torch.randn(size, size, device=device, dtype=dtype) for _ in range(2))
     times = []
     for _ in range(6):
-        began = time.perf_counter()
+        began = clock(device)
         a @ b
-        _wait(device)
-        times.append(time.perf_counter() - began)
+        times.append(clock(device) - began)
     return 2 * size**3 / float(np.median(times[1:]))
 
 
@@ -80,13 +79,12 @@ def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: st
     loader = DataLoader(TensorDataset(images, maps), batch_size, shuffle=True, drop_last=True)
 
     def epoch() -> tuple[float, float]:
-        began = time.perf_counter()
+        began = clock(device)
         for image, target in loader:
             optimizer.zero_grad()
             loss(model(image.to(device)), target.to(device)).backward()
             optimizer.step()
-        _wait(device)
-        return time.perf_counter() - began, 0.0
+        return clock(device) - began, 0.0
 
     return epoch
 
@@ -103,19 +101,19 @@ def our_epoch(
         predictor.model.compile()
 
     def epoch() -> tuple[float, float]:
-        clock = Clock()
+        watch = EpochClock()
         trainer = L.Trainer(
             max_epochs=1, accelerator="gpu" if device == "cuda" else "cpu", devices=1, precision=precision,
-            callbacks=[clock], logger=False, enable_checkpointing=False, limit_val_batches=0,
+            callbacks=[watch], logger=False, enable_checkpointing=False, limit_val_batches=0,
             enable_progress_bar=False, enable_model_summary=False,
         )  # fmt: skip
         trainer.fit(predictor)
-        return clock.epoch_s, 1 - clock.batches_s / clock.epoch_s
+        return watch.epoch_s, 1 - watch.batches_s / watch.epoch_s
 
     return epoch
 
 
-class Clock(L.Callback):
+class EpochClock(L.Callback):
     """Seconds of an epoch, and of its batches' forward, backward and step."""
 
     def __init__(self) -> None:
@@ -133,8 +131,3 @@ class Clock(L.Callback):
     def on_train_epoch_end(self, trainer: L.Trainer, module: Predictor) -> None:  # type: ignore[override]
         module.train_loss().item()  # waits for the GPU
         self.epoch_s += time.perf_counter()
-
-
-def _wait(device: str) -> None:
-    if device == "cuda":
-        torch.cuda.synchronize()

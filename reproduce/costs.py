@@ -10,7 +10,6 @@ installed (`pip install -e ".[costs]"`), compilation where torch.compile works; 
 import argparse
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from repro.datasets import Pairs
 from repro.grid import Grid
-from repro.models import ARCHITECTURES, create_model
+from repro.models import ARCHITECTURES, clock, create_model
 from repro.projection import project
 from repro.report import costs_to_markdown
 from repro.training import Predictor
@@ -45,11 +44,9 @@ def latency_ms(predict: Callable[[Tensor], object], grid: Grid, device: str, rep
     """Median time from the scans of one run to its predicted map [ms]."""
     inputs, times = scans(device), []
     for _ in range(repeat + 3):
-        began = time.perf_counter()
+        began = clock(device)
         predict(project(*inputs, grid)[:, None].float() / 255)
-        if device == "cuda":
-            torch.cuda.synchronize()
-        times.append(time.perf_counter() - began)
+        times.append(clock(device) - began)
     return 1000 * float(np.median(times[3:]))
 
 

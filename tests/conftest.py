@@ -5,7 +5,6 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 
 import pytest
-from omegaconf import OmegaConf
 
 import repro.config
 from repro.store import record_experiment
@@ -15,8 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 def world_spec(experiment: str) -> dict[str, Any]:
     """What the configuration makes of an experiment, as plain values."""
-    config = OmegaConf.create({"world": OmegaConf.load(ROOT / "conf" / "world" / "paper.yaml")})
-    return repro.config.world_spec(config.world, experiment)
+    return repro.config.world_spec(repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
 
 
 @pytest.fixture(params=["1", "2", "3", "4"])

@@ -148,7 +148,7 @@ class RotateBehavior(_CommandBehavior):
 
 @register_behavior_class("diff", "square")
 class SquareBehavior(_CommandBehavior):
-    """One square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 10, direction: 1}`."""
+    """One square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 5, direction: 1}`."""
 
 
 @register_behavior_class("omni", "drift")

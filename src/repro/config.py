@@ -3,6 +3,7 @@
 import enum
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from omegaconf import MISSING, DictConfig, OmegaConf
@@ -101,6 +102,11 @@ def place(task: Task, exp: str, run: str) -> str:
 def plain(config: DictConfig) -> dict[str, Any]:
     """A part of the configuration as plain values, the only form in which the other modules take it."""
     return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
+
+
+def read_world(path: Path) -> DictConfig:
+    """A file of conf/world by itself, its references meaning what they mean in the whole configuration."""
+    return OmegaConf.create({"world": OmegaConf.load(path)}).world
 
 
 def world_spec(world: DictConfig, experiment: str) -> dict[str, Any]:

@@ -4,22 +4,19 @@ Run directory in, run directory out: predictions, the pooled metrics and one row
 wanted later is computed from the predictions kept there.
 """
 
-import contextlib
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import segmentation_models_pytorch as smp
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
 from repro.datasets import Pairs, load_pairs_of_run
 from repro.metrics import confusion, scores, ssim
-from repro.models import resolve_device
-from repro.runs import lock, read_config, read_status, write_provenance
+from repro.models import load_model, resolve_device
+from repro.runs import lock, read_config, read_status, replace_file, write_provenance
 from repro.store import check_recordings
 
 BASELINES = ("all_free", "last_seen")
@@ -128,9 +125,7 @@ def _predict_split(split: str, run: Path, recordings: Path, accelerator: str) ->
     check_recordings(run, recordings)
     device = resolve_device(accelerator)
     pairs = load_pairs_of_run(recordings, split, read_config(run), device)
-    with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints where the weights come from
-        model = smp.from_pretrained(run / "model").to(device)
-    return pairs, predict(model, pairs)
+    return pairs, predict(load_model(run / "model").to(device), pairs)
 
 
 def _measure(probability: Tensor, pairs: Pairs) -> tuple[pd.Series, pd.DataFrame]:
@@ -146,7 +141,7 @@ def _measure(probability: Tensor, pairs: Pairs) -> tuple[pd.Series, pd.DataFrame
 
 
 def _write_row(row: pd.Series, path: Path) -> None:
-    row.to_frame().T.to_csv(path, index=False, float_format="%.6f")
+    replace_file(path, row.to_frame().T.to_csv(index=False, float_format="%.6f"))
 
 
 def _write(run: Path, probability: Tensor, test: Pairs, **facts: Any) -> pd.Series:

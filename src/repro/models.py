@@ -1,5 +1,10 @@
 """The four image-to-image networks of the paper, from segmentation-models-pytorch."""
 
+import contextlib
+import io
+import time
+from pathlib import Path
+
 import segmentation_models_pytorch as smp
 import torch
 from segmentation_models_pytorch.base import SegmentationModel
@@ -37,9 +42,22 @@ def create_model(
         ) from error
 
 
+def load_model(directory: Path) -> SegmentationModel:
+    """Loads a network from the weights that `save_pretrained` wrote."""
+    with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints where the weights come from
+        return smp.from_pretrained(directory)
+
+
 def resolve_device(accelerator: str = "auto") -> str:
     """The device an accelerator (auto, cpu, gpu) means here: cuda where there is one and it is not ruled out."""
     return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+
+
+def clock(device: str) -> float:
+    """Seconds on a clock, read once the device has done all it was given."""
+    if device == "cuda":
+        torch.cuda.synchronize()
+    return time.perf_counter()
 
 
 def resolve_precision(precision: str, device: str) -> str:

@@ -1,12 +1,11 @@
 """What a study costs on this machine, measured before it starts."""
 
-import time
 from typing import Any
 
 import torch
 
 from repro.losses import MapLoss
-from repro.models import ARCHITECTURES, create_model, resolve_device, resolve_precision
+from repro.models import ARCHITECTURES, clock, create_model, resolve_device, resolve_precision
 
 TRAININGS = 6  # of each network: four experiments, and two without decay
 USUAL_EPOCHS = 20  # at which early stopping has usually ended a training
@@ -21,13 +20,13 @@ def seconds_per_image(architecture: str, size_px: int, batch_size: int, precisio
     image = torch.rand(batch_size, 1, size_px, size_px, device=device)
     for step in range(steps + 1):
         if step == 1:  # the one before was warm-up
-            began = _clock(device)
+            began = clock(device)
         with torch.autocast(device, torch.bfloat16, enabled=precision.startswith("bf16")):
             logits = model(image)
         optimizer.zero_grad()
         loss(logits, image).backward()
         optimizer.step()
-    return (_clock(device) - began) / steps / batch_size
+    return (clock(device) - began) / steps / batch_size
 
 
 def plan_study(scale: dict[str, Any], precision: str) -> str:
@@ -75,9 +74,3 @@ def _readable(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.0f} h"
-
-
-def _clock(device: str) -> float:
-    if device == "cuda":
-        torch.cuda.synchronize()
-    return time.perf_counter()

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import segmentation_models_pytorch as smp
 
 from repro.metrics import METRICS
+from repro.models import load_model
 from repro.paper import KEYS
 from repro.report import NAMES, SETUPS, costs_to_markdown, to_markdown, write_tables
 from repro.results import TRAINED, caption, read_results
@@ -105,7 +105,7 @@ def export_weights(run: Path, target: Path) -> None:
     """
     if read_status(run) != "evaluated":
         raise ValueError(f"{run} is not evaluated, so there is nothing to say of its weights")
-    smp.from_pretrained(run / "model").half().save_pretrained(target)
+    load_model(run / "model").half().save_pretrained(target)
     where = "/".join(target.parts[-2:])
     (target / "README.md").write_text(_card(run, where, read_config(run), read_provenance(run)))
 
