@@ -41,7 +41,7 @@ class TablesAtTheEnd(Callback):
 
 def print_tables(outputs: Path) -> None:
     """Writes the tables of whatever runs there are and prints them."""
-    from repro.report import write_tables
+    from repro.reporting.tables import write_tables
 
     for page in write_tables(outputs).values():
         print("\n" + page)
@@ -55,7 +55,7 @@ def with_values(config: DictConfig, **values: Any) -> DictConfig:
 
 def run_config(config: DictConfig, model: dict[str, Any]) -> dict[str, Any]:
     """What decides the result of a run, as plain values; it becomes the run's config.yaml."""
-    from repro.store import spec_fingerprint
+    from repro.simulation.store import spec_fingerprint
 
     return {
         "experiment": config.exp,
@@ -78,12 +78,12 @@ def recordings(config: DictConfig) -> Path:
 
 def record(config: DictConfig) -> None:
     """Records an experiment, says how it compares with the paper, and evaluates the simple predictors on it."""
-    from repro.datasets import describe
-    from repro.evaluation import BASELINES, evaluate_baseline
-    from repro.grid import Grid
-    from repro.paper import targets
+    from repro.evaluation.predictions import BASELINES, evaluate_baseline
+    from repro.maps.datasets import describe
+    from repro.maps.grid import Grid
+    from repro.reporting.paper import targets
     from repro.runs import prepare_run, run_directory
-    from repro.store import record_experiment
+    from repro.simulation.store import record_experiment
 
     directory, pairs = recordings(config), plain(config.scale.pairs)
     is_new = not (directory / "manifest.json").is_file()
@@ -105,8 +105,9 @@ def record(config: DictConfig) -> None:
 
 def train(config: DictConfig) -> str:
     """Trains one network, unless that is done; returns `finished` or `paused`."""
-    from repro import evaluation, training
-    from repro.metrics import one_line
+    from repro.evaluation import predictions
+    from repro.evaluation.metrics import one_line
+    from repro.learning import training
     from repro.runs import prepare_run, read_status
 
     run = Path(config.outputs) / config.run
@@ -119,22 +120,22 @@ def train(config: DictConfig) -> str:
     if status == "paused":
         print(f"paused {run}: the budget is spent, the same command goes on from here")
     elif not (run / "validation.csv").is_file():
-        row = evaluation.validate(run, recordings(config), accelerator=config.runtime.accelerator)
+        row = predictions.validate(run, recordings(config), accelerator=config.runtime.accelerator)
         print(f"{run}, validation: {one_line(row)}")
     return status
 
 
 def evaluate(config: DictConfig) -> None:
     """Evaluates one trained network, unless that is done."""
-    from repro import evaluation
-    from repro.metrics import one_line
+    from repro.evaluation import predictions
+    from repro.evaluation.metrics import one_line
     from repro.runs import read_status
 
     run = Path(config.outputs) / config.run
     if read_status(run) == "evaluated":
         print(f"done already: {run}")
         return
-    row = evaluation.evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
+    row = predictions.evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
     print(f"{run}, test: {one_line(row)}")
 
 
@@ -150,7 +151,7 @@ def all_steps(config: DictConfig) -> None:
 
 def report(config: DictConfig) -> None:
     """Rebuilds tables and figures from whatever run directories exist."""
-    from repro.figures import write_figures
+    from repro.reporting.figures import write_figures
 
     outputs = Path(config.outputs)
     print_tables(outputs)
@@ -161,7 +162,7 @@ def report(config: DictConfig) -> None:
 
 def publish(config: DictConfig) -> None:
     """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
-    from repro import publish
+    from repro.reporting import publish
 
     print(publish.publish(Path(config.outputs), ROOT / "reproduce" / "results", config.scale.name))
     readme(config)
@@ -169,7 +170,7 @@ def publish(config: DictConfig) -> None:
 
 def export(config: DictConfig) -> None:
     """Writes the weights of one run as float16 with a model card into reproduce/results."""
-    from repro.publish import export_weights
+    from repro.reporting.publish import export_weights
 
     target = ROOT / "reproduce" / "results" / config.scale.name / f"exp{config.exp}-{config.model.name}"
     export_weights(Path(config.outputs) / config.run, target)
@@ -178,7 +179,7 @@ def export(config: DictConfig) -> None:
 
 def readme(config: DictConfig) -> None:
     """Makes the tables of README.md anew from reproduce/results."""
-    from repro.publish import readme_with_results
+    from repro.reporting.publish import readme_with_results
 
     path = ROOT / "README.md"
     path.write_text(readme_with_results(path.read_text(), ROOT / "reproduce" / "results"))
@@ -186,7 +187,7 @@ def readme(config: DictConfig) -> None:
 
 def world(config: DictConfig) -> None:
     """Writes the world of one seed and its twin as plain IR-SIM YAML."""
-    from repro.worlds import sample_world, turn_around, write_world
+    from repro.simulation.worlds import sample_world, turn_around, write_world
 
     sampled = sample_world(world_spec(config.world, config.exp), config.seed)
     for name, item in (("ccw", sampled), ("cw", turn_around(sampled))):
@@ -197,14 +198,14 @@ def world(config: DictConfig) -> None:
 
 def plan(config: DictConfig) -> None:
     """Says what the whole study costs at this scale on this machine."""
-    from repro.planning import plan_study
+    from repro.learning.planning import plan_study
 
     print(plan_study(plain(config.scale), config.runtime.precision))
 
 
 def warn_of_cost(config: DictConfig) -> None:
     """Says what one training at paper scale costs on a machine without a GPU, and how to ask for less."""
-    from repro.planning import cost_warning
+    from repro.learning.planning import cost_warning
 
     if config.scale.name == "paper":
         text = cost_warning(config.model.name, plain(config.scale), config.runtime.precision)

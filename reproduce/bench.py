@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from bench_training import TRAINING_COLUMNS, device_name, training_rows
 
-from repro.behaviors import Drift  # noqa: F401  registers the behaviours
 from repro.config import read_world, world_spec
+from repro.simulation.behaviors import Drift  # noqa: F401  registers the behaviours
 
 ROOT = Path(__file__).parents[1]
 
@@ -62,9 +62,9 @@ def plain_loop(path: Path) -> np.ndarray:
 
 def bench_recording(worlds: int = 12) -> None:
     """One core against the plain loop, two workers against one, and what paper scale costs."""
-    from repro.recording import record
-    from repro.store import record_experiment
-    from repro.worlds import sample_world, turn_around, write_world
+    from repro.simulation.recording import record
+    from repro.simulation.store import record_experiment
+    from repro.simulation.worlds import sample_world, turn_around, write_world
 
     heads("Recording, one core", "experiment", "plain [ms/run]", "ours [ms/run]", "ratio", "largest difference [m]")
     with tempfile.TemporaryDirectory() as folder:
@@ -106,10 +106,10 @@ def bench_recording(worlds: int = 12) -> None:
 
 def bench_projection(runs: int = 10_000) -> None:
     """10,000 runs to 256 px, against one point at a time."""
-    from repro.grid import Grid
-    from repro.projection import project
-    from repro.recording import record
-    from repro.worlds import sample_world
+    from repro.maps.grid import Grid
+    from repro.maps.projection import project
+    from repro.simulation.recording import record
+    from repro.simulation.worlds import sample_world
 
     recorded = [record(sample_world(spec("4"), seed)) for seed in range(100)]
     ranges = torch.tensor(np.stack([r.ranges for r in recorded]), dtype=torch.float32)

@@ -10,10 +10,10 @@ import torch
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.datasets import Pairs
-from repro.losses import MapLoss
-from repro.models import ARCHITECTURES, clock, compiles, create_model, resolve_device, resolve_precision
-from repro.training import Predictor, quiet
+from repro.learning.losses import MapLoss
+from repro.learning.models import ARCHITECTURES, clock, compiles, create_model, resolve_device, resolve_precision
+from repro.learning.training import Predictor, quiet
+from repro.maps.datasets import Pairs
 
 TRAINING_COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 ROUNDS = 3  # the ways take turns, so that a noisy machine is noisy for all of them

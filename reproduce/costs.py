@@ -19,12 +19,12 @@ import torch
 from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.datasets import Pairs
-from repro.grid import Grid
-from repro.models import ARCHITECTURES, clock, create_model
-from repro.projection import project
-from repro.report import costs_to_markdown
-from repro.training import Predictor
+from repro.learning.models import ARCHITECTURES, clock, create_model
+from repro.learning.training import Predictor
+from repro.maps.datasets import Pairs
+from repro.maps.grid import Grid
+from repro.maps.projection import project
+from repro.reporting.tables import costs_to_markdown
 
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
 LATENCIES = ("cpu_eager_ms", "cpu_compiled_ms", "cpu_onnx_ms", "cuda_eager_ms", "cuda_compiled_ms")

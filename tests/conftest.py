@@ -7,7 +7,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "2")
 import pytest
 
 import repro.config
-from repro.store import record_experiment
+from repro.simulation.store import record_experiment
 
 ROOT = Path(__file__).parents[1]
 

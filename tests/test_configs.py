@@ -106,7 +106,7 @@ def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
     status, text, _ = call("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
     assert status == 0, text
     code = (
-        "import sys, irsim, repro.behaviors\n"
+        "import sys, irsim, repro.simulation.behaviors\n"
         "env = irsim.make(sys.argv[1], headless=True)\n"
         "for _ in range(100): env.step()\n"
         "print('hits', int(env.robot.lidar.valid.sum()), 'at', env.robot.state[:2, 0].round(3).tolist())\n"

@@ -1,0 +1,42 @@
+"""The published tables, and what they give away about the test maps."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from repro.evaluation.metrics import METRICS
+
+TABLES = Path(__file__).parents[3] / "reproduce" / "paper"
+KEYS = ["experiment", "model", "decay"]
+
+
+def read_paper() -> pd.DataFrame:
+    """The paper's Tables I and II with their averages: experiment, model, decay and the six metrics."""
+    results = pd.read_csv(TABLES / "results.csv")
+    averages = pd.read_csv(TABLES / "averages.csv").assign(model="average")
+    table = pd.concat([results, averages], ignore_index=True)[[*KEYS, *METRICS]]
+    return table.assign(experiment=table["experiment"].astype(str))
+
+
+def implied_coverage(table: pd.DataFrame) -> pd.Series:
+    """Obstacle share of the test maps that each row implies.
+
+    With FREE as the positive class, accuracy = f * recall + (1 - f) * specificity for a free share f.
+    """
+    free = (table["accuracy"] - table["specificity"]) / (table["recall"] - table["specificity"])
+    return 1 - free
+
+
+def targets(experiment: str) -> dict[str, float]:
+    """What the recordings of an experiment should come near.
+
+    Returns:
+        `coverage`, the obstacle share that the paper's average row implies, and `specificity`, which the
+        visibility of the worlds must exceed: nobody predicts obstacles never hit. Empty for an experiment
+        that the paper does not have.
+    """
+    rows = read_paper().query("model == 'average' and decay and experiment == @experiment")
+    if rows.empty:
+        return {}
+    coverage, specificity = implied_coverage(rows).item(), rows["specificity"].item()
+    return {"coverage": coverage, "specificity": specificity}

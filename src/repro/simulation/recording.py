@@ -1,0 +1,242 @@
+"""One simulated run: ranges, angles, poses, obstacle outlines and states.
+
+IR-SIM defines what a run is (`replay`). `record` computes the same run from the same world, behaviours,
+kinematics, outlines and ray-segment equations without IR-SIM's bookkeeping (collision, goal and status
+checks, geometry trees, YAML): all 100 scans of a run at once. The two agree to 1e-9 m; `store` replays a
+sample of every recorded experiment to prove it, and the tests and the bench do too.
+"""
+
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from repro.simulation.behaviors import Drift, robot_commands  # before IR-SIM: it keeps the import quiet
+from repro.simulation.worlds import World, write_world
+
+# isort: split
+import irsim
+from irsim.lib.algorithm.kinematics import differential_kinematics
+from irsim.lib.handler.geometry_handler import GeometryFactory
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One run of T steps with N beams among O obstacles of at most V vertices.
+
+    Args:
+        ranges: lidar ranges after each step [m], (T, N); a miss is inf.
+        angles: beam angles in the robot's frame [rad], (N,).
+        poses: robot pose after each step: x, y [m], heading [rad], (T, 3).
+        outlines: convex obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex.
+        states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
+        seen: whether any beam hit the obstacle, (O,).
+    """
+
+    ranges: np.ndarray
+    angles: np.ndarray
+    poses: np.ndarray
+    outlines: np.ndarray
+    states: np.ndarray
+    seen: np.ndarray
+
+
+def record(world: World) -> Recording:
+    """Simulates one world.
+
+    Raises:
+        ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
+            obstacle reaches the robot.
+    """
+    poses, states = drive(world), drift(world)
+    outlines, lidar = _outlines(world), world["robot"]["sensors"][0]
+    angles = beam_angles(lidar)
+    ranges, seen = scan(poses, angles, outlines, states, lidar["range_max"])
+    return Recording(ranges, angles, poses, outlines, states, seen)
+
+
+def replay(path: Path, *, env: Any = None) -> Recording:
+    """Simulates one world YAML with plain IR-SIM: make, 100 times step, copy the scan.
+
+    Args:
+        path: a world written by `worlds.write_world`.
+        env: an IR-SIM environment already made from `path`, to be stepped to its end.
+
+    Raises:
+        ValueError: IR-SIM did not load the file, or a behaviour is not active.
+    """
+    env = env or make(path)
+    robot, obstacles, lidar = env.robot, env.obstacle_list, env.robot.lidar
+    commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
+    ranges, poses, states = [], [], []
+    for _ in range(len(commands)):
+        env.step()
+        ranges.append(np.where(lidar.valid, lidar.range_data, np.inf))
+        poses.append(robot.state[:3, 0].copy())
+        states.append([obstacle.state[:3, 0].copy() for obstacle in obstacles])
+    outlines = _pad([obstacle.original_vertices.T for obstacle in obstacles])
+    seen = np.zeros(len(obstacles), dtype=bool)  # IR-SIM does not tell which obstacle a beam hit
+    return Recording(
+        np.array(ranges), lidar.angle_list, np.array(poses), outlines, np.array(states).swapaxes(0, 1), seen
+    )
+
+
+def check_replay(world: World, run: Recording) -> float:
+    """Replays a world by plain IR-SIM and compares; returns the largest difference of a range [m].
+
+    Raises:
+        ValueError: the two differ by more than a micrometre.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "world.yaml"
+        write_world(world, path)
+        truth = replay(path)
+    hit = np.isfinite(truth.ranges)
+    if not np.array_equal(hit, np.isfinite(run.ranges)):
+        raise ValueError(f"plain IR-SIM hits and misses elsewhere in the world {world}")
+    worst = float(np.abs(truth.ranges[hit] - run.ranges[hit]).max(initial=0))
+    drift = float(np.abs(truth.states - run.states).max())
+    if max(worst, drift) > 1e-6:
+        raise ValueError(
+            f"plain IR-SIM differs by {worst} m in ranges, {drift} in obstacle states, in the world {world}"
+        )
+    return worst
+
+
+def make(path: Path, **options: Any) -> Any:
+    """Makes an IR-SIM environment and checks that it is the one the file describes.
+
+    Raises:
+        ValueError: the file is missing (IR-SIM would give an empty world), or a behaviour is not active.
+    """
+    if not Path(path).is_file():
+        raise ValueError(f"no world YAML at {path}")
+    env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", **options})
+    for item in env.objects:
+        if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:
+            raise ValueError(f"behaviour {item.obj_behavior.behavior_dict} is not active in {path}")
+    return env
+
+
+def beam_angles(lidar: dict[str, Any]) -> np.ndarray:
+    """Beam angles in the robot's frame [rad], (N,), as IR-SIM spreads them."""
+    return np.linspace(-lidar["angle_range"] / 2, lidar["angle_range"] / 2, lidar["number"])
+
+
+def drive(world: World) -> np.ndarray:
+    """Poses of the robot after each step by IR-SIM's differential kinematics, (T, 3)."""
+    robot = world["robot"]
+    behavior = tuple(sorted(robot["behavior"].items()))
+    return _drive(behavior, tuple(robot["state"]), tuple(robot["vel_max"]), world["world"]["step_time"])
+
+
+@lru_cache(maxsize=16)
+def _drive(behavior: tuple, start: tuple, vel_max: tuple, step_time: float) -> np.ndarray:
+    commands = robot_commands(dict(behavior), step_time)
+    if (np.abs(commands).max(axis=0) > vel_max).any():
+        raise ValueError(
+            f"the robot needs up to {np.abs(commands).max(axis=0)} m/s, rad/s but vel_max is {list(vel_max)}"
+        )
+    state, poses = np.array(start, dtype=float)[:, None], []
+    for command in commands:
+        state = differential_kinematics(state, command[:, None], step_time)
+        poses.append(state[:, 0])
+    return np.array(poses)
+
+
+def drift(world: World) -> np.ndarray:
+    """States of the obstacles after each step, (O, T, 3); the headings never change."""
+    step_time = world["world"]["step_time"]
+    steps = len(robot_commands(world["robot"]["behavior"], step_time))
+    states = np.empty((len(world["obstacle"]), steps, 3))
+    for state, obstacle in zip(states, world["obstacle"], strict=True):
+        state[:] = obstacle["state"]
+        if "behavior" not in obstacle:
+            continue
+        motion = Drift(**{key: value for key, value in obstacle["behavior"].items() if key != "name"})
+        x, y, _ = obstacle["state"]
+        for step in range(steps):
+            vx, vy = motion.velocity(x, y, step_time)
+            x, y = x + vx * step_time, y + vy * step_time
+            state[step, :2] = x, y
+    return states
+
+
+def scan(
+    poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray, range_max_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """All scans of a run: the nearest crossing of every beam with every outline.
+
+    A beam is tried against an outline only where it passes the circle around it. A crossing solves
+    origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
+
+    Args:
+        poses: robot poses, (T, 3).
+        angles: beam angles, (N,).
+        outlines: obstacle outlines, (O, V, 2).
+        states: obstacle states, (O, T, 3).
+        range_max_m: longest range [m].
+
+    Returns:
+        ranges [m], (T, N), inf for a miss; and which obstacles were hit, (O,).
+
+    Raises:
+        ValueError: an obstacle reaches the robot.
+    """
+    heading = poses[:, 2:] + angles  # (T, N)
+    directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    ranges = np.full(heading.shape, np.inf)
+    nearest = np.full(heading.shape, -1)
+    for index, (outline, state) in enumerate(zip(outlines, states, strict=True)):
+        radius = np.linalg.norm(outline, axis=-1).max()
+        offset = state[:, :2] - poses[:, :2]  # (T, 2)
+        distance = np.linalg.norm(offset, axis=-1)
+        if (distance <= radius).any():
+            raise ValueError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
+        along = np.einsum("td,tnd->tn", offset, directions)
+        near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0)
+        step, beam = np.nonzero(near)
+        corners = outline[: 1 + np.argmax((outline == outline[-1]).all(axis=-1))]  # without the padding
+        hit = _cross(poses[step, :2], directions[step, beam], _place(corners, state)[step])
+        hit[hit > range_max_m] = np.inf
+        closer = hit < ranges[step, beam]
+        ranges[step[closer], beam[closer]] = hit[closer]
+        nearest[step[closer], beam[closer]] = index
+    return ranges, np.isin(np.arange(len(outlines)), nearest)
+
+
+def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray) -> np.ndarray:
+    """Distance from each origin (K, 2) along its direction (K, 2) to its ring (K, V, 2) [m], (K,)."""
+    edges = np.roll(rings, -1, axis=1) - rings
+    to_origin = origins[:, None] - rings
+    dx, dy = directions[:, None, 0], directions[:, None, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        denominator = edges[..., 1] * dx - edges[..., 0] * dy
+        u = (to_origin[..., 1] * dx - to_origin[..., 0] * dy) / denominator
+        t = (edges[..., 0] * to_origin[..., 1] - edges[..., 1] * to_origin[..., 0]) / denominator
+    return np.where((u >= 0) & (u <= 1) & (t > 1e-9), t, np.inf).min(axis=1)
+
+
+def _place(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """An outline (V, 2) in the world frame at each state (T, 3): (T, V, 2)."""
+    x, y, heading = (states[:, i, None] for i in range(3))
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.stack(
+        [outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y],
+        axis=-1,
+    )
+
+
+def _outlines(world: World) -> np.ndarray:
+    """Outlines as IR-SIM builds them, (O, V, 2)."""
+    shapes = [obstacle["shape"] for obstacle in world["obstacle"]]
+    return _pad([GeometryFactory.create_geometry(**shape).original_vertices.T for shape in shapes])
+
+
+def _pad(outlines: list[np.ndarray]) -> np.ndarray:
+    """Stacks outlines; shorter ones repeat their last vertex, which adds edges of no length."""
+    longest = max(len(outline) for outline in outlines)
+    return np.stack([np.pad(o, ((0, longest - len(o)), (0, 0)), mode="edge") for o in outlines])

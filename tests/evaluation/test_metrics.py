@@ -1,0 +1,77 @@
+import pytest
+import torch
+from torchmetrics.functional import classification as tm
+from torchmetrics.functional.image import structural_similarity_index_measure
+
+from repro.evaluation.metrics import METRICS, confusion, scores, ssim
+
+
+@pytest.fixture
+def images():
+    generator = torch.Generator().manual_seed(0)
+    target = (torch.rand(6, 1, 40, 40, generator=generator) > 0.1).float()
+    noise = torch.rand(6, 1, 40, 40, generator=generator)
+    return (0.7 * target + 0.4 * noise).clamp(0, 1), target
+
+
+@pytest.mark.parametrize(("prefix", "flip"), [("", False), ("obstacle_", True)])
+def test_pooled_metrics_agree_with_torchmetrics(images, prefix, flip):
+    probability, target = images
+    found = scores(confusion(probability, target).sum(0))
+    predicted, truth = (probability > 0.5).int(), target.int()
+    if flip:
+        predicted, truth = 1 - predicted, 1 - truth
+    expected = {
+        "dice": tm.binary_f1_score(predicted, truth),
+        "precision": tm.binary_precision(predicted, truth),
+        "recall": tm.binary_recall(predicted, truth),
+        "specificity": tm.binary_specificity(predicted, truth),
+    }
+    for name, value in expected.items():
+        assert found[prefix + name].item() == pytest.approx(value.item(), abs=1e-6), name
+    assert found["accuracy"].item() == pytest.approx(tm.binary_accuracy(predicted, truth).item(), abs=1e-6)
+    if flip:
+        iou = tm.binary_jaccard_index(predicted, truth)
+        assert found["obstacle_iou"].item() == pytest.approx(iou.item(), abs=1e-6)
+
+
+def test_each_image_has_its_own_row(images):
+    probability, target = images
+    rows = scores(confusion(probability, target))
+    for k in range(6):
+        alone = scores(confusion(probability[k : k + 1], target[k : k + 1]).sum(0))
+        assert all(rows[name][k].item() == pytest.approx(value.item()) for name, value in alone.items())
+
+
+def test_free_is_the_positive_class():
+    target = torch.tensor([1.0, 1.0, 1.0, 0.0]).view(1, 1, 2, 2)
+    assert confusion(torch.ones(1, 1, 2, 2), target).tolist() == [[3, 1, 0, 0]]
+    all_free = scores(confusion(torch.ones(1, 1, 2, 2), target).sum(0))
+    assert all_free["recall"].item() == pytest.approx(1)
+    assert all_free["specificity"].item() == pytest.approx(0, abs=1e-4)
+    assert all_free["precision"].item() == pytest.approx(0.75, abs=1e-4)
+
+
+def test_eps_is_in_numerator_and_denominator():
+    no_obstacle = scores(torch.tensor([4, 0, 0, 0]))
+    assert no_obstacle["specificity"].item() == 1  # eps / eps, as Segmentation-Metrics-PyTorch has it
+
+
+def test_dice_is_the_harmonic_mean_of_precision_and_recall(images):
+    found = scores(confusion(*images).sum(0))
+    precision, recall = found["precision"], found["recall"]
+    assert found["dice"].item() == pytest.approx((2 * precision * recall / (precision + recall)).item(), abs=1e-6)
+
+
+def test_ssim_agrees_with_torchmetrics_and_is_one_for_the_truth(images):
+    probability, target = images
+    _, reference = structural_similarity_index_measure(
+        probability, target, data_range=1.0, reduction="none", return_full_image=True
+    )
+    inner = reference[..., 5:-5, 5:-5].flatten(1).mean(1)  # piqa has no padding
+    assert torch.allclose(ssim(probability, target, batch=4), inner, atol=1e-4)
+    assert torch.allclose(ssim(target, target), torch.ones(6))
+
+
+def test_metrics_are_the_papers_six():
+    assert METRICS == ("ssim", "accuracy", "dice", "precision", "recall", "specificity")

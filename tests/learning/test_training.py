@@ -1,0 +1,154 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+import segmentation_models_pytorch as smp
+import torch
+from conftest import ROOT, run_config
+
+from repro.learning import training
+from repro.learning.training import train
+from repro.runs import prepare_run, read_provenance, read_status, write_provenance
+
+
+def begin(run, recorded, **changes):
+    """Prepares and trains a small run to its end."""
+    prepare_run(run, run_config(**changes))
+    return train(run, recorded, accelerator="cpu")
+
+
+def same_weights(first, second):
+    one, two = (smp.from_pretrained(run / "model").state_dict() for run in (first, second))
+    return all(torch.equal(one[key], two[key]) for key in one)
+
+
+def losses(run):
+    return pd.read_csv(run / "history.csv")[["epoch", "train_loss", "val_loss"]]
+
+
+@pytest.fixture(scope="module")
+def finished(recorded, tmp_path_factory):
+    """A run of 6 epochs that was never interrupted."""
+    run = tmp_path_factory.mktemp("finished")
+    assert begin(run, recorded, max_epochs=6) == "finished"
+    return run
+
+
+def test_a_finished_run_has_all_that_the_next_step_needs(finished, recorded):
+    history, facts = losses(finished), read_provenance(finished)
+    assert history["epoch"].tolist() == list(range(6))
+    assert history["train_loss"].iloc[-1] < history["train_loss"].iloc[0]
+    assert (facts["status"], facts["epochs"], facts["train_pairs"]) == ("finished", 6, 24)
+    assert not (finished / "checkpoints").exists()
+    assert list((finished / "tensorboard").glob("events*"))
+
+
+def test_a_finished_run_is_not_trained_again(finished, recorded):
+    before = (finished / "history.csv").stat().st_mtime_ns
+    assert train(finished, recorded, accelerator="cpu") == "finished"
+    assert (finished / "history.csv").stat().st_mtime_ns == before
+
+
+def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp_path):
+    begin(tmp_path / "again", recorded, max_epochs=6)
+    begin(tmp_path / "other", recorded, max_epochs=6, seed=1)
+    assert same_weights(finished, tmp_path / "again")
+    assert losses(finished).equals(losses(tmp_path / "again"))
+    assert not same_weights(finished, tmp_path / "other")
+
+
+def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded, tmp_path):
+    run = tmp_path / "killed"
+    prepare_run(run, run_config(max_epochs=6))
+    code = (
+        "from pathlib import Path; from repro.learning.training import train\n"
+        f"train(Path({str(run)!r}), Path({str(recorded)!r}), accelerator='cpu')\n"
+    )
+    kills = 0
+    for epochs in (1, 3):
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+        deadline = time.monotonic() + 120
+        while time.monotonic() < deadline and process.poll() is None:
+            if (run / "history.csv").exists() and len(losses(run)) >= epochs:
+                break
+            time.sleep(0.01)
+        if process.poll() is None:
+            os.kill(process.pid, signal.SIGKILL)
+            kills += 1
+        process.wait()
+    assert kills >= 1
+    assert train(run, recorded, accelerator="cpu") == "finished"
+    assert same_weights(finished, run)
+    assert losses(finished).equals(losses(run))
+
+
+def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, recorded, tmp_path, monkeypatch):
+    run, calls = tmp_path / "paused", 0
+    prepare_run(run, run_config(max_epochs=6))
+    monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
+    assert train(run, recorded, accelerator="cpu", max_minutes=59) == "paused"
+    assert read_status(run) is None  # nothing was begun
+    while True:
+        calls += 1
+        monkeypatch.setattr(training.Budget, "epochs", 0)  # as in a new process
+        if train(run, recorded, accelerator="cpu", max_minutes=1) == "finished":
+            break
+        assert read_status(run) == "paused"
+        assert len(losses(run)) == calls
+    assert calls == 6
+    assert same_weights(finished, run)
+
+
+def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
+    begin(tmp_path, recorded, max_epochs=40, patience=2, min_delta=10.0)
+    assert losses(tmp_path)["epoch"].tolist() == [0, 1, 2]
+
+
+def test_best_weights_are_kept_not_the_last(recorded, tmp_path):
+    begin(tmp_path / "long", recorded, max_epochs=6, learning_rate=0.02)
+    best = int(losses(tmp_path / "long")["val_loss"].idxmin())
+    begin(tmp_path / "short", recorded, max_epochs=best + 1, learning_rate=0.02)
+    assert same_weights(tmp_path / "long", tmp_path / "short")
+
+
+def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
+    forward = training.MapLoss.forward
+
+    def poisoned(self, logits, target):
+        return forward(self, logits, target) * (float("nan") if self.training else 1.0)
+
+    monkeypatch.setattr(training.MapLoss, "forward", poisoned)
+    with pytest.raises(FloatingPointError, match="the loss is nan at epoch 0, batch 0"):
+        begin(tmp_path, recorded)
+    assert read_provenance(tmp_path)["status"] == "failed"
+    assert "epoch 0, batch 0" in read_provenance(tmp_path)["error"]
+    assert not (tmp_path / "model").exists()
+
+
+def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
+    forward = training.MapLoss.forward
+
+    def poisoned(self, logits, target):
+        return forward(self, logits, target) * (1.0 if self.training else float("nan"))
+
+    monkeypatch.setattr(training.MapLoss, "forward", poisoned)
+    with pytest.raises(FloatingPointError, match="the validation loss is nan at epoch 0"):
+        begin(tmp_path, recorded)
+    assert read_provenance(tmp_path)["status"] == "failed"
+
+
+def test_other_recordings_than_the_run_began_with_are_refused(recorded, tmp_path):
+    prepare_run(tmp_path, run_config())
+    write_provenance(tmp_path, status="paused", recordings="of another day")
+    with pytest.raises(ValueError, match="began with other recordings"):
+        train(tmp_path, recorded)
+
+
+def test_without_recordings_the_command_is_named(tmp_path):
+    prepare_run(tmp_path / "run", run_config())
+    with pytest.raises(ValueError, match="task=record scale=laptop exp=3"):
+        train(tmp_path / "run", tmp_path / "laptop" / "recordings" / "exp3")

@@ -1,0 +1,115 @@
+import json
+
+import pandas as pd
+import pytest
+import segmentation_models_pytorch as smp
+import torch
+from conftest import ROOT, run_config
+from test_results import fake_run, fake_study
+
+from repro.evaluation.predictions import evaluate
+from repro.learning.training import train
+from repro.reporting.publish import export_weights, publish, readme_with_results
+from repro.reporting.results import read_results
+from repro.reporting.tables import write_tables
+from repro.runs import prepare_run, run_directory, write_provenance
+
+RESULTS = ROOT / "reproduce" / "results"
+
+
+def test_readme_and_published_results_agree():
+    text = (ROOT / "README.md").read_text()
+    assert "<!-- results:" in text
+    assert readme_with_results(text, RESULTS) == text, "run `make readme`"
+
+
+@pytest.mark.parametrize("directory", sorted(p for p in RESULTS.glob("*") if p.is_dir()), ids=lambda p: p.name)
+def test_published_tables_follow_from_the_published_runs(directory):
+    runs = pd.read_csv(directory / "runs.csv")
+    origins = json.loads((directory / "provenance.json").read_text())
+    assert len(runs) == len(origins)
+    assert all(origin["status"] == "evaluated" and origin["recordings"] for origin in origins.values())
+    published = {name for name, decay in (("main", True), ("ablation", False)) if (runs["decay"] == decay).any()}
+    assert {path.stem for path in directory.glob("*.csv")} & {"main", "ablation"} == published
+    for name in published:
+        decay = name == "main"
+        table = pd.read_csv(directory / f"{name}.csv")
+        means = runs[runs["decay"] == decay].groupby(["experiment", "model"])["specificity"].mean()
+        for row in table[table["model"] != "average"].itertuples():
+            assert row.specificity == pytest.approx(means[row.experiment, row.model], abs=1e-4)
+
+
+def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
+    outputs, results = tmp_path / "laptop", tmp_path / "results"
+    fake_study(outputs)
+    fake_run(outputs, "3", "unet", False, 0, 0.4)
+    target = publish(outputs, results, "laptop")
+    assert target == results / "laptop"
+    tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
+    assert {path.name for path in target.iterdir()} == tables | {"runs.csv", "provenance.json", "README.md"}
+    page = (target / "README.md").read_text()
+    assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
+    assert len(pd.read_csv(target / "runs.csv")) == len(read_results(outputs)) == 6
+    assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
+
+
+def test_a_variant_is_trained_again_with_its_own_words(tmp_path):
+    outputs = tmp_path / "laptop-fp32"
+    fake_run(outputs, "3", "unet", True, 0, 0.4)
+    write_provenance(run_directory(outputs, "3", "unet", True, 0), status="evaluated", precision="32-true")
+    page = (publish(outputs, tmp_path / "results", "laptop") / "README.md").read_text()
+    assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
+
+
+def test_readme_tables_are_those_of_the_report(tmp_path):
+    outputs = tmp_path / "laptop"
+    fake_study(outputs)
+    publish(outputs, tmp_path / "results", "laptop")
+    text = "before\n<!-- results: laptop main -->\nold\n<!-- end -->\nafter\n"
+    made = readme_with_results(text, tmp_path / "results")
+    assert made == f"before\n<!-- results: laptop main -->\n{write_tables(outputs)['main']}<!-- end -->\nafter\n"
+    assert readme_with_results(made, tmp_path / "results") == made
+
+
+def test_readme_can_show_the_rows_of_one_model(tmp_path):
+    outputs = tmp_path / "laptop"
+    fake_study(outputs)
+    fake_run(outputs, "3", "unet", False, 0, 0.4)
+    publish(outputs, tmp_path / "results", "laptop")
+    made = readme_with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
+    assert made[1].startswith("**Scale laptop: 32 x 32 px")
+    assert [line.split("(")[0] for line in made[5:7]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
+    assert made[7] == "<!-- end -->"
+
+
+def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
+    run, target = tmp_path / "run", tmp_path / "weights"
+    prepare_run(run, run_config(max_epochs=1))
+    train(run, recorded, accelerator="cpu")
+    with pytest.raises(ValueError, match="not evaluated"):
+        export_weights(run, target)
+    evaluate(run, recorded, accelerator="cpu")
+    export_weights(run, target)
+    image = torch.rand(2, 1, 32, 32)
+    full, half = (smp.from_pretrained(path).float().eval() for path in (run / "model", target))
+    with torch.inference_mode():
+        assert (torch.sigmoid(full(image)) - torch.sigmoid(half(image))).abs().max() < 0.01
+    size = (target / "model.safetensors").stat().st_size
+    assert size < 0.55 * (run / "model" / "model.safetensors").stat().st_size
+    card = (target / "README.md").read_text()
+    assert "24 simulated pairs" in card
+    assert "obstacle_iou" in card
+
+    example = card.split("```python")[1].split("```")[0]
+    where = f"reproduce/results/{tmp_path.name}/weights"
+    assert where in example
+    scans = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
+    exec(example.replace(where, str(target)), scans)
+    assert scans["free"].shape == (2, 1, 32, 32)
+    assert scans["free"].min() >= 0
+    assert scans["free"].max() <= 1
+
+
+def test_nothing_evaluated_cannot_be_published(tmp_path):
+    with pytest.raises(ValueError, match="no network has been evaluated"):
+        publish(tmp_path / "laptop", tmp_path / "results", "laptop")

@@ -1,0 +1,52 @@
+import pandas as pd
+from test_results import fake_run, fake_study
+
+from repro.reporting.tables import costs_to_markdown, write_tables
+
+
+def test_three_forms_of_both_tables(tmp_path):
+    fake_study(tmp_path)
+    fake_run(tmp_path, "4", "unet", False, 0, 0.4)
+    pages = write_tables(tmp_path)
+    files = {path.name for path in (tmp_path / "tables").iterdir()}
+    assert files == {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "md", "tex")}
+    assert len(pd.read_csv(tmp_path / "tables" / "main.csv")) == 6
+    assert "| 3 | U-Net | 0.500 (0.663) |" in pages["main"]
+    assert "| 3 | All free | 0.900 |" in pages["main"]
+    assert f"Scale {tmp_path.name}" in pages["ablation"]
+
+
+def test_latex_has_thirteen_columns_in_every_row_and_the_paper_below_ours(tmp_path):
+    fake_study(tmp_path)
+    write_tables(tmp_path)
+    text = (tmp_path / "tables" / "main.tex").read_text()
+    rows = [line for line in text.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
+    assert rows
+    assert all(row.count("&") == 12 for row in rows)
+    ours = next(k for k, row in enumerate(rows) if row.startswith("U-Net"))
+    assert "0.5000" in rows[ours]
+    assert r"\emph{paper}" in rows[ours + 1]
+    assert "0.5950" in rows[ours + 1]
+    assert text.count("{") == text.count("}")
+
+
+def test_nothing_evaluated_yet_is_said(tmp_path):
+    pages = write_tables(tmp_path)
+    assert all("No run evaluated yet" in page for page in pages.values())
+    assert not (tmp_path / "tables" / "main.csv").exists()
+
+
+def test_costs_leave_out_what_was_measured_nowhere():
+    table = pd.DataFrame(
+        {
+            "model": ["unet", "fpn"],
+            "size_px": [64, 64],
+            "parameters_m": [5.5512, 5.07],
+            "training_gpu_gb": [None, None],
+            "cpu_compiled_ms": [12.34, None],
+        }
+    )
+    page = costs_to_markdown(table, "Costs of the networks.").splitlines()
+    assert page[0] == "**Costs of the networks.**"
+    assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, compiled [ms] |", "|---|---|---|---|"]
+    assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]

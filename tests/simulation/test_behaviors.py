@@ -1,0 +1,83 @@
+import math
+
+import numpy as np
+import pytest
+
+from repro.simulation.behaviors import Drift, robot_commands, rotate_commands, square_commands
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_rotation_is_one_full_turn_without_driving(direction):
+    commands = rotate_commands(steps=100, direction=direction, step_time=0.1)
+    assert commands.shape == (100, 2)
+    assert not commands[:, 0].any()
+    assert commands[:, 1].sum() * 0.1 == pytest.approx(direction * 2 * math.pi)
+
+
+def square(*, first_steps: int, direction: int = 1) -> np.ndarray:
+    return square_commands(
+        side_m=10, drive_steps=20, turn_steps=5, first_steps=first_steps, direction=direction, step_time=0.1
+    )
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_square_ends_where_it_began(direction):
+    commands = square(first_steps=7, direction=direction)
+    assert commands.shape == (100, 2)
+    heading, position, corners = 0.0, np.zeros(2), []
+    for speed, turn in commands:
+        position = position + speed * 0.1 * np.array([math.cos(heading), math.sin(heading)])
+        heading += turn * 0.1
+        corners.append(position)
+    assert np.allclose(position, 0, atol=1e-9)
+    assert heading == pytest.approx(direction * 2 * math.pi)
+    spread = np.ptp(corners, axis=0)
+    assert np.allclose(spread, 10)
+
+
+@pytest.mark.parametrize("first_steps", [0, 10, 20])
+def test_a_square_turns_after_its_first_steps(first_steps):
+    turning = square(first_steps=first_steps)[:, 0] == 0
+    assert np.flatnonzero(turning)[:6].tolist() == [*range(first_steps, first_steps + 5), first_steps + 25]
+    with pytest.raises(ValueError, match=r"between 0 and drive_steps=20, got 21"):
+        square(first_steps=21)
+
+
+def test_unknown_robot_behavior_lists_the_known_ones():
+    with pytest.raises(ValueError, match=r"rotate.*square.*got 'dash'"):
+        robot_commands({"name": "dash"}, 0.1)
+
+
+def path(drift: Drift, start: tuple[float, float], steps: int) -> np.ndarray:
+    points = [start]
+    for _ in range(steps):
+        vx, vy = drift.velocity(*points[-1], 0.1)
+        points.append((points[-1][0] + 0.1 * vx, points[-1][1] + 0.1 * vy))
+    return np.array(points)
+
+
+def drift(seed: int = 0, **changes) -> Drift:
+    options = {"speed_m_s": 2.0, "turn_steps": (20, 40), "centre_m": (25.0, 25.0), "keep_out_m": 6.0}
+    return Drift(seed=seed, **{**options, **changes})
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_drift_has_constant_speed_and_straight_stretches_of_the_given_length(seed):
+    steps = np.diff(path(drift(seed, keep_out_m=0.0), (5.0, 5.0), 400), axis=0)
+    assert np.allclose(np.linalg.norm(steps, axis=1), 0.2)
+    turns = np.flatnonzero(np.abs(np.diff(steps, axis=0)).max(axis=1) > 1e-9) + 1
+    stretches = np.diff([0, *turns])
+    assert stretches.min() >= 20
+    assert stretches.max() <= 40
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_drift_never_enters_the_zone(seed):
+    points = path(drift(seed, speed_m_s=8.0), (25.0, 33.0), 600)
+    assert np.linalg.norm(points - 25, axis=1).min() >= 6.0 - 1e-9
+
+
+def test_same_seed_same_path_other_seed_other_path():
+    first, again, other = (path(drift(seed), (5.0, 5.0), 50) for seed in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)

@@ -1,0 +1,79 @@
+import copy
+import math
+
+import numpy as np
+import pytest
+import yaml
+from conftest import world_spec
+
+from repro.simulation.recording import drive
+from repro.simulation.worlds import sample_world, shape_radius, turn_around, write_world
+
+
+def test_same_seed_same_world_other_seed_other_world(spec):
+    assert sample_world(spec, 5) == sample_world(spec, 5)
+    assert sample_world(spec, 5) != sample_world(spec, 6)
+
+
+def test_experiments_with_one_seed_differ():
+    assert sample_world(world_spec("1"), 5)["obstacle"] != sample_world(world_spec("2"), 5)["obstacle"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_obstacles_lie_apart_inside_the_map_and_clear_of_the_zone(spec, seed):
+    obstacles = sample_world(spec, seed)["obstacle"]
+    low, high = spec["obstacles"]["count"]
+    assert low <= len(obstacles) <= high
+    places = [(np.array(o["state"][:2]), shape_radius(o["shape"])) for o in obstacles]
+    for index, (place, radius) in enumerate(places):
+        assert (place >= radius).all()
+        assert (place <= 50 - radius).all()
+        assert math.hypot(*(place - 25)) >= spec["clear_radius_m"] + radius
+        assert all(math.hypot(*(place - other)) >= radius + r for other, r in places[:index])
+
+
+def test_twins_share_obstacles_and_differ_in_direction_only(spec):
+    world = sample_world(spec, 3)
+    twin = turn_around(world)
+    assert twin["obstacle"] == world["obstacle"]
+    assert twin["robot"]["behavior"] == {**world["robot"]["behavior"], "direction": -1}
+    assert turn_around(twin) == world
+
+
+def test_the_robot_comes_back_as_it_began(spec):
+    for world in (sample_world(spec, 0), turn_around(sample_world(spec, 0))):
+        x, y, heading = drive(world)[-1]
+        start_x, start_y, start_heading = world["robot"]["state"]
+        assert (x, y) == pytest.approx((start_x, start_y), abs=1e-9)
+        assert math.cos(heading - start_heading) == pytest.approx(1)
+
+
+def test_the_twin_takes_the_mirror_image_of_the_path(spec):
+    (there, back) = (drive(w)[:, :2] for w in (sample_world(spec, 0), turn_around(sample_world(spec, 0))))
+    assert np.allclose(there * [1, -1] + [0, 50], back, atol=1e-9)
+
+
+def test_rectangles_have_the_area_of_their_disc():
+    spec = world_spec("1")
+    spec["obstacles"] = {**spec["obstacles"], "radius_m": [2.0, 2.0], "disc_share": 0.0}
+    for obstacle in sample_world(spec, 0)["obstacle"]:
+        assert obstacle["shape"]["length"] * obstacle["shape"]["width"] == pytest.approx(4 * math.pi)
+
+
+def test_written_world_is_plain_yaml(spec, tmp_path):
+    world = sample_world(spec, 1)
+    write_world(world, tmp_path / "world.yaml")
+    assert yaml.safe_load((tmp_path / "world.yaml").read_text()) == world
+
+
+def test_sampling_leaves_the_spec_alone(spec):
+    before = copy.deepcopy(spec)
+    sample_world(spec, 0)
+    assert spec == before
+
+
+def test_too_many_obstacles_are_refused():
+    spec = world_spec("1")
+    spec["obstacles"] = {**spec["obstacles"], "count": [80, 80]}
+    with pytest.raises(ValueError, match=r"no room for \[80, 80\] obstacles"):
+        sample_world(spec, 0)
