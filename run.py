@@ -7,7 +7,9 @@ python run.py task=report                                              tables an
 python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
 """
 
+import dataclasses
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -16,14 +18,24 @@ from hydra.core.config_store import ConfigStore
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
-from repro.config import Config, Task, known_experiment, place, plain, world_spec
+from repro.config import Config, Encoding, Model, Task, known_experiment, schema, typed, variant, world_spec
+from repro.runs import Data, Outputs, Run, RunConfig, Status
 
 ROOT = Path(__file__).parent
+RESULTS = ROOT / "reproduce" / "results"
+
+
+def place(task: Task, exp: str, experiments: Collection[str], model: str, encoding: str, decay: bool, seed: int) -> str:
+    """Where a call's own files, and so Hydra's, lie below the outputs directory."""
+    experiment = known_experiment(exp, experiments)
+    outputs = Outputs(Path())
+    if task in (Task.all, Task.train, Task.evaluate):
+        return str(outputs.run(experiment, model, variant(encoding, decay), seed).path)
+    return str(outputs.recordings(experiment)) if task is Task.record else "hydra"
+
 
 OmegaConf.register_new_resolver("place", place, replace=True)
-OmegaConf.register_new_resolver("known", known_experiment, replace=True)
-OmegaConf.register_new_resolver("decay", lambda decay: "decay" if decay else "no-decay", replace=True)
-ConfigStore.instance().store(name="schema", node=Config)
+ConfigStore.instance().store(name="schema", node=schema())
 
 
 class TablesAtTheEnd(Callback):
@@ -32,183 +44,198 @@ class TablesAtTheEnd(Callback):
     Hydra skips `on_multirun_end` then, so the bottom of this file prints them.
     """
 
-    due: ClassVar[list[Path]] = []
+    due: ClassVar[list[Outputs]] = []
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         if config.task in (Task.all, Task.evaluate):
-            self.due.append(Path(config.outputs))
+            self.due.append(Outputs(Path(config.outputs)))
 
 
-def print_tables(outputs: Path) -> None:
+def print_tables(outputs: Outputs) -> None:
     """Writes the tables of whatever runs there are and prints them."""
     from repro.reporting.tables import write_tables
 
-    for page in write_tables(outputs).values():
-        print("\n" + page)
-    print(f"Tables: {outputs / 'tables'}")
+    for table in write_tables(outputs).values():
+        print("\n" + table.to_markdown())
+    print(f"Tables: {outputs.tables}")
 
 
-def with_values(config: DictConfig, **values: Any) -> DictConfig:
-    """The configuration with other values of some keys."""
-    return OmegaConf.merge(config, values)  # type: ignore[return-value]
+def outputs_of(config: Config) -> Outputs:
+    return Outputs(Path(config.outputs))
 
 
-def run_config(config: DictConfig, model: dict[str, Any]) -> dict[str, Any]:
-    """What decides the result of a run, as plain values; it becomes the run's config.yaml."""
-    from repro.simulation.store import spec_fingerprint
-
-    return {
-        "experiment": config.exp,
-        "decay": config.decay,
-        "seed": config.seed,
-        "model": model,
-        "data": {
-            "size_px": config.scale.size_px,
-            "lightest": config.lightest,
-            "pairs": plain(config.scale.pairs),
-            "worlds": spec_fingerprint(world_spec(config.world, config.exp)),
-        },
-        "train": plain(config.train),
-    }
+def recordings_of(config: Config) -> Path:
+    return outputs_of(config).recordings(config.exp)
 
 
-def recordings(config: DictConfig) -> Path:
-    return Path(config.outputs) / "recordings" / f"exp{config.exp}"
+def run_of(config: Config) -> Run:
+    return outputs_of(config).run(config.exp, config.model.name, config.encoding.variant, config.seed)
 
 
-def record(config: DictConfig) -> None:
-    """Records an experiment, says how it compares with the paper, and evaluates the simple predictors on it."""
-    from repro.evaluation.predictions import BASELINES, evaluate_baseline
-    from repro.maps.datasets import describe
-    from repro.maps.grid import Grid
-    from repro.reporting.paper import targets
-    from repro.runs import prepare_run, run_directory
+def run_config(config: Config) -> RunConfig:
+    """What decides the result of a run; it becomes the run's config.yaml."""
+    from repro.simulation.shards import spec_fingerprint
+
+    spec = world_spec(config.world, config.exp)
+    data = Data(config.scale.size_px, float(spec["world"]["width"]), config.scale.pairs, spec_fingerprint(spec))
+    return RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
+
+
+def record(config: Config) -> None:
+    """Records what is missing of an experiment."""
     from repro.simulation.store import record_experiment
 
-    directory, pairs = recordings(config), plain(config.scale.pairs)
-    is_new = not (directory / "manifest.json").is_file()
-    record_experiment(directory, world_spec(config.world, config.exp), pairs, workers=config.runtime.workers)
-    for name in BASELINES:
-        run = run_directory(Path(config.outputs), config.exp, name, True, 0)
-        untrained = run_config(with_values(config, seed=0, decay=True), {"name": name})
-        del untrained["train"]
-        prepare_run(run, untrained)
-        evaluate_baseline(run, directory)
-    if not is_new and config.task is not Task.record:
-        return
-    found, aim = describe(directory, Grid(config.scale.size_px)), targets(config.exp)
-    print(f"exp {config.exp}: {sum(pairs.values())} runs in {directory}; of the test maps:")
+    pairs = dataclasses.asdict(config.scale.pairs)
+    is_new = not (recordings_of(config) / "manifest.json").is_file()
+    record_experiment(
+        recordings_of(config), world_spec(config.world, config.exp), pairs, workers=config.runtime.workers
+    )
+    if is_new or config.task is Task.record:
+        describe_recordings(config)
+
+
+def describe_recordings(config: Config) -> None:
+    """Says how the recorded worlds compare with what the paper's tables imply."""
+    from repro.evaluation.visibility import describe
+    from repro.maps.grid import Grid
+    from repro.reporting.paper import targets
+
+    data = run_config(config).data
+    found, aim = describe(recordings_of(config), "test", Grid(data.size_px, data.size_m)), targets(config.exp)
+    count = sum(dataclasses.asdict(config.scale.pairs).values())
+    print(f"exp {config.exp}: {count} recordings in {recordings_of(config)}; of the test maps:")
     print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {aim['coverage']:.4f}" if aim else ""))
     above = f", to be above the paper's specificity {aim['specificity']:.4f}" if aim else ""
     print(f"  visibility {found['visibility']:.4f}{above}")
 
 
-def train(config: DictConfig) -> str:
-    """Trains one network, unless that is done; returns `finished` or `paused`."""
+def train(config: Config) -> Status:
+    """Trains one network, unless that is done, and measures it on the validation set."""
     from repro.evaluation import predictions
     from repro.evaluation.metrics import one_line
     from repro.learning import training
-    from repro.runs import prepare_run, read_status
 
-    run = Path(config.outputs) / config.run
-    prepare_run(run, run_config(config, plain(config.model)))
-    if read_status(run) not in ("finished", "evaluated"):
+    run, runtime = run_of(config), config.runtime
+    run.prepare(run_config(config))
+    if not run.is_trained:
         print(f"training {run}", flush=True)
         warn_of_cost(config)
-    options = {key: config.runtime[key] for key in ("accelerator", "precision", "compile", "max_minutes")}
-    status = training.train(run, recordings(config), **options)
-    if status == "paused":
+    status = training.train(
+        run,
+        recordings_of(config),
+        accelerator=runtime.accelerator,
+        precision=runtime.precision,
+        compile=runtime.compile,
+        max_minutes=runtime.max_minutes,
+    )
+    if status is Status.paused:
         print(f"paused {run}: the budget is spent, the same command goes on from here")
-    elif not (run / "validation.csv").is_file():
-        row = predictions.validate(run, recordings(config), accelerator=config.runtime.accelerator)
+    elif not (run.path / "validation.csv").is_file():
+        row = predictions.validate(run, recordings_of(config), accelerator=runtime.accelerator)
         print(f"{run}, validation: {one_line(row)}")
     return status
 
 
-def evaluate(config: DictConfig) -> None:
-    """Evaluates one trained network, unless that is done."""
+def evaluate(config: Config) -> None:
+    """Evaluates one trained network, unless that is done, and the rivals that learn nothing."""
     from repro.evaluation import predictions
     from repro.evaluation.metrics import one_line
-    from repro.runs import read_status
+    from repro.evaluation.rivals import RIVALS
 
-    run = Path(config.outputs) / config.run
-    if read_status(run) == "evaluated":
+    run = run_of(config)
+    if run.is_evaluated:
         print(f"done already: {run}")
-        return
-    row = predictions.evaluate(run, recordings(config), accelerator=config.runtime.accelerator)
-    print(f"{run}, test: {one_line(row)}")
+    else:
+        row = predictions.evaluate(run, recordings_of(config), accelerator=config.runtime.accelerator)
+        print(f"{run}, test: {one_line(row)}")
+    encoding = Encoding("projection", {"decay": True, "lightest": config.lightest})
+    for name in RIVALS:
+        rival = outputs_of(config).run(config.exp, name, encoding.variant, 0)
+        settings = dataclasses.replace(run_config(config), model=Model(name), encoding=encoding, seed=0, train=None)
+        rival.prepare(settings)
+        predictions.evaluate(rival, recordings_of(config))
 
 
-def all_steps(config: DictConfig) -> None:
+def all_steps(config: Config) -> None:
     """Records what is missing, trains, evaluates."""
-    from repro.runs import read_status
-
-    if read_status(Path(config.outputs) / config.run) != "evaluated":
+    if not run_of(config).is_evaluated:
         record(config)
-    if train(config) == "finished":
+    if train(config) is not Status.paused:
         evaluate(config)
 
 
-def report(config: DictConfig) -> None:
+def report(config: Config) -> None:
     """Rebuilds tables and figures from whatever run directories exist."""
+    from repro.evaluation.examples import load_example
     from repro.reporting.figures import write_figures
+    from repro.simulation.shards import SPLITS
+    from repro.simulation.store import read_manifest
+    from repro.simulation.worlds import sample_world
 
-    outputs = Path(config.outputs)
+    outputs = outputs_of(config)
     print_tables(outputs)
-    specs = {exp: world_spec(config.world, exp) for exp in config.world.experiments}
-    for path in write_figures(outputs, specs):
+    specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
+    worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
+    examples = [
+        load_example(outputs, experiment, decay=decay)
+        for decay in (True, False)
+        for experiment in specs
+        if outputs.run(experiment, "unet", variant("projection", decay), 0).is_evaluated
+    ]
+    for path in write_figures(outputs.figures, worlds, examples):
         print(f"Figure: {path}")
 
 
-def publish(config: DictConfig) -> None:
+def publish(config: Config) -> None:
     """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
     from repro.reporting import publish
 
-    print(publish.publish(Path(config.outputs), ROOT / "reproduce" / "results", config.scale.name))
+    print(publish.publish(outputs_of(config), RESULTS, config.scale.name))
     readme(config)
 
 
-def export(config: DictConfig) -> None:
+def export(config: Config) -> None:
     """Writes the weights of one run as float16 with a model card into reproduce/results."""
     from repro.reporting.publish import export_weights
 
-    target = ROOT / "reproduce" / "results" / config.scale.name / f"exp{config.exp}-{config.model.name}"
-    export_weights(Path(config.outputs) / config.run, target)
+    target = RESULTS / config.scale.name / f"exp{config.exp}-{config.model.name}"
+    export_weights(run_of(config), target)
     print(target)
 
 
-def readme(config: DictConfig) -> None:
+def readme(config: Config) -> None:
     """Makes the tables of README.md anew from reproduce/results."""
+    from repro.files import write_text
     from repro.reporting.publish import readme_with_results
 
     path = ROOT / "README.md"
-    path.write_text(readme_with_results(path.read_text(), ROOT / "reproduce" / "results"))
+    write_text(path, readme_with_results(path.read_text(), RESULTS))
 
 
-def world(config: DictConfig) -> None:
+def world(config: Config) -> None:
     """Writes the world of one seed and its twin as plain IR-SIM YAML."""
     from repro.simulation.worlds import sample_world, turn_around, write_world
 
     sampled = sample_world(world_spec(config.world, config.exp), config.seed)
     for name, item in (("ccw", sampled), ("cw", turn_around(sampled))):
-        path = Path(config.outputs) / "worlds" / f"exp{config.exp}-seed{config.seed}-{name}.yaml"
+        path = outputs_of(config).worlds / f"exp{config.exp}-seed{config.seed}-{name}.yaml"
         write_world(item, path)
         print(path)
 
 
-def plan(config: DictConfig) -> None:
+def plan(config: Config) -> None:
     """Says what the whole study costs at this scale on this machine."""
     from repro.learning.planning import plan_study
 
-    print(plan_study(plain(config.scale), config.runtime.precision))
+    print(plan_study(config.scale, config.runtime.precision))
 
 
-def warn_of_cost(config: DictConfig) -> None:
+def warn_of_cost(config: Config) -> None:
     """Says what one training at paper scale costs on a machine without a GPU, and how to ask for less."""
     from repro.learning.planning import cost_warning
 
     if config.scale.name == "paper":
-        text = cost_warning(config.model.name, plain(config.scale), config.runtime.precision)
+        text = cost_warning(config.model.name, config.scale, config.runtime.precision)
         if text:
             print(text, file=sys.stderr, flush=True)
 
@@ -229,7 +256,8 @@ TASKS = {
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def main(config: DictConfig) -> None:
-    TASKS[config.task](config)
+    call = typed(config)
+    TASKS[call.task](call)
 
 
 if __name__ == "__main__":

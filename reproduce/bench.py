@@ -8,7 +8,6 @@ import resource
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +25,6 @@ PAPER_RUNS = 4 * (10_000 + 128 + 500)
 
 def spec(experiment: str) -> dict[str, Any]:
     return world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
-
-
-def clock(work: Callable[[], Any], repeat: int = 3) -> float:
-    """Median time of some calls [s]."""
-    times = []
-    for _ in range(repeat):
-        began = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - began)
-    return float(np.median(times))
 
 
 def row(name: str, *cells: str) -> None:
@@ -62,7 +51,7 @@ def plain_loop(path: Path) -> np.ndarray:
 
 def bench_recording(worlds: int = 12) -> None:
     """One core against the plain loop, two workers against one, and what paper scale costs."""
-    from repro.simulation.recording import record
+    from repro.simulation.recording import simulate
     from repro.simulation.store import record_experiment
     from repro.simulation.worlds import sample_world, turn_around, write_world
 
@@ -74,12 +63,13 @@ def bench_recording(worlds: int = 12) -> None:
             paths = [Path(folder) / f"{k}.yaml" for k in range(len(items))]
             for item, path in zip(items, paths, strict=True):
                 write_world(item, path)
-            scans, truths, ours, plain = [], [], 0.0, 0.0
+            scans, truths = [], []
+            ours = plain = 0.0
             for item, path in zip(items, paths, strict=True):
                 began = time.perf_counter()
                 truths.append(plain_loop(path))
                 middle = time.perf_counter()
-                scans.append(record(item).ranges)
+                scans.append(simulate(item).scans.ranges)
                 ours, plain = ours + time.perf_counter() - middle, plain + middle - began
             apart = np.abs(np.minimum(scans, 30.0) - np.array(truths)).max()
             times = [f"{1000 * seconds / len(items):.1f}" for seconds in (plain, ours)]
@@ -106,23 +96,22 @@ def bench_recording(worlds: int = 12) -> None:
 
 def bench_projection(runs: int = 10_000) -> None:
     """10,000 runs to 256 px, against one point at a time."""
+    from repro.maps.encodings import Projection
     from repro.maps.grid import Grid
-    from repro.maps.projection import project
-    from repro.simulation.recording import record
+    from repro.scans import Scans
+    from repro.simulation.recording import simulate
     from repro.simulation.worlds import sample_world
 
-    recorded = [record(sample_world(spec("4"), seed)) for seed in range(100)]
-    ranges = torch.tensor(np.stack([r.ranges for r in recorded]), dtype=torch.float32)
-    poses = torch.tensor(np.stack([r.poses for r in recorded]), dtype=torch.float32)
-    angles, grid = torch.tensor(recorded[0].angles, dtype=torch.float32), Grid(256)
+    scans = Scans.stack([simulate(sample_world(spec("4"), seed)).scans for seed in range(100)])
+    windows, encoding, grid = scans.tensors(), Projection(), Grid(256, 50.0)
     began = time.perf_counter()
     for _ in range(runs // 100):
-        images = project(ranges, angles, poses, grid)
+        images = encoding.encode(windows, grid)
     ours = time.perf_counter() - began
     began = time.perf_counter()
-    slow = plain_projection(recorded[0].ranges, recorded[0].angles, recorded[0].poses, 256)
+    slow = plain_projection(scans.ranges[0], scans.angles, scans.poses[0], 256)
     plain = time.perf_counter() - began
-    differ = np.count_nonzero(np.abs(slow - images[0].numpy().astype(int)) > 1)
+    differ = np.count_nonzero(np.abs(slow - images[0, 0].numpy().astype(int)) > 1)
     heads("Projection to 256 x 256", "way", "10,000 runs", "ratio", "peak memory of this process")
     row("one point at a time", f"{plain * runs:.0f} s", "1 x", "")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

@@ -10,10 +10,13 @@ import torch
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
+from repro.config import NETWORKS, Training
+from repro.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
 from repro.learning.losses import MapLoss
-from repro.learning.models import ARCHITECTURES, clock, compiles, create_model, resolve_device, resolve_precision
-from repro.learning.training import Predictor, quiet
+from repro.learning.models import create_model
+from repro.learning.training import TrainingModule, quiet
 from repro.maps.datasets import Pairs
+from repro.maps.encodings import Projection
 
 TRAINING_COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 ROUNDS = 3  # the ways take turns, so that a noisy machine is noisy for all of them
@@ -30,18 +33,20 @@ def training_rows(size_px: int, batch_size: int, pairs: int, with_compile: bool)
     quiet()
     device = resolve_device()
     best = resolve_precision("auto", device)
-    peaks = {dtype: matrix_rate(device, dtype) for dtype in (torch.float32, torch.bfloat16)}
-    for name in ARCHITECTURES:
+    dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulated, it takes minutes
+    peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}
+    for name in NETWORKS:
         ways: dict[str, Epoch] = {"plain, 32-true": plain_epoch(name, size_px, batch_size, pairs, device)}
         for precision in sorted({"32-true", best}):
             ways[f"ours, {precision}"] = our_epoch(name, size_px, batch_size, pairs, device, precision)
-        if with_compile and compiles(name, "mit_b0", size_px, device):
+        if with_compile and compiles(create_model(name).to(device), torch.zeros(2, 1, size_px, size_px, device=device)):
             ways[f"ours, {best}, compiled"] = our_epoch(name, size_px, batch_size, pairs, device, best, True)
         for epoch in ways.values():
             epoch()
         rounds = [{way: epoch() for way, epoch in ways.items()} for _ in range(ROUNDS)]
         times = {way: np.median([results[way] for results in rounds], axis=0) for way in ways}
-        plain, operations = times["plain, 32-true"][0], training_operations(name, size_px) * pairs
+        plain = times["plain, 32-true"][0]
+        operations = training_operations(name, size_px) * pairs
         for way, (seconds, between) in times.items():
             rate = operations / seconds
             yield (
@@ -94,11 +99,11 @@ def our_epoch(
 ) -> Epoch:
     """An epoch of `training.train`'s own loop, validation left out."""
     images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
-    data = Pairs(images, images // 128)
-    config = {"learning_rate": 1e-4, "batch_size": batch_size, "dice_eps": 1e-6, "seed": 0}
-    predictor = Predictor(create_model(name).to(memory_format=torch.channels_last), data, data, config)
+    data = Pairs(images, images // 128, Projection())
+    network = create_model(name).to(memory_format=torch.channels_last)
+    module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
     if compiled:
-        predictor.model.compile()
+        network.compile()
 
     def epoch() -> tuple[float, float]:
         watch = EpochClock()
@@ -107,7 +112,7 @@ def our_epoch(
             callbacks=[watch], logger=False, enable_checkpointing=False, limit_val_batches=0,
             enable_progress_bar=False, enable_model_summary=False,
         )  # fmt: skip
-        trainer.fit(predictor)
+        trainer.fit(module)
         return watch.epoch_s, 1 - watch.batches_s / watch.epoch_s
 
     return epoch
@@ -128,6 +133,6 @@ class EpochClock(L.Callback):
     def on_train_batch_end(self, *_: Any) -> None:
         self.batches_s += time.perf_counter()
 
-    def on_train_epoch_end(self, trainer: L.Trainer, module: Predictor) -> None:  # type: ignore[override]
+    def on_train_epoch_end(self, trainer: L.Trainer, module: TrainingModule) -> None:  # type: ignore[override]
         module.train_loss().item()  # waits for the GPU
         self.epoch_s += time.perf_counter()

@@ -19,33 +19,36 @@ import torch
 from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.learning.models import ARCHITECTURES, clock, create_model
-from repro.learning.training import Predictor
+from repro.config import NETWORKS, Training
+from repro.devices import clock
+from repro.learning.models import create_model
+from repro.learning.training import TrainingModule
 from repro.maps.datasets import Pairs
+from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
-from repro.maps.projection import project
-from repro.reporting.tables import costs_to_markdown
+from repro.reporting.tables import Table, costs_to_markdown
+from repro.scans import Scans
 
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
 LATENCIES = ("cpu_eager_ms", "cpu_compiled_ms", "cpu_onnx_ms", "cuda_eager_ms", "cuda_compiled_ms")
 
 
-def scans(device: str) -> tuple[Tensor, Tensor, Tensor]:
-    """Random scans of one run: ranges (1, T, N), angles (N,), poses (1, T, 3)."""
+def random_scans(device: str) -> Scans:
+    """Random scans of one window."""
     generator = torch.Generator().manual_seed(0)
-    ranges = 30 * torch.rand(1, STEPS, BEAMS, generator=generator)
+    ranges = 30 * torch.rand(STEPS, BEAMS, generator=generator)
     angles = torch.linspace(-torch.pi / 4, torch.pi / 4, BEAMS)
-    poses = torch.tensor([25.0, 25.0, 0.0]).repeat(1, STEPS, 1)
+    poses = torch.tensor([25.0, 25.0, 0.0]).repeat(STEPS, 1)
     poses[..., 2] = torch.linspace(0, 2 * torch.pi, STEPS)
-    return ranges.to(device), angles.to(device), poses.to(device)
+    return Scans(ranges, angles, poses).tensors(device)
 
 
 def latency_ms(predict: Callable[[Tensor], object], grid: Grid, device: str, repeat: int = 20) -> float:
-    """Median time from the scans of one run to its predicted map [ms]."""
-    inputs, times = scans(device), []
+    """Median time from one window of scans to its predicted map [ms]."""
+    scans, encoding, times = random_scans(device), Projection(), []
     for _ in range(repeat + 3):
         began = clock(device)
-        predict(project(*inputs, grid)[:, None].float() / 255)
+        predict(encoding.to_input(encoding.encode(scans, grid)))
         times.append(clock(device) - began)
     return 1000 * float(np.median(times[3:]))
 
@@ -85,12 +88,12 @@ def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float 
         return None
     torch.cuda.reset_peak_memory_stats()
     image = torch.zeros(batch_size, 1, size_px, size_px, dtype=torch.uint8, device="cuda")
-    settings = {"learning_rate": 1e-4, "dice_eps": 1e-6, "batch_size": batch_size, "seed": 0}
-    predictor = Predictor(create_model(architecture), Pairs(image, image), Pairs(image, image), settings).cuda()
-    optimizer = predictor.configure_optimizers()
+    pairs, settings = Pairs(image, image, Projection()), Training(1e-4, 0.001, 5, batch_size, 1, 1e-6)
+    module = TrainingModule(create_model(architecture), pairs, pairs, settings, seed=0).cuda()
+    optimizer = module.configure_optimizers()
     for _ in range(2):
         with torch.autocast("cuda", torch.bfloat16):
-            loss = predictor.training_step((image.float(), image.float()), 0)
+            loss = module.training_step((image.float(), image.float()), 0)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -99,7 +102,7 @@ def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float 
 
 def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, object]:
     """One row of the table."""
-    grid, model = Grid(size_px), create_model(architecture).eval()
+    grid, model = Grid(size_px, 50.0), create_model(architecture).eval()
     image = torch.rand(1, 1, size_px, size_px)
     counter = FlopCounterMode(display=False)
     with counter:
@@ -144,12 +147,12 @@ def main() -> None:
     runs = pd.read_csv(options.results / "runs.csv")
     trained_px = int(runs["size_px"].iloc[0])
     sizes = sorted({trained_px, PAPER_PX})
-    table = pd.DataFrame([measure(name, size, options.batch_size) for size in sizes for name in ARCHITECTURES])
+    table = pd.DataFrame([measure(name, size, options.batch_size) for size in sizes for name in NETWORKS])
     minutes = table["model"].map(runs.groupby("model")["training_seconds"].mean() / 60)
     table["training_min"] = minutes.where(table["size_px"] == trained_px)
     table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g")
     (options.results / "costs.txt").write_text(note(runs) + "\n")
-    print(costs_to_markdown(table, note(runs)))
+    print(costs_to_markdown(Table(table, note(runs))))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,17 @@
+import dataclasses
 import os
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 
+import pandas as pd
 import pytest
 
 import repro.config
+from repro.config import NETWORKS, Encoding, Model, PairCounts, Training
+from repro.evaluation.metrics import METRICS
+from repro.runs import Data, Outputs, Run, RunConfig, Status
 from repro.simulation.store import record_experiment
 
 ROOT = Path(__file__).parents[1]
@@ -30,24 +35,46 @@ def recorded(tmp_path_factory) -> Path:
     return directory
 
 
-def run_config(**changes: Any) -> dict[str, Any]:
-    """The config.yaml of a small run."""
-    config = {
-        "experiment": "3",
-        "decay": True,
-        "seed": 0,
-        "model": {"name": "unet", "encoder_name": "mit_b0", "encoder_weights": None},
-        "data": {"size_px": 32, "lightest": 0.8, "pairs": {"train": 24}, "worlds": "hash"},
-        "train": {
-            "learning_rate": 1e-3,
-            "min_delta": 0.001,
-            "patience": 5,
-            "batch_size": 8,
-            "max_epochs": 3,
-            "dice_eps": 1e-6,
-        },
-    }
-    for key, value in changes.items():
-        section = next((s for s in ("model", "data", "train") if key in config[s]), None)
-        (config[section] if section else config)[key] = value
-    return config
+def run_config(**changes: Any) -> RunConfig:
+    """The configuration of a small run; a rival's name as `model` leaves out what only networks have."""
+    decay, name = changes.pop("decay", True), changes.pop("model", "unet")
+    data = Data(changes.pop("size_px", 32), 50.0, PairCounts(24, 8, 8), "hash")
+    mine = {"learning_rate", "min_delta", "patience", "max_epochs"} & set(changes)
+    settings = {key: changes.pop(key) for key in mine}
+    train = Training(1e-3, 0.001, 5, 8, 3, 1e-6)
+    is_network = name in NETWORKS
+    config = RunConfig(
+        "3",
+        0,
+        Model(name, "mit_b0") if is_network else Model(name),
+        Encoding("projection", {"decay": decay, "lightest": 0.8}),
+        data,
+        dataclasses.replace(train, **settings) if is_network else None,
+    )
+    return dataclasses.replace(config, **changes)
+
+
+def prepared(path: Path, **changes: Any) -> Run:
+    """A run directory with its config.yaml."""
+    run = Run(path)
+    run.prepare(run_config(**changes))
+    return run
+
+
+def fake_run(outputs, experiment, model, decay, seed, value, status=Status.evaluated, **changes) -> Run:
+    """A run directory as evaluation leaves it, with every metric at one value."""
+    run = Outputs(outputs).run(experiment, model, "decay" if decay else "no-decay", seed)
+    run.prepare(run_config(experiment=experiment, model=model, decay=decay, seed=seed, **changes))
+    pd.DataFrame([dict.fromkeys(METRICS, value)]).to_csv(run.metrics, index=False)
+    run.use_recordings("hash of recordings")
+    if model in NETWORKS:
+        run.begin_step("trained", Status.trained, train_pairs=24, epochs=3, training_seconds=1.0, precision="32-true")
+    run.begin_step("evaluated", status, test_pairs=8)
+    return run
+
+
+def fake_study(outputs, seeds=(0,)) -> None:
+    for seed in seeds:
+        for rank, model in enumerate(NETWORKS):
+            fake_run(outputs, "3", model, True, seed, 0.5 + 0.1 * rank + 0.01 * seed)
+    fake_run(outputs, "3", "all_free", True, 0, 0.9)

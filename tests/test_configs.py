@@ -1,13 +1,14 @@
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import run as entry  # registers schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
-from repro.config import world_spec
+from repro.config import typed, world_spec
 
 
 def composed(*overrides):
@@ -36,7 +37,7 @@ def test_defaults_are_the_papers():
 
 @pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
 def test_every_experiment_takes_100_steps_and_is_what_the_paper_says(experiment):
-    spec = world_spec(composed(f"exp={experiment}").world, experiment)
+    spec = world_spec(typed(composed(f"exp={experiment}")).world, experiment)
     motion = spec["motion"]
     moving = "behavior" in spec["obstacles"]
     assert motion["name"] == ("rotate" if experiment in "13" else "square")
@@ -55,19 +56,27 @@ def test_every_model_has_the_papers_encoder(model):
 
 
 def test_runs_lie_where_they_should():
-    config = composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop")
-    assert config.run == "runs/exp4/fpn/no-decay/seed2"
-    assert config.outputs == "outputs/laptop"
+    config = typed(composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop"))
+    assert entry.run_of(config).path == Path("outputs/laptop/runs/exp4/fpn/no-decay/seed2")
+    assert entry.recordings_of(config) == Path("outputs/laptop/recordings/exp4")
+
+
+def test_decay_belongs_to_the_encoding():
+    assert typed(composed("decay=false", "lightest=0.5")).encoding.parameters == {"decay": False, "lightest": 0.5}
+
+
+def test_the_grid_is_as_large_as_the_world():
+    config = typed(composed("world.world.width=100", "world.world.height=100"))
+    assert entry.run_config(config).data.size_m == 100
 
 
 def test_runtime_does_not_make_another_run():
-    one = composed()
-    other = composed("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
-    model = {"name": "unet"}
-    assert entry.run_config(one, model) == entry.run_config(other, model)
-    assert entry.run_config(one, model) != entry.run_config(composed("train.batch_size=4"), model)
-    faster = composed("world.obstacles.moving.behavior.speed_m_s=[1,2]")
-    assert entry.run_config(one, model) != entry.run_config(faster, model)
+    def run_config(*overrides):
+        return entry.run_config(typed(composed(*overrides)))
+
+    assert run_config() == run_config("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
+    assert run_config() != run_config("train.batch_size=4")
+    assert run_config() != run_config("world.obstacles.moving.behavior.speed_m_s=[1,2]")
 
 
 @pytest.mark.parametrize(
@@ -99,7 +108,7 @@ def test_bad_input_imports_nothing_heavy():
 def test_training_without_recordings_says_how_to_get_them(tmp_path):
     status, text, _ = call("task=train", "scale=smoke", f"outputs={tmp_path / 'smoke'}")
     assert status != 0
-    assert "python run.py task=record scale=smoke exp=3" in text
+    assert "give the same command with task=record first" in text
 
 
 def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):

@@ -3,16 +3,16 @@ import ast
 from conftest import ROOT
 
 SOURCE = ROOT / "src" / "repro"
-BASE = ("config", "runs")
-ROOMS = {
-    "simulation": ("behaviors", "worlds", "recording", "store"),
-    "maps": ("grid", "projection", "datasets"),
-    "learning": ("models", "losses", "planning", "callbacks", "training"),
-    "evaluation": ("metrics", "predictions"),
-    "reporting": ("paper", "results", "tables", "figures", "publish"),
-}
-ORDER = [*BASE, *(f"{room}.{module}" for room, modules in ROOMS.items() for module in modules)]
-STANDALONE = ("maps.grid", "learning.losses", "evaluation.metrics")
+ORDER = [
+    *("config", "files", "scans", "devices", "runs"),
+    *(f"simulation.{name}" for name in ("behaviors", "worlds", "recording", "shards", "store")),
+    *(f"maps.{name}" for name in ("grid", "truth", "encodings", "datasets")),
+    "prediction",
+    *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "training")),
+    *(f"evaluation.{name}" for name in ("metrics", "rivals", "predictions", "visibility", "examples")),
+    *(f"reporting.{name}" for name in ("paper", "results", "tables", "figures", "publish")),
+]
+STANDALONE = ("config", "files", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")
 
 
 def imported(module: str) -> set[str]:
@@ -26,6 +26,12 @@ def imported(module: str) -> set[str]:
     return names
 
 
+def reached(module: str) -> set[str]:
+    """What a module imports, and what that imports."""
+    names = imported(module)
+    return names.union(*(reached(name) for name in names))
+
+
 def test_every_module_has_its_place():
     found = [".".join(path.relative_to(SOURCE).with_suffix("").parts) for path in SOURCE.rglob("[!_]*.py")]
     assert sorted(found) == sorted(ORDER)
@@ -36,6 +42,15 @@ def test_imports_go_down_the_data_path():
         assert imported(name) <= set(ORDER[:index]), f"{name} imports {imported(name) - set(ORDER[:index])}"
         if name in STANDALONE:
             assert not imported(name), name
+
+
+def test_prediction_on_scans_of_ones_own_needs_no_simulation():
+    assert not [name for name in reached("prediction") if name.startswith("simulation")]
+
+
+def test_encodings_and_metrics_read_no_shards():
+    for name in ("maps.encodings", "maps.truth", "evaluation.metrics", "reporting.figures", "reporting.tables"):
+        assert not {"simulation.store", "simulation.shards"} & imported(name), name
 
 
 def test_only_run_py_imports_hydra():

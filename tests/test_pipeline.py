@@ -88,7 +88,8 @@ def test_a_failing_job_does_not_cost_the_table_of_the_others(study, tmp_path):
     copy = tmp_path / "smoke"
     shutil.copytree(outputs, copy)
     shutil.rmtree(copy / "tables")
-    (copy / "runs/exp3/fpn/no-decay/seed0/config.yaml").write_text("experiment: '3'\nmodel: {name: fpn}\n")
+    config = copy / "runs/exp3/fpn/no-decay/seed0/config.yaml"
+    config.write_text(config.read_text().replace("batch_size: 8", "batch_size: 4"))
     shutil.rmtree(copy / "runs/exp3/fpn/no-decay/seed0/model")
     (copy / "runs/exp3/fpn/no-decay/seed0/provenance.json").unlink()
     status, text = call(*COMMAND, *tiny(copy))
@@ -135,6 +136,18 @@ def test_interrupted_again_and_again_it_ends_with_the_same_numbers(tmp_path):
             run = Path("smoke/runs") / experiment / "fpn/no-decay/seed0" / name
             assert (tmp_path / "parts" / run).read_text() == (tmp_path / "whole" / run).read_text()
     assert pd.read_csv(tmp_path / "parts/smoke/tables/ablation.csv")["ssim"].notna().all()
+
+
+def test_an_experiment_of_ones_own_goes_all_the_way(tmp_path):
+    office = "{motion: ${world.motions.square}, obstacles: ${world.obstacles.moving}, clear_radius_m: 9.0}"
+    words = ["exp=office", f"++world.experiments.office={office}", "model=fpn", *tiny(tmp_path / "smoke")]
+    status, text = call("run.py", *words)
+    assert status == 0, text[-4000:]
+    status, text = call("run.py", *words, "task=report")
+    assert status == 0, text[-4000:]
+    assert "| office | FPN |" in text
+    assert "Experiment office" in (tmp_path / "smoke/tables/main.tex").read_text()
+    assert (tmp_path / "smoke/figures/data_collection.png").is_file()
 
 
 def test_report_rebuilds_tables_and_figures(study):

@@ -1,50 +1,116 @@
 import json
 
 import pytest
-from conftest import run_config
+from conftest import prepared, run_config
 
-from repro.runs import (
-    prepare_run,
-    read_config,
-    read_provenance,
-    read_status,
-    run_directory,
-    write_provenance,
-)
+from repro.runs import Outputs, Run, Status
 
 
 def test_directories_are_named_by_what_the_run_is(tmp_path):
-    assert run_directory(tmp_path, "3", "unet", True, 0) == tmp_path / "runs/exp3/unet/decay/seed0"
-    assert run_directory(tmp_path, "4", "fpn", False, 2) == tmp_path / "runs/exp4/fpn/no-decay/seed2"
+    outputs = Outputs(tmp_path)
+    assert outputs.run("3", "unet", "decay", 0).path == tmp_path / "runs/exp3/unet/decay/seed0"
+    assert outputs.recordings("4") == tmp_path / "recordings/exp4"
 
 
-def test_the_same_configuration_may_come_again(tmp_path):
-    prepare_run(tmp_path, run_config())
-    prepare_run(tmp_path, run_config())
-    assert read_config(tmp_path) == run_config()
+def test_all_run_directories_are_found(tmp_path):
+    outputs = Outputs(tmp_path)
+    for seed in (0, 1):
+        outputs.run("office", "unet", "decay", seed).prepare(run_config(seed=seed, experiment="office"))
+    assert [run.config().seed for run in outputs.runs()] == [0, 1]
+
+
+@pytest.mark.parametrize("model", ["unet", "all_free"])
+def test_a_configuration_is_read_as_it_was_written(tmp_path, model):
+    run = prepared(tmp_path, model=model)
+    run.prepare(run_config(model=model))
+    assert run.config() == run_config(model=model)
 
 
 def test_another_configuration_is_refused_naming_the_difference(tmp_path):
-    prepare_run(tmp_path, run_config())
+    run = prepared(tmp_path)
     with pytest.raises(ValueError, match=r"data\.size_px is 32, asked for 64; train\.patience is 5, asked for 3"):
-        prepare_run(tmp_path, run_config(size_px=64, patience=3))
-    assert read_config(tmp_path) == run_config()
+        run.prepare(run_config(size_px=64, patience=3))
+    assert run.config() == run_config()
 
 
 def test_no_run_directory_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"no run directory: it has no config\.yaml"):
-        read_config(tmp_path)
+        Run(tmp_path).config()
 
 
-def test_provenance_gathers_facts_and_says_where_they_come_from(tmp_path):
-    assert read_status(tmp_path) is None
-    write_provenance(tmp_path, status="failed", error="the loss is nan")
-    assert read_provenance(tmp_path)["error"] == "the loss is nan"
-    write_provenance(tmp_path, status="finished", epochs=3)
-    write_provenance(tmp_path, status="evaluated", test_pairs=8)
-    found = json.loads((tmp_path / "provenance.json").read_text())
-    assert found["status"] == "evaluated"
-    assert (found["epochs"], found["test_pairs"]) == (3, 8)
-    assert "error" not in found
-    assert found["versions"]["ir-sim"] == "2.12.0"
-    assert found["hardware"]["cpu_cores"] > 0
+@pytest.mark.parametrize("content", ["", "experiment: '3'\n", "experiment: [", "- 1\n", "seed: many\n"])
+def test_a_broken_configuration_is_named_with_its_mend(tmp_path, content):
+    run = prepared(tmp_path)
+    (tmp_path / "config.yaml").write_text(content)
+    for call in (run.config, lambda: run.prepare(run_config())):
+        with pytest.raises(ValueError, match=r"config\.yaml cannot be read .*delete .* to begin the run anew"):
+            call()
+
+
+def test_a_lost_configuration_does_not_take_on_another(tmp_path):
+    run = prepared(tmp_path)
+    run.use_recordings("hash")
+    (tmp_path / "config.yaml").unlink()
+    with pytest.raises(ValueError, match=r"config\.yaml cannot be read"):
+        run.prepare(run_config(seed=7))
+    assert not (tmp_path / "config.yaml").exists()
+
+
+def test_lost_provenance_is_not_a_run_that_never_was(tmp_path):
+    run = prepared(tmp_path)
+    run.model.mkdir()
+    with pytest.raises(ValueError, match=r"provenance\.json cannot be read"):
+        _ = run.status
+
+
+def test_every_step_says_where_it_was_done_and_none_is_overwritten(tmp_path, monkeypatch):
+    def on(machine):
+        monkeypatch.setattr("repro.runs.surroundings", lambda: {"commit": machine, "hardware": machine})
+
+    run = prepared(tmp_path)
+    assert run.status is Status.prepared
+    on("recorder")
+    run.use_recordings("abc")
+    run.use_recordings("abc")
+    assert run.status is Status.prepared
+    on("gpu at A")
+    run.begin_step("trained", Status.training, precision="bf16-mixed")
+    run.end_step(Status.failed, "the loss is nan")
+    assert run.provenance().error == "the loss is nan"
+    run.begin_step("trained", Status.training, precision="bf16-mixed")
+    run.end_step(Status.trained, epochs=3)
+    on("cpu at B")
+    run.begin_step("evaluated", Status.evaluated, test_pairs=8)
+    found = run.provenance()
+    assert found.status is Status.evaluated
+    assert found.error is None
+    assert [(step["step"], step["commit"]) for step in found.steps] == [
+        ("recorded", "recorder"),
+        ("trained", "gpu at A"),
+        ("trained", "gpu at A"),
+        ("evaluated", "cpu at B"),
+    ]
+    assert (found.fact("epochs"), found.fact("test_pairs"), found.fact("recordings")) == (3, 8, "abc")
+
+
+def test_surroundings_are_noted(tmp_path):
+    run = prepared(tmp_path)
+    run.use_recordings("abc")
+    step = json.loads((tmp_path / "provenance.json").read_text())["steps"][0]
+    assert step["versions"]["ir-sim"] == "2.12.0"
+    assert step["hardware"]["cpu_cores"] > 0
+    assert step["written"].endswith("+00:00")
+
+
+def test_other_recordings_are_refused(tmp_path):
+    run = prepared(tmp_path)
+    run.use_recordings("abc")
+    with pytest.raises(ValueError, match="began with other recordings"):
+        run.use_recordings("def")
+
+
+def test_lost_metrics_are_to_be_evaluated_again(tmp_path):
+    run = prepared(tmp_path)
+    run.begin_step("evaluated", Status.evaluated)
+    assert not run.is_evaluated
+    assert run.is_trained

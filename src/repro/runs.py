@@ -1,120 +1,241 @@
-"""Run directories: what a run is, where it stands, and where it came from.
+"""Run directories and the outputs directory around them: where things lie, where they stand, where they came from.
 
-config.yaml      what decides its result, written before anything else
-provenance.json  status (paused, failed, finished, evaluated), versions, hardware, commit, times, data hash
-history.csv      one row an epoch
-model/           best weights; `smp.from_pretrained(run / "model")` reads them anywhere
-predictions.npz  probabilities of free on the test set, uint8
-metrics.csv      the pooled metrics, one row
-per_image.csv    the same for every test image
+outputs/<scale>/
+    recordings/exp3/                    see `simulation.store`
+    runs/exp3/unet/decay/seed0/         a run directory: one predictor, trained and evaluated
+        config.yaml      what decides its result (`RunConfig`), written before anything else
+        provenance.json  its status, and one entry for every step: recordings, commit, hardware, versions, time
+        history.csv      one row an epoch
+        model/           best weights with their encoding and grid; `prediction.load_predictor` reads them
+        predictions.npz  probabilities of free on the test set, uint8
+        metrics.csv      the pooled metrics, one row; validation.csv the same on the validation set
+        per_image.csv    the metrics of every test image
+    tables/ figures/ worlds/
 """
 
-import json
-import os
+import dataclasses
+import enum
 import platform
 import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import yaml
-from filelock import FileLock, Timeout
+from pydantic import TypeAdapter, ValidationError
 
-_PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
+from repro.config import Encoding, Model, PairCounts, Training
+from repro.files import read_mapping, write_json, write_text
 
-
-def run_directory(outputs: Path, experiment: str, model: str, decay: bool, seed: int) -> Path:
-    """Where a run lives: outputs/runs/exp3/unet/decay/seed0."""
-    return outputs / "runs" / f"exp{experiment}" / model / ("decay" if decay else "no-decay") / f"seed{seed}"
+PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
 
 
-def prepare_run(run: Path, config: dict[str, Any]) -> None:
-    """Makes a run directory and its config.yaml, or checks that the one there is the same run.
+class Status(enum.StrEnum):
+    """Where a run directory stands."""
 
-    Raises:
-        ValueError: the directory holds a run of another configuration; the message names the differences.
+    prepared = "prepared"  # it has its config.yaml
+    training = "training"  # a process trains it, or was killed doing so
+    paused = "paused"  # at an epoch's end, by its budget
+    failed = "failed"  # the loss was not finite
+    trained = "trained"  # it has its best weights
+    evaluated = "evaluated"  # it has its metrics on the test set
+
+
+@dataclass(frozen=True)
+class Data:
+    """The images a run is made from: the grid [px, m], pairs, and the fingerprint of the worlds."""
+
+    size_px: int
+    size_m: float
+    pairs: PairCounts
+    worlds: str
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """All that decides the result of a run; two runs with the same are the same. A rival has no `train`."""
+
+    experiment: str
+    seed: int
+    model: Model
+    encoding: Encoding
+    data: Data
+    train: Training | None = None
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a run stands and where it came from.
+
+    Args:
+        status: the status now.
+        error: what made it fail, when it did.
+        steps: one entry for each step taken (recorded, trained, evaluated), each with its surroundings. A training
+            that was paused has an entry for every call. None is ever overwritten.
     """
-    path = run / "config.yaml"
-    if not path.is_file():
-        run.mkdir(parents=True, exist_ok=True)
-        replace_file(path, yaml.safe_dump(config, sort_keys=False))
-        return
-    there, wanted = _flatten(read_config(run)), _flatten(config)
-    differ = [key for key in there | wanted if there.get(key) != wanted.get(key)]
-    if differ:
-        listing = "; ".join(f"{key} is {there.get(key)}, asked for {wanted.get(key)}" for key in differ)
-        raise ValueError(f"{run} holds a run of another configuration ({listing}): delete it or set outputs=")
+
+    status: Status = Status.prepared
+    error: str | None = None
+    steps: list[dict[str, Any]] = field(default_factory=list)
+
+    def fact(self, name: str) -> Any:
+        """The latest value of a fact among all steps; None if no step has it."""
+        return next((step[name] for step in reversed(self.steps) if name in step), None)
 
 
-def read_config(run: Path) -> dict[str, Any]:
-    """Reads the configuration of a run.
+@dataclass(frozen=True)
+class Run:
+    """One run directory."""
 
-    Raises:
-        ValueError: `run` is no run directory.
-    """
-    path = run / "config.yaml"
-    if not path.is_file():
-        raise ValueError(f"{run} is no run directory: it has no config.yaml")
-    return yaml.safe_load(path.read_text())
+    path: Path
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    @property
+    def model(self) -> Path:
+        return self.path / "model"
+
+    @property
+    def metrics(self) -> Path:
+        return self.path / "metrics.csv"
+
+    def prepare(self, config: RunConfig) -> None:
+        """Makes the directory and its config.yaml, or checks that the one there is the same run.
+
+        Raises:
+            ValueError: the directory holds a run of another configuration; the message names the differences.
+        """
+        if not (self.path / "config.yaml").is_file() and not (self.path / "provenance.json").is_file():
+            self.path.mkdir(parents=True, exist_ok=True)
+            content = TypeAdapter(RunConfig).dump_python(config)
+            write_text(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False))
+            return
+        there, wanted = (_flatten(dataclasses.asdict(one)) for one in (self.config(), config))
+        differ = [key for key in there | wanted if there.get(key) != wanted.get(key)]
+        if differ:
+            listing = "; ".join(f"{key} is {there.get(key)}, asked for {wanted.get(key)}" for key in differ)
+            raise ValueError(f"{self} holds a run of another configuration ({listing}): delete it or set outputs=")
+
+    def config(self) -> RunConfig:
+        """Reads the configuration of the run.
+
+        Raises:
+            ValueError: this is no run directory, or its config.yaml cannot be read.
+        """
+        path = self.path / "config.yaml"
+        if not path.is_file() and not (self.path / "provenance.json").is_file():
+            raise ValueError(f"{self} is no run directory: it has no config.yaml")
+        cure = f"put it back, or delete {self} to begin the run anew"
+        content = read_mapping(path, cure)
+        try:
+            return TypeAdapter(RunConfig).validate_python(content)
+        except ValidationError as error:
+            faults = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+            raise ValueError(f"{path} cannot be read ({faults}): {cure}") from error
+
+    def provenance(self) -> Provenance:
+        """Reads where the run came from; empty when it has not got so far."""
+        path = self.path / "provenance.json"
+        if not path.is_file() and not self.model.exists():
+            return Provenance()
+        cure = f"put it back, or delete {self} to begin the run anew"
+        try:
+            return TypeAdapter(Provenance).validate_python(read_mapping(path, cure))
+        except ValidationError as error:
+            raise ValueError(
+                f"{path} cannot be read ({error.error_count()} values of the wrong type): {cure}"
+            ) from error
+
+    @property
+    def status(self) -> Status:
+        return self.provenance().status
+
+    @property
+    def is_trained(self) -> bool:
+        return self.status in (Status.trained, Status.evaluated)
+
+    @property
+    def is_evaluated(self) -> bool:
+        """Whether the metrics are there; where metrics.csv has been lost, evaluation makes it again."""
+        return self.status is Status.evaluated and self.metrics.is_file()
+
+    def begin_step(self, step: str, status: Status, **facts: Any) -> None:
+        """Adds an entry for a step that begins, with time, versions, hardware and commit."""
+        steps = [*self.provenance().steps, {"step": step, **facts, **surroundings()}]
+        self._write(Provenance(status, None, steps))
+
+    def end_step(self, status: Status, error: str | None = None, **facts: Any) -> None:
+        """Adds facts to the entry of the step that this process began last."""
+        *before, last = self.provenance().steps
+        self._write(Provenance(status, error, [*before, {**last, **facts}]))
+
+    def use_recordings(self, fingerprint: str) -> None:
+        """Notes which recordings the run is made from, or checks that they still are.
+
+        Raises:
+            ValueError: the run began with others.
+        """
+        used = self.provenance().fact("recordings")
+        if used not in (None, fingerprint):
+            raise ValueError(f"{self} began with other recordings than there are now: delete it and train again")
+        if used is None:
+            self.begin_step("recorded", self.status, recordings=fingerprint)
+
+    def _write(self, provenance: Provenance) -> None:
+        content = dataclasses.asdict(provenance)
+        if provenance.error is None:
+            del content["error"]
+        write_json(self.path / "provenance.json", content)
 
 
-def read_provenance(run: Path) -> dict[str, Any]:
-    """Reads where a run came from; empty when it has not got so far."""
-    path = run / "provenance.json"
-    return json.loads(path.read_text()) if path.is_file() else {}
+@dataclass(frozen=True)
+class Outputs:
+    """An outputs directory: the results of one scale, or of a variant of it."""
+
+    path: Path
+
+    @property
+    def tables(self) -> Path:
+        return self.path / "tables"
+
+    @property
+    def figures(self) -> Path:
+        return self.path / "figures"
+
+    @property
+    def worlds(self) -> Path:
+        return self.path / "worlds"
+
+    def recordings(self, experiment: str) -> Path:
+        return self.path / "recordings" / f"exp{experiment}"
+
+    def recorded(self) -> dict[str, Path]:
+        """The completely recorded experiments, by name."""
+        found = sorted(self.path.glob("recordings/exp*/manifest.json"))
+        return {path.parent.name.removeprefix("exp"): path.parent for path in found}
+
+    def run(self, experiment: str, model: str, variant: str, seed: int) -> Run:
+        return Run(self.path / "runs" / f"exp{experiment}" / model / variant / f"seed{seed}")
+
+    def runs(self) -> Iterator[Run]:
+        """Every run directory there is."""
+        for path in sorted(self.path.glob("runs/exp*/*/*/seed*")):
+            if path.is_dir():
+                yield Run(path)
 
 
-def read_status(run: Path) -> str | None:
-    """paused, failed, finished, evaluated, or None for a run that was never written up."""
-    return read_provenance(run).get("status")
+def surroundings() -> dict[str, Any]:
+    """Describes what a step is done with: time, Python, packages, hardware, commit."""
+    from repro.devices import hardware  # torch is slow to import, and recording does without
 
-
-def write_provenance(run: Path, *, status: str, **facts: Any) -> None:
-    """Adds facts to provenance.json, with versions, hardware and commit; an error goes when the status does."""
-    content = {**read_provenance(run), "status": status, **facts, **_surroundings()}
-    if status != "failed":
-        content.pop("error", None)
-    replace_file(run / "provenance.json", json.dumps(content, indent=1))
-
-
-@contextmanager
-def lock(directory: Path) -> Iterator[None]:
-    """Keeps a second process waiting, and saying so, until the first has done its part in a directory."""
-    guard = FileLock(directory / ".lock")
-    try:
-        guard.acquire(timeout=0)
-    except Timeout:
-        print(f"waiting: another process works in {directory}", flush=True)
-        guard.acquire()
-    try:
-        yield
-    finally:
-        guard.release()
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Writes a file whole or not at all, however the process ends."""
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(text)
-    os.replace(temporary, path)
-
-
-def hardware() -> dict[str, Any]:
-    """What the process runs on."""
-    import torch
-
-    gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else None
-    return {"machine": platform.machine(), "cpu_cores": os.cpu_count(), "gpu": gpu}
-
-
-def _surroundings() -> dict[str, Any]:
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
-        "versions": {name: version(name) for name in _PACKAGES},
+        "versions": {name: version(name) for name in PACKAGES},
         "hardware": hardware(),
         "commit": _commit(),
     }
@@ -122,8 +243,7 @@ def _surroundings() -> dict[str, Any]:
 
 def _commit() -> str | None:
     """The commit of the source, with `+` when the tree has changes; None outside a checkout."""
-    where = Path(__file__).parent
-    git = ["git", "-C", str(where)]
+    git = ["git", "-C", str(Path(__file__).parent)]
     try:
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout
         dirty = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True).stdout
@@ -132,8 +252,8 @@ def _commit() -> str | None:
     return head.strip() + ("+" if dirty.strip() else "")
 
 
-def _flatten(config: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
-    for key, value in config.items():
+    for key, value in content.items():
         flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
     return flat

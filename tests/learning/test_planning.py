@@ -1,14 +1,11 @@
 import torch
 
+from repro.config import PairCounts, Scale
 from repro.learning.planning import cost_warning, plan_study
 
-SCALE = {
-    "name": "paper",
-    "size_px": 64,
-    "pairs": {"train": 10000, "val": 128, "test": 500},
-    "batch_size": 2,
-    "max_epochs": 100,
-}
+SCALE = Scale(
+    name="paper", size_px=64, pairs=PairCounts(10000, 128, 500), learning_rate=1e-4, batch_size=2, max_epochs=100
+)
 
 
 def test_plan_says_scale_reason_and_time():

@@ -8,48 +8,49 @@ import pandas as pd
 import pytest
 import segmentation_models_pytorch as smp
 import torch
-from conftest import ROOT, run_config
+from conftest import ROOT, prepared
 
+from repro.files import sha256
 from repro.learning import training
 from repro.learning.training import train
-from repro.runs import prepare_run, read_provenance, read_status, write_provenance
+from repro.runs import Run, Status
 
 
-def begin(run, recorded, **changes):
+def begin(path, recorded, **changes):
     """Prepares and trains a small run to its end."""
-    prepare_run(run, run_config(**changes))
-    return train(run, recorded, accelerator="cpu")
+    return train(prepared(path, **changes), recorded, accelerator="cpu")
 
 
 def same_weights(first, second):
-    one, two = (smp.from_pretrained(run / "model").state_dict() for run in (first, second))
+    one, two = (smp.from_pretrained(path / "model").state_dict() for path in (first, second))
     return all(torch.equal(one[key], two[key]) for key in one)
 
 
-def losses(run):
-    return pd.read_csv(run / "history.csv")[["epoch", "train_loss", "val_loss"]]
+def losses(path):
+    return pd.read_csv(path / "history.csv")[["epoch", "train_loss", "val_loss"]]
 
 
 @pytest.fixture(scope="module")
 def finished(recorded, tmp_path_factory):
     """A run of 6 epochs that was never interrupted."""
-    run = tmp_path_factory.mktemp("finished")
-    assert begin(run, recorded, max_epochs=6) == "finished"
-    return run
+    path = tmp_path_factory.mktemp("finished")
+    assert begin(path, recorded, max_epochs=6) is Status.trained
+    return path
 
 
 def test_a_finished_run_has_all_that_the_next_step_needs(finished, recorded):
-    history, facts = losses(finished), read_provenance(finished)
+    history, origin = losses(finished), Run(finished).provenance()
     assert history["epoch"].tolist() == list(range(6))
     assert history["train_loss"].iloc[-1] < history["train_loss"].iloc[0]
-    assert (facts["status"], facts["epochs"], facts["train_pairs"]) == ("finished", 6, 24)
+    assert (origin.status, origin.fact("epochs"), origin.fact("train_pairs")) == (Status.trained, 6, 24)
+    assert origin.fact("weights_sha256") == sha256(finished / "model" / "model.safetensors")
     assert not (finished / "checkpoints").exists()
     assert list((finished / "tensorboard").glob("events*"))
 
 
 def test_a_finished_run_is_not_trained_again(finished, recorded):
     before = (finished / "history.csv").stat().st_mtime_ns
-    assert train(finished, recorded, accelerator="cpu") == "finished"
+    assert train(Run(finished), recorded, accelerator="cpu") is Status.trained
     assert (finished / "history.csv").stat().st_mtime_ns == before
 
 
@@ -62,18 +63,18 @@ def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp
 
 
 def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded, tmp_path):
-    run = tmp_path / "killed"
-    prepare_run(run, run_config(max_epochs=6))
+    path = tmp_path / "killed"
+    run = prepared(path, max_epochs=6)
     code = (
-        "from pathlib import Path; from repro.learning.training import train\n"
-        f"train(Path({str(run)!r}), Path({str(recorded)!r}), accelerator='cpu')\n"
+        "from pathlib import Path; from repro.learning.training import train; from repro.runs import Run\n"
+        f"train(Run(Path({str(path)!r})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
     kills = 0
     for epochs in (1, 3):
         process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
         deadline = time.monotonic() + 120
         while time.monotonic() < deadline and process.poll() is None:
-            if (run / "history.csv").exists() and len(losses(run)) >= epochs:
+            if (path / "history.csv").exists() and len(losses(path)) >= epochs:
                 break
             time.sleep(0.01)
         if process.poll() is None:
@@ -81,26 +82,26 @@ def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded,
             kills += 1
         process.wait()
     assert kills >= 1
-    assert train(run, recorded, accelerator="cpu") == "finished"
-    assert same_weights(finished, run)
-    assert losses(finished).equals(losses(run))
+    assert train(run, recorded, accelerator="cpu") is Status.trained
+    assert same_weights(finished, path)
+    assert losses(finished).equals(losses(path))
+    assert [step["step"] for step in run.provenance().steps] == ["recorded", *["trained"] * (kills + 1)]
 
 
 def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, recorded, tmp_path, monkeypatch):
-    run, calls = tmp_path / "paused", 0
-    prepare_run(run, run_config(max_epochs=6))
+    run, calls = prepared(tmp_path / "paused", max_epochs=6), 0
     monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
-    assert train(run, recorded, accelerator="cpu", max_minutes=59) == "paused"
-    assert read_status(run) is None  # nothing was begun
+    assert train(run, recorded, accelerator="cpu", max_minutes=59) is Status.paused
+    assert run.status is Status.prepared  # nothing was begun
     while True:
         calls += 1
         monkeypatch.setattr(training.Budget, "epochs", 0)  # as in a new process
-        if train(run, recorded, accelerator="cpu", max_minutes=1) == "finished":
+        if train(run, recorded, accelerator="cpu", max_minutes=1) is Status.trained:
             break
-        assert read_status(run) == "paused"
-        assert len(losses(run)) == calls
+        assert run.status is Status.paused
+        assert len(losses(run.path)) == run.provenance().fact("epochs") == calls
     assert calls == 6
-    assert same_weights(finished, run)
+    assert same_weights(finished, run.path)
 
 
 def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
@@ -124,8 +125,8 @@ def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch
     monkeypatch.setattr(training.MapLoss, "forward", poisoned)
     with pytest.raises(FloatingPointError, match="the loss is nan at epoch 0, batch 0"):
         begin(tmp_path, recorded)
-    assert read_provenance(tmp_path)["status"] == "failed"
-    assert "epoch 0, batch 0" in read_provenance(tmp_path)["error"]
+    assert Run(tmp_path).status is Status.failed
+    assert "epoch 0, batch 0" in Run(tmp_path).provenance().error
     assert not (tmp_path / "model").exists()
 
 
@@ -138,17 +139,16 @@ def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, 
     monkeypatch.setattr(training.MapLoss, "forward", poisoned)
     with pytest.raises(FloatingPointError, match="the validation loss is nan at epoch 0"):
         begin(tmp_path, recorded)
-    assert read_provenance(tmp_path)["status"] == "failed"
+    assert Run(tmp_path).status is Status.failed
 
 
 def test_other_recordings_than_the_run_began_with_are_refused(recorded, tmp_path):
-    prepare_run(tmp_path, run_config())
-    write_provenance(tmp_path, status="paused", recordings="of another day")
+    run = prepared(tmp_path)
+    run.use_recordings("of another day")
     with pytest.raises(ValueError, match="began with other recordings"):
-        train(tmp_path, recorded)
+        train(run, recorded)
 
 
 def test_without_recordings_the_command_is_named(tmp_path):
-    prepare_run(tmp_path / "run", run_config())
-    with pytest.raises(ValueError, match="task=record scale=laptop exp=3"):
-        train(tmp_path / "run", tmp_path / "laptop" / "recordings" / "exp3")
+    with pytest.raises(ValueError, match="same command with task=record"):
+        train(prepared(tmp_path / "run"), tmp_path / "laptop" / "recordings" / "exp3")

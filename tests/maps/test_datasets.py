@@ -1,13 +1,13 @@
 import pytest
 import torch
 
-from repro.maps.datasets import Batches, Pairs, coverage, load_pairs, visibility
+from repro.maps.datasets import Batches, Pairs, load_pairs
+from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
-from repro.simulation.store import read_shards
 
 
 def test_pairs_are_images_and_maps_of_the_split(recorded):
-    pairs = load_pairs(recorded, "train", Grid(64), decay=True, lightest=0.8)
+    pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
     assert pairs.images.shape == pairs.maps.shape == (24, 1, 64, 64)
     assert pairs.images.dtype == pairs.maps.dtype == torch.uint8
     assert set(pairs.maps.unique().tolist()) == {0, 1}
@@ -18,14 +18,14 @@ def test_pairs_are_images_and_maps_of_the_split(recorded):
 
 
 def test_twins_share_the_map_and_not_the_image(recorded):
-    pairs = load_pairs(recorded, "train", Grid(64), decay=True, lightest=0.8)
+    pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
     assert torch.equal(pairs.maps[::2], pairs.maps[1::2])
     assert (pairs.images[::2] != pairs.images[1::2]).flatten(1).any(1).all()
 
 
 def test_newest_hits_lie_on_the_border_of_an_obstacle(recorded):
     """Hits of the last step, drawn black, touch an obstacle of the map at that step."""
-    pairs = load_pairs(recorded, "test", Grid(128), decay=True, lightest=0.8)
+    pairs = load_pairs(recorded, "test", Grid(128, 50.0), Projection())
     near = torch.nn.functional.max_pool2d(1 - pairs.maps.float(), 3, stride=1, padding=1)
     newest = pairs.images == 0
     assert newest.any()
@@ -34,32 +34,14 @@ def test_newest_hits_lie_on_the_border_of_an_obstacle(recorded):
 
 def test_decay_changes_grays_but_not_which_pixels_are_hit(recorded):
     with_decay, without = (
-        load_pairs(recorded, "val", Grid(64), decay=decay, lightest=0.8).images for decay in (True, False)
+        load_pairs(recorded, "val", Grid(64, 50.0), Projection(decay)).images for decay in (True, False)
     )
     assert torch.equal(with_decay < 255, without < 255)
     assert not torch.equal(with_decay, without)
 
 
-def test_coverage_is_the_obstacle_share(recorded):
-    maps = load_pairs(recorded, "test", Grid(64), decay=True, lightest=0.8).maps
-    assert coverage(recorded, "test", Grid(64)) == pytest.approx((maps == 0).float().mean().item())
-    assert 0.04 < coverage(recorded, "test", Grid(64)) < 0.14
-
-
-def test_visibility_counts_the_area_of_what_was_hit(recorded):
-    shard = next(read_shards(recorded, "test"))
-    everything_seen = all(
-        shard["seen"][2 * world + twin].sum() == (shard["world"] == world).sum()
-        for world in range(4)
-        for twin in (0, 1)
-    )
-    share = visibility(recorded, "test", Grid(64))
-    assert 0.7 < share <= 1
-    assert (share == 1) == everything_seen
-
-
 def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
-    pairs = Pairs(torch.arange(10, dtype=torch.uint8).view(10, 1, 1, 1), torch.zeros(10, 1, 1, 1))
+    pairs = Pairs(torch.arange(10, dtype=torch.uint8).view(10, 1, 1, 1), torch.zeros(10, 1, 1, 1), Projection())
     shuffled = Batches(pairs, 4, seed=1)
     seen = [(255 * image).round().int().flatten().tolist() for image, _ in shuffled]
     assert [len(batch) for batch in seen] == [4, 4] == [4] * len(shuffled)

@@ -6,20 +6,20 @@ from repro.maps.grid import Grid
 
 def test_corners_lie_where_a_drawn_map_has_them():
     points = torch.tensor([[0.1, 49.9], [49.9, 49.9], [0.1, 0.1], [49.9, 0.1]])
-    index, inside = Grid(4).pixels(points)
+    index, inside = Grid(4, 50.0).pixels(points)
     assert inside.all()
     assert index.tolist() == [0, 3, 12, 15]  # top left, top right, bottom left, bottom right
 
 
 def test_points_off_the_map_are_outside():
     points = torch.tensor([[-0.01, 25], [50.01, 25], [25, -0.01], [25, 50.01], [torch.inf, 0], [torch.nan, 3]])
-    index, inside = Grid(8).pixels(points)
+    index, inside = Grid(8, 50.0).pixels(points)
     assert not inside.any()
     assert index.tolist() == [0] * 6
 
 
 def test_every_pixel_centre_falls_into_its_own_pixel():
-    grid = Grid(16)
+    grid = Grid(16, 50.0)
     y = grid.row_centers()
     x = y.flip(0)
     points = torch.stack([x.expand(16, 16), y[:, None].expand(16, 16)], dim=-1)

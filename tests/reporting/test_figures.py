@@ -1,26 +1,33 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from conftest import world_spec
+import torch
+from conftest import run_config, world_spec
 
+from repro.evaluation.examples import Example, load_example
+from repro.evaluation.predictions import write_predictions
+from repro.maps.encodings import Projection
+from repro.maps.grid import Grid
 from repro.reporting.figures import (
-    Example,
     data_collection,
     data_representation,
     irsim_drawing,
     method_overview,
     results,
 )
-from repro.simulation.recording import record
+from repro.runs import Outputs
+from repro.simulation import shards
+from repro.simulation.recording import simulate
+from repro.simulation.store import record_experiment
 from repro.simulation.worlds import sample_world
 
 
 @pytest.fixture
 def example():
-    run = record(sample_world(world_spec("3"), 0))
+    scans = simulate(sample_world(world_spec("3"), 0)).scans
     image = np.full((32, 32), 255, dtype=np.uint8)
     image[4:8, 4:8] = 0
-    return Example("Experiment 3", image, image / 255, image // 255, run.ranges, run.poses, 0.8)
+    return Example("3", True, image, image / 255, image // 255, scans, 0.8)
 
 
 @pytest.fixture(autouse=True)
@@ -40,8 +47,8 @@ def test_irsim_draws_the_world_it_is_given():
 
 
 def test_all_setups_are_drawn():
-    specs = {experiment: world_spec(experiment) for experiment in "1234"}
-    figure = data_collection(specs, seed=1, step=3)
+    worlds = {experiment: sample_world(world_spec(experiment), 1) for experiment in "1234"}
+    figure = data_collection(worlds, step=3)
     assert [ax.get_title().split("\n")[0] for ax in figure.axes] == [f"Experiment {e}" for e in "1234"]
 
 
@@ -58,3 +65,19 @@ def test_representation_and_overview_are_drawn(example, tmp_path):
     for figure in (data_representation([example]), method_overview(example)):
         figure.savefig(tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
+
+
+def test_an_example_belongs_to_one_recording_in_whatever_shard(tmp_path, monkeypatch):
+    """Its scans are those that its projection was drawn from."""
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
+    outputs = Outputs(tmp_path)
+    record_experiment(outputs.recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 6}, workers=1)
+    run = outputs.run("3", "unet", "decay", 0)
+    run.prepare(run_config())
+    write_predictions(run, torch.rand(6, 1, 32, 32))
+    for index in (0, 5):
+        example = load_example(outputs, "3", decay=True, index=index)
+        drawn = Projection().encode(example.scans.tensors(), Grid(32, 50.0))[0, 0].numpy()
+        assert np.array_equal(example.projection, drawn)
+    with pytest.raises(ValueError, match="none of index 6"):
+        load_example(outputs, "3", decay=True, index=6)

@@ -4,15 +4,19 @@ import pandas as pd
 import pytest
 import segmentation_models_pytorch as smp
 import torch
-from conftest import ROOT, run_config
-from test_results import fake_run, fake_study
+from conftest import ROOT, fake_run, fake_study, prepared
 
+from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import evaluate
+from repro.learning.models import create_model
 from repro.learning.training import train
+from repro.maps.encodings import Projection
+from repro.maps.grid import Grid
+from repro.prediction import Predictor
 from repro.reporting.publish import export_weights, publish, readme_with_results
 from repro.reporting.results import read_results
 from repro.reporting.tables import write_tables
-from repro.runs import prepare_run, run_directory, write_provenance
+from repro.runs import Outputs, Status
 
 RESULTS = ROOT / "reproduce" / "results"
 
@@ -28,7 +32,10 @@ def test_published_tables_follow_from_the_published_runs(directory):
     runs = pd.read_csv(directory / "runs.csv")
     origins = json.loads((directory / "provenance.json").read_text())
     assert len(runs) == len(origins)
-    assert all(origin["status"] == "evaluated" and origin["recordings"] for origin in origins.values())
+    for origin in origins.values():
+        assert origin["status"] == "evaluated"
+        assert any("recordings" in step for step in origin["steps"])
+        assert origin["steps"][-1]["step"] == "evaluated"
     published = {name for name, decay in (("main", True), ("ablation", False)) if (runs["decay"] == decay).any()}
     assert {path.stem for path in directory.glob("*.csv")} & {"main", "ablation"} == published
     for name in published:
@@ -43,31 +50,31 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     outputs, results = tmp_path / "laptop", tmp_path / "results"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", False, 0, 0.4)
-    target = publish(outputs, results, "laptop")
+    target = publish(Outputs(outputs), results, "laptop")
     assert target == results / "laptop"
     tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
     assert {path.name for path in target.iterdir()} == tables | {"runs.csv", "provenance.json", "README.md"}
     page = (target / "README.md").read_text()
     assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
-    assert len(pd.read_csv(target / "runs.csv")) == len(read_results(outputs)) == 6
+    assert len(pd.read_csv(target / "runs.csv")) == len(read_results(Outputs(outputs))) == 6
     assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
 
 def test_a_variant_is_trained_again_with_its_own_words(tmp_path):
     outputs = tmp_path / "laptop-fp32"
     fake_run(outputs, "3", "unet", True, 0, 0.4)
-    write_provenance(run_directory(outputs, "3", "unet", True, 0), status="evaluated", precision="32-true")
-    page = (publish(outputs, tmp_path / "results", "laptop") / "README.md").read_text()
+    page = (publish(Outputs(outputs), tmp_path / "results", "laptop") / "README.md").read_text()
     assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):
     outputs = tmp_path / "laptop"
     fake_study(outputs)
-    publish(outputs, tmp_path / "results", "laptop")
+    publish(Outputs(outputs), tmp_path / "results", "laptop")
     text = "before\n<!-- results: laptop main -->\nold\n<!-- end -->\nafter\n"
     made = readme_with_results(text, tmp_path / "results")
-    assert made == f"before\n<!-- results: laptop main -->\n{write_tables(outputs)['main']}<!-- end -->\nafter\n"
+    page = write_tables(Outputs(outputs))["main"].to_markdown()
+    assert made == f"before\n<!-- results: laptop main -->\n{page}<!-- end -->\nafter\n"
     assert readme_with_results(made, tmp_path / "results") == made
 
 
@@ -75,7 +82,7 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
     outputs = tmp_path / "laptop"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", False, 0, 0.4)
-    publish(outputs, tmp_path / "results", "laptop")
+    publish(Outputs(outputs), tmp_path / "results", "laptop")
     made = readme_with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
     assert made[1].startswith("**Scale laptop: 32 x 32 px")
     assert [line.split("(")[0] for line in made[5:7]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
@@ -83,19 +90,18 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
 
 
 def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
-    run, target = tmp_path / "run", tmp_path / "weights"
-    prepare_run(run, run_config(max_epochs=1))
+    run, target = prepared(tmp_path / "run", max_epochs=1), tmp_path / "weights"
     train(run, recorded, accelerator="cpu")
     with pytest.raises(ValueError, match="not evaluated"):
         export_weights(run, target)
     evaluate(run, recorded, accelerator="cpu")
     export_weights(run, target)
     image = torch.rand(2, 1, 32, 32)
-    full, half = (smp.from_pretrained(path).float().eval() for path in (run / "model", target))
+    full, half = (smp.from_pretrained(path).float().eval() for path in (run.model, target))
     with torch.inference_mode():
         assert (torch.sigmoid(full(image)) - torch.sigmoid(half(image))).abs().max() < 0.01
     size = (target / "model.safetensors").stat().st_size
-    assert size < 0.55 * (run / "model" / "model.safetensors").stat().st_size
+    assert size < 0.55 * (run.model / "model.safetensors").stat().st_size
     card = (target / "README.md").read_text()
     assert "24 simulated pairs" in card
     assert "obstacle_iou" in card
@@ -103,13 +109,51 @@ def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
     example = card.split("```python")[1].split("```")[0]
     where = f"reproduce/results/{tmp_path.name}/weights"
     assert where in example
-    scans = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
-    exec(example.replace(where, str(target)), scans)
-    assert scans["free"].shape == (2, 1, 32, 32)
-    assert scans["free"].min() >= 0
-    assert scans["free"].max() <= 1
+    names = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
+    exec(example.replace(where, str(target)), names)
+    assert names["free"].shape == (2, 32, 32)
+    assert names["free"].min() >= 0
+    assert names["free"].max() <= 1
 
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
     with pytest.raises(ValueError, match="no network has been evaluated"):
-        publish(tmp_path / "laptop", tmp_path / "results", "laptop")
+        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<!-- results: laptop main -->\nrows\n",
+        "<!-- results: laptop main -->\nrows\n<!-- results: laptop main -->\n<!-- end -->\n",
+    ],
+)
+def test_a_mark_without_its_end_deletes_nothing(text, tmp_path):
+    with pytest.raises(ValueError, match="needs its own <!-- end -->"):
+        readme_with_results(text, tmp_path)
+
+
+def test_a_page_says_on_what_each_step_was_done(tmp_path, monkeypatch):
+    run = fake_run(tmp_path / "laptop", "3", "unet", True, 0, 0.4, status=Status.trained)
+    where = {"commit": "B", "hardware": {"gpu": "none at all"}, "versions": run.provenance().steps[-1]["versions"]}
+    monkeypatch.setattr("repro.runs.surroundings", lambda: where)
+    run.begin_step("evaluated", Status.evaluated, test_pairs=8)
+    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop") / "README.md").read_text()
+    trained, evaluated = (
+        next(line for line in page.splitlines() if f"- {verb} on" in line) for verb in ("trained", "evaluated")
+    )
+    assert "none at all" in evaluated
+    assert "none at all" not in trained
+
+
+def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
+    """A fifth experiment has no set-up of the paper's to be named by."""
+    run = fake_run(tmp_path / "laptop", "office", "unet", True, 0, 0.4)
+    network = create_model("unet")
+    Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
+    metrics = pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)])
+    metrics.to_csv(run.metrics, index=False)
+    export_weights(run, tmp_path / "weights")
+    assert "experiment office" in (tmp_path / "weights" / "README.md").read_text()
+    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+    assert pd.read_csv(target / "main.csv")["experiment"].tolist() == ["office"]

@@ -1,24 +1,25 @@
 import pandas as pd
-from test_results import fake_run, fake_study
+from conftest import fake_run, fake_study
 
-from repro.reporting.tables import costs_to_markdown, write_tables
+from repro.reporting.tables import Table, costs_to_markdown, write_tables
+from repro.runs import Outputs
 
 
 def test_three_forms_of_both_tables(tmp_path):
     fake_study(tmp_path)
     fake_run(tmp_path, "4", "unet", False, 0, 0.4)
-    pages = write_tables(tmp_path)
+    tables = write_tables(Outputs(tmp_path))
     files = {path.name for path in (tmp_path / "tables").iterdir()}
     assert files == {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "md", "tex")}
     assert len(pd.read_csv(tmp_path / "tables" / "main.csv")) == 6
-    assert "| 3 | U-Net | 0.500 (0.663) |" in pages["main"]
-    assert "| 3 | All free | 0.900 |" in pages["main"]
-    assert f"Scale {tmp_path.name}" in pages["ablation"]
+    assert "| 3 | U-Net | 0.500 (0.663) |" in tables["main"].to_markdown()
+    assert "| 3 | All free | 0.900 |" in tables["main"].to_markdown()
+    assert f"Scale {tmp_path.name}" in tables["ablation"].caption
 
 
 def test_latex_has_thirteen_columns_in_every_row_and_the_paper_below_ours(tmp_path):
     fake_study(tmp_path)
-    write_tables(tmp_path)
+    write_tables(Outputs(tmp_path))
     text = (tmp_path / "tables" / "main.tex").read_text()
     rows = [line for line in text.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
     assert rows
@@ -31,8 +32,8 @@ def test_latex_has_thirteen_columns_in_every_row_and_the_paper_below_ours(tmp_pa
 
 
 def test_nothing_evaluated_yet_is_said(tmp_path):
-    pages = write_tables(tmp_path)
-    assert all("No run evaluated yet" in page for page in pages.values())
+    tables = write_tables(Outputs(tmp_path))
+    assert all("No run evaluated yet" in table.to_markdown() for table in tables.values())
     assert not (tmp_path / "tables" / "main.csv").exists()
 
 
@@ -46,7 +47,18 @@ def test_costs_leave_out_what_was_measured_nowhere():
             "cpu_compiled_ms": [12.34, None],
         }
     )
-    page = costs_to_markdown(table, "Costs of the networks.").splitlines()
+    page = costs_to_markdown(Table(table, "Costs of the networks.")).splitlines()
     assert page[0] == "**Costs of the networks.**"
     assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, compiled [ms] |", "|---|---|---|---|"]
     assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]
+
+
+def test_latex_has_every_experiment_also_ones_own(tmp_path):
+    for experiment in ("1", "3", "office"):
+        fake_run(tmp_path, experiment, "unet", True, 0, 0.5)
+    write_tables(Outputs(tmp_path))
+    text = (tmp_path / "tables" / "main.tex").read_text()
+    for title in ("Experiment 1 (Static, rotation)", "Experiment 3 (Dynamic, rotation)", "{Experiment office}"):
+        assert text.count(title) == 1
+    rows = [line for line in text.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
+    assert all(row.count("&") == 12 for row in rows)

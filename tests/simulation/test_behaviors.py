@@ -48,10 +48,10 @@ def test_unknown_robot_behavior_lists_the_known_ones():
         robot_commands({"name": "dash"}, 0.1)
 
 
-def path(drift: Drift, start: tuple[float, float], steps: int) -> np.ndarray:
+def track(obstacle: Drift, start: tuple[float, float], steps: int) -> np.ndarray:
     points = [start]
     for _ in range(steps):
-        vx, vy = drift.velocity(*points[-1], 0.1)
+        vx, vy = obstacle.velocity(*points[-1], 0.1)
         points.append((points[-1][0] + 0.1 * vx, points[-1][1] + 0.1 * vy))
     return np.array(points)
 
@@ -63,7 +63,7 @@ def drift(seed: int = 0, **changes) -> Drift:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_drift_has_constant_speed_and_straight_stretches_of_the_given_length(seed):
-    steps = np.diff(path(drift(seed, keep_out_m=0.0), (5.0, 5.0), 400), axis=0)
+    steps = np.diff(track(drift(seed, keep_out_m=0.0), (5.0, 5.0), 400), axis=0)
     assert np.allclose(np.linalg.norm(steps, axis=1), 0.2)
     turns = np.flatnonzero(np.abs(np.diff(steps, axis=0)).max(axis=1) > 1e-9) + 1
     stretches = np.diff([0, *turns])
@@ -73,11 +73,11 @@ def test_drift_has_constant_speed_and_straight_stretches_of_the_given_length(see
 
 @pytest.mark.parametrize("seed", range(20))
 def test_drift_never_enters_the_zone(seed):
-    points = path(drift(seed, speed_m_s=8.0), (25.0, 33.0), 600)
+    points = track(drift(seed, speed_m_s=8.0), (25.0, 33.0), 600)
     assert np.linalg.norm(points - 25, axis=1).min() >= 6.0 - 1e-9
 
 
 def test_same_seed_same_path_other_seed_other_path():
-    first, again, other = (path(drift(seed), (5.0, 5.0), 50) for seed in (1, 1, 2))
+    first, again, other = (track(drift(seed), (5.0, 5.0), 50) for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.simulation.recording import beam_angles, check_replay, make, record, replay, scan
+from repro.simulation.recording import beam_angles, check_replay, make, replay, scan, simulate
 from repro.simulation.worlds import sample_world, turn_around, write_world
 
 
@@ -12,12 +12,15 @@ from repro.simulation.worlds import sample_world, turn_around, write_world
 def test_plain_irsim_replays_to_the_same_run(spec, seed, tmp_path):
     for world in (sample_world(spec, seed), turn_around(sample_world(spec, seed))):
         write_world(world, tmp_path / "world.yaml")
-        truth, run = replay(tmp_path / "world.yaml"), record(world)
-        assert np.array_equal(np.isfinite(truth.ranges), np.isfinite(run.ranges))
-        hit = np.isfinite(truth.ranges)
-        assert np.allclose(truth.ranges[hit], run.ranges[hit], rtol=0, atol=1e-9)
-        for name in ("angles", "poses", "states", "outlines"):
-            assert np.allclose(getattr(truth, name), getattr(run, name), rtol=0, atol=1e-9), name
+        truth, found = replay(tmp_path / "world.yaml"), simulate(world)
+        hit = np.isfinite(truth.scans.ranges)
+        assert np.array_equal(hit, np.isfinite(found.scans.ranges))
+        assert np.allclose(truth.scans.ranges[hit], found.scans.ranges[hit], rtol=0, atol=1e-9)
+        for name in ("angles", "poses"):
+            assert np.allclose(getattr(truth.scans, name), getattr(found.scans, name), rtol=0, atol=1e-9), name
+        for name in ("states", "outlines"):
+            assert np.allclose(getattr(truth, name), getattr(found, name), rtol=0, atol=1e-9), name
+        assert truth.seen is None  # IR-SIM does not tell
 
 
 def test_ranges_agree_with_rays_against_discs():
@@ -25,13 +28,13 @@ def test_ranges_agree_with_rays_against_discs():
     spec = world_spec("3")
     spec["obstacles"] = {**spec["obstacles"], "disc_share": 1.0}
     world = sample_world(spec, 11)
-    run = record(world)
-    heading = run.poses[:, 2:] + run.angles
+    recording = simulate(world)
+    heading = recording.scans.poses[:, 2:] + recording.scans.angles
     beams = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    oracle = np.full(run.ranges.shape, np.inf)
-    depth = np.zeros(run.ranges.shape)  # how far inside the disc the beam passes
-    for obstacle, states in zip(world["obstacle"], run.states, strict=True):
-        offset, radius = states[:, :2] - run.poses[:, :2], obstacle["shape"]["radius"]
+    oracle = np.full(recording.scans.ranges.shape, np.inf)
+    depth = np.zeros(recording.scans.ranges.shape)  # how far inside the disc the beam passes
+    for obstacle, states in zip(world["obstacle"], recording.states, strict=True):
+        offset, radius = states[:, :2] - recording.scans.poses[:, :2], obstacle["shape"]["radius"]
         along = np.einsum("td,tnd->tn", offset, beams)
         inside = radius**2 - (offset**2).sum(-1)[:, None] + along**2
         distance = np.where((inside > 0) & (along > 0), along - np.sqrt(np.maximum(inside, 0)), np.inf)
@@ -39,10 +42,10 @@ def test_ranges_agree_with_rays_against_discs():
         oracle = np.minimum(oracle, distance)
     clear = (depth > 0.5) & (oracle < 29.9)
     assert clear.sum() > 500
-    error = np.abs(oracle[clear] - run.ranges[clear])
+    error = np.abs(oracle[clear] - recording.scans.ranges[clear])
     assert error.max() < 0.05
     assert np.median(error) < 0.009
-    assert np.isinf(run.ranges[np.isinf(oracle)]).all()
+    assert np.isinf(recording.scans.ranges[np.isinf(oracle)]).all()
 
 
 def test_a_wall_ahead_is_seen_at_its_distance():
@@ -57,30 +60,35 @@ def test_a_wall_ahead_is_seen_at_its_distance():
 
 
 def test_rotating_everything_leaves_the_scan_unchanged():
-    run = record(sample_world(world_spec("1"), 2))
+    recording = simulate(sample_world(world_spec("1"), 2))
     turn = 0.7
     matrix = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
 
     def turned(poses):
         return np.concatenate([poses[..., :2] @ matrix.T, poses[..., 2:] + turn], axis=-1)
 
-    again, _ = scan(turned(run.poses), run.angles, run.outlines, turned(run.states), 30.0)
-    hit = np.isfinite(run.ranges) & np.isfinite(again)
-    assert (np.isfinite(run.ranges) == np.isfinite(again)).mean() > 0.999
-    assert np.allclose(run.ranges[hit], again[hit], atol=1e-6)
+    again, _ = scan(
+        turned(recording.scans.poses), recording.scans.angles, recording.outlines, turned(recording.states), 30.0
+    )
+    hit = np.isfinite(recording.scans.ranges) & np.isfinite(again)
+    assert (np.isfinite(recording.scans.ranges) == np.isfinite(again)).mean() > 0.999
+    assert np.allclose(recording.scans.ranges[hit], again[hit], atol=1e-6)
 
 
 def test_only_hit_obstacles_are_seen():
-    run = record(sample_world(world_spec("1"), 0))
-    alone = [scan(run.poses, run.angles, run.outlines[[k]], run.states[[k]], 30.0)[0] for k in range(len(run.seen))]
-    assert np.allclose(np.min(alone, axis=0), run.ranges)
-    nearest = np.where(np.isfinite(run.ranges), np.argmin(alone, axis=0), -1)
-    assert run.seen.tolist() == [bool((nearest == k).any()) for k in range(len(run.seen))]
+    recording = simulate(sample_world(world_spec("1"), 0))
+    scans, count = recording.scans, len(recording.seen)
+    alone = [
+        scan(scans.poses, scans.angles, recording.outlines[[k]], recording.states[[k]], 30.0)[0] for k in range(count)
+    ]
+    assert np.allclose(np.min(alone, axis=0), recording.scans.ranges)
+    nearest = np.where(np.isfinite(recording.scans.ranges), np.argmin(alone, axis=0), -1)
+    assert recording.seen.tolist() == [bool((nearest == k).any()) for k in range(len(recording.seen))]
 
 
 def test_twins_share_the_obstacle_motion():
     world = sample_world(world_spec("4"), 9)
-    assert np.array_equal(record(world).states, record(turn_around(world)).states)
+    assert np.array_equal(simulate(world).states, simulate(turn_around(world)).states)
 
 
 def test_beams_span_the_field_of_view():
@@ -93,14 +101,14 @@ def test_an_obstacle_on_the_robot_is_refused():
     world = sample_world(world_spec("1"), 0)
     world["obstacle"][0]["state"][:2] = [25.0, 25.0]
     with pytest.raises(ValueError, match="reaches the robot"):
-        record(world)
+        simulate(world)
 
 
 def test_commands_beyond_the_limit_are_refused():
     world = sample_world(world_spec("2"), 0)
     world["robot"]["vel_max"] = [1.0, 1.0]
     with pytest.raises(ValueError, match="vel_max"):
-        record(world)
+        simulate(world)
 
 
 def test_a_missing_world_file_is_refused(tmp_path):
@@ -118,7 +126,7 @@ def test_a_behavior_that_irsim_skipped_is_refused(tmp_path):
 
 def test_replay_check_notices_another_scan():
     world = sample_world(world_spec("2"), 0)
-    run = record(world)
-    assert check_replay(world, run) < 1e-9
+    recording = simulate(world)
+    assert check_replay(world, recording) < 1e-9
     with pytest.raises(ValueError, match="plain IR-SIM"):
-        check_replay(world, record(turn_around(world)))
+        check_replay(world, simulate(turn_around(world)))

@@ -11,15 +11,10 @@ import numpy as np
 import pytest
 from conftest import ROOT, world_spec
 
-from repro.simulation import store
-from repro.simulation.recording import record
-from repro.simulation.store import (
-    read_manifest,
-    read_shards,
-    record_experiment,
-    recordings_hash,
-    spec_fingerprint,
-)
+from repro.simulation import shards
+from repro.simulation.recording import simulate
+from repro.simulation.shards import read_shard, spec_fingerprint
+from repro.simulation.store import read_manifest, read_scans, read_shards, record_experiment, recordings_hash
 from repro.simulation.worlds import sample_world, turn_around
 
 PAIRS = {"train": 8, "val": 4, "test": 4}
@@ -34,37 +29,49 @@ def copy(recorded, tmp_path):
 
 def test_what_is_read_is_what_was_simulated(recorded):
     shard = next(read_shards(recorded, "test"))
-    assert shard["ranges"].shape == (8, 100, 100)
+    assert shard.scans.ranges.shape == (8, 100, 100)
     for number in range(4):
-        world = sample_world(world_spec("3"), store.SPLITS["test"] + number)
-        mine = shard["world"] == number
+        world = sample_world(world_spec("3"), shards.SPLITS["test"] + number)
+        mine = shard.world == number
         for twin, item in enumerate((world, turn_around(world))):
-            run, stored = record(item), 2 * number + twin
-            assert np.array_equal(shard["ranges"][stored], run.ranges.astype(np.float32))
-            assert np.array_equal(shard["poses"][stored], run.poses)
-            assert np.array_equal(shard["seen"][stored, : len(run.seen)], run.seen)
-            assert np.array_equal(shard["states"][mine], run.states.astype(np.float32))
+            recording, stored = simulate(item), 2 * number + twin
+            assert np.array_equal(shard.scans.ranges[stored], recording.scans.ranges.astype(np.float32))
+            assert np.array_equal(shard.scans.poses[stored], recording.scans.poses)
+            assert np.array_equal(shard.seen[stored, : len(recording.seen)], recording.seen)
+            assert np.array_equal(shard.states[mine], recording.states.astype(np.float32))
+
+
+def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
+    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
+    world = sample_world(world_spec("3"), shards.SPLITS["train"] + 3)
+    for index, item in ((6, world), (7, turn_around(world))):
+        scans = read_scans(tmp_path, "train", index)
+        assert np.array_equal(scans.ranges, simulate(item).scans.ranges.astype(np.float32))
+        assert np.array_equal(scans.poses, simulate(item).scans.poses)
+    with pytest.raises(ValueError, match="8 recordings in train, none of index 8"):
+        read_scans(tmp_path, "train", 8)
 
 
 def test_content_does_not_depend_on_workers(tmp_path, monkeypatch):
-    monkeypatch.setattr(store, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
     manifests = [
         record_experiment(tmp_path / str(workers), world_spec("4"), PAIRS, workers=workers) for workers in (1, 2)
     ]
-    assert len(manifests[0]["shards"]) == 8
+    assert len(manifests[0].shards) == 8
     assert manifests[0] == manifests[1]
 
 
 def test_splits_have_disjoint_seeds_and_twins_stay_together(recorded):
     seeds = [
-        set(range(entry["first_seed"], entry["first_seed"] + entry["worlds"]))
-        for entry in read_manifest(recorded)["shards"].values()
+        set(range(entry.first_seed, entry.first_seed + entry.worlds))
+        for entry in read_manifest(recorded).shards.values()
     ]
     assert sum(map(len, seeds)) == len(set.union(*seeds))
-    for split, runs in (("train", 24), ("val", 8), ("test", 8)):
+    for split, count in (("train", 24), ("val", 8), ("test", 8)):
         for shard in read_shards(recorded, split):
-            assert len(shard["ranges"]) == runs
-            assert shard["world"].max() + 1 == runs // 2
+            assert len(shard.scans) == count
+            assert shard.world.max() + 1 == count // 2
 
 
 def test_recording_again_changes_nothing(copy):
@@ -79,7 +86,7 @@ def test_a_lost_shard_is_recorded_again_to_the_same_bytes(copy):
     manifest = read_manifest(copy)
     (copy / "manifest.json").unlink()
     (copy / "val-0000.npz").unlink()
-    assert record_experiment(copy, world_spec("3"), manifest["pairs"], workers=1) == manifest
+    assert record_experiment(copy, world_spec("3"), manifest.pairs, workers=1) == manifest
 
 
 @pytest.mark.parametrize("damage", ["truncated", "altered", "missing"])
@@ -96,12 +103,48 @@ def test_a_damaged_shard_is_named_and_never_read(copy, damage):
         next(read_shards(copy, "train"))
 
 
-def test_a_truncated_shard_is_named_when_recording_goes_on(copy):
-    (copy / "manifest.json").unlink()
-    path = copy / "train-0000.npz"
-    path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(ValueError, match=r"train-0000\.npz cannot be read"):
-        record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
+@pytest.mark.parametrize("manifest", ["there", "not yet there"])
+@pytest.mark.parametrize("damage", ["truncated", "altered", "missing", "empty", "another file"])
+def test_recording_mends_what_is_damaged_and_nothing_else(copy, damage, manifest, capsys):
+    path, other = copy / "train-0000.npz", copy / "test-0000.npz"
+    before = read_manifest(copy)
+    content, untouched = path.read_bytes(), other.stat().st_mtime_ns
+    damaged = {
+        "truncated": content[:1000],
+        "altered": content[:5000] + bytes([content[5000] ^ 1]) + content[5001:],
+        "empty": b"",
+        "another file": b"PK no archive",
+    }
+    path.unlink() if damage == "missing" else path.write_bytes(damaged[damage])
+    if manifest == "not yet there":
+        (copy / "manifest.json").unlink()
+    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1) == before
+    assert path.read_bytes() == content
+    assert other.stat().st_mtime_ns == untouched
+    assert ("recording again: shard" in capsys.readouterr().out) == (damage != "missing")
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "a list", "exchanged splits", "no shards"])
+def test_a_damaged_manifest_is_named_with_its_mend(copy, damage):
+    path = copy / "manifest.json"
+    text = path.read_text()
+    content = json.loads(text)
+    if damage == "exchanged splits":
+        for entry in content["shards"].values():
+            entry["split"] = {"val": "test", "test": "val"}.get(entry["split"], entry["split"])
+    damaged = {
+        "cut": text[: len(text) // 2],
+        "empty": "",
+        "a list": "[]",
+        "exchanged splits": json.dumps(content),
+        "no shards": json.dumps({**content, "shards": {}}),
+    }
+    path.write_text(damaged[damage])
+    with pytest.raises(ValueError, match=r"manifest\.json cannot be read .*task=record"):
+        read_manifest(copy)
+    path.unlink()
+    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
+    assert path.read_text() == text
 
 
 @pytest.mark.parametrize("stage", ["finished", "unfinished"])
@@ -113,7 +156,7 @@ def test_another_configuration_is_refused(copy, stage):
 
 
 def test_missing_recordings_name_the_command(tmp_path):
-    with pytest.raises(ValueError, match="task=record scale=laptop exp=2"):
+    with pytest.raises(ValueError, match=r"no complete recordings in .*same command with task=record"):
         recordings_hash(tmp_path / "laptop" / "recordings" / "exp2")
 
 
@@ -140,14 +183,14 @@ def test_a_full_disk_leaves_only_whole_shards(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
         save(file, **arrays)
 
-    monkeypatch.setattr(store, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
     monkeypatch.setattr(np, "savez_compressed", save_until_full)
     with pytest.raises(OSError, match="No space left"):
         record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
     assert {path.name for path in tmp_path.iterdir()} == {"train-0000.npz", "train-0001.npz", ".lock"}
     monkeypatch.setattr(np, "savez_compressed", save)
     record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
-    assert sum(len(shard["ranges"]) for shard in read_shards(tmp_path, "train")) == 8
+    assert sum(len(shard.scans) for shard in read_shards(tmp_path, "train")) == 8
 
 
 def _record(directory, results):
@@ -172,8 +215,8 @@ def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on
     directory = tmp_path / "rec"
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
-        "from pathlib import Path; from conftest import world_spec; from repro.simulation import store\n"
-        "store.SHARD_WORLDS = 2\n"
+        "from pathlib import Path; from conftest import world_spec; from repro.simulation import shards, store\n"
+        "shards.SHARD_WORLDS = 2\n"
         f"store.record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True)
@@ -182,13 +225,13 @@ def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    shards = sorted(directory.glob("train-*.npz"))
-    assert 3 <= len(shards) < 100
+    written = sorted(directory.glob("train-*.npz"))
+    assert 3 <= len(written) < 100
     assert not (directory / "manifest.json").exists()
-    for path in shards:
-        store._read(path, spec_fingerprint(world_spec("2")))
-    monkeypatch.setattr(store, "SHARD_WORLDS", 2)
+    for path in written:
+        read_shard(path, spec_fingerprint(world_spec("2")))
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)
     (directory / "half.tmp").write_bytes(b"half of a shard")
     record_experiment(directory, world_spec("2"), {"train": 400}, workers=2)
-    assert sum(len(shard["ranges"]) for shard in read_shards(directory, "train")) == 400
+    assert sum(len(shard.scans) for shard in read_shards(directory, "train")) == 400
     assert not list(directory.glob("*.tmp"))

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from conftest import world_spec
 
-from repro.simulation.recording import drive
+from repro.simulation.recording import drive_robot
 from repro.simulation.worlds import sample_world, shape_radius, turn_around, write_world
 
 
@@ -42,14 +42,14 @@ def test_twins_share_obstacles_and_differ_in_direction_only(spec):
 
 def test_the_robot_comes_back_as_it_began(spec):
     for world in (sample_world(spec, 0), turn_around(sample_world(spec, 0))):
-        x, y, heading = drive(world)[-1]
+        x, y, heading = drive_robot(world)[-1]
         start_x, start_y, start_heading = world["robot"]["state"]
         assert (x, y) == pytest.approx((start_x, start_y), abs=1e-9)
         assert math.cos(heading - start_heading) == pytest.approx(1)
 
 
 def test_the_twin_takes_the_mirror_image_of_the_path(spec):
-    (there, back) = (drive(w)[:, :2] for w in (sample_world(spec, 0), turn_around(sample_world(spec, 0))))
+    (there, back) = (drive_robot(w)[:, :2] for w in (sample_world(spec, 0), turn_around(sample_world(spec, 0))))
     assert np.allclose(there * [1, -1] + [0, 50], back, atol=1e-9)
 
 
@@ -77,3 +77,25 @@ def test_too_many_obstacles_are_refused():
     spec["obstacles"] = {**spec["obstacles"], "count": [80, 80]}
     with pytest.raises(ValueError, match=r"no room for \[80, 80\] obstacles"):
         sample_world(spec, 0)
+
+
+def test_a_robot_that_leaves_its_zone_is_refused():
+    spec = world_spec("2")
+    sample_world(spec, 0)
+    spec["motion"] = {**spec["motion"], "side_m": 30.0}
+    with pytest.raises(ValueError, match=r"reaches 21\.71 m .* clear_radius_m=8\.5"):
+        sample_world(spec, 0)
+
+
+def test_a_world_that_is_not_square_is_refused():
+    spec = world_spec("1")
+    spec["world"] = {**spec["world"], "width": 100}
+    with pytest.raises(ValueError, match=r"must be square, got world\.world\.width=100 and height=50"):
+        sample_world(spec, 0)
+
+
+def test_an_experiment_may_have_any_name():
+    office, lobby = ({**world_spec("3"), "experiment": name} for name in ("office", "lobby"))
+    assert sample_world(office, 5) == sample_world(office, 5)
+    assert sample_world(office, 5) != sample_world(lobby, 5)
+    assert sample_world(office, 5) != sample_world(world_spec("3"), 5)

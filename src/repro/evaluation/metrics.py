@@ -1,6 +1,6 @@
 """The paper's six metrics, and the same seen from the obstacles.
 
-The paper's positive class is FREE space (reproduce/paper: from every row of its tables the same prevalence
+The paper's positive class is FREE space (reporting/paper_tables: from every row of its tables the same prevalence
 follows twice), and its counts are pooled over the test set: DEVIATIONS D10. Formulas and eps are those of
 Segmentation-Metrics-PyTorch, which the paper names; SSIM is piqa's.
 """

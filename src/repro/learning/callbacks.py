@@ -9,14 +9,15 @@ import lightning as L
 import pandas as pd
 from lightning.pytorch.callbacks import Callback, EarlyStopping
 
-from repro.runs import replace_file
+from repro.files import write_text
 
 
 class History(Callback):
     """One row an epoch in history.csv, kept in the checkpoint so that a resumed run has them all."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.since = path, time.monotonic()
+        self.path = path
+        self.since = time.monotonic()
         self.rows: list[dict[str, float]] = []
 
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
@@ -29,7 +30,7 @@ class History(Callback):
             raise FloatingPointError(f"the validation loss is {values['val_loss']} at epoch {trainer.current_epoch}")
         seconds = round(time.monotonic() - self.since, 2)
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
-        replace_file(self.path, pd.DataFrame(self.rows).to_csv(index=False))
+        write_text(self.path, pd.DataFrame(self.rows).to_csv(index=False))
         print(
             f"epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
             f"val {values['val_loss']:.4f}  {seconds:.1f} s",
@@ -48,7 +49,8 @@ class Stop(EarlyStopping):
 
     def __init__(self, minutes: float | None, **options: Any) -> None:
         super().__init__("val_loss", check_on_train_epoch_end=True, **options)
-        self.minutes, self.paused = minutes, False
+        self.minutes = minutes
+        self.paused = False
 
     def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         trainer.should_stop = self.wait_count >= self.patience
@@ -64,7 +66,8 @@ class Stop(EarlyStopping):
 class Budget:
     """How long this process has been at work. It always trains one epoch, so that every call gets further."""
 
-    started, epochs = time.monotonic(), 0
+    started = time.monotonic()
+    epochs = 0
 
     @classmethod
     def is_spent(cls, minutes: float | None) -> bool:

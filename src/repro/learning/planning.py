@@ -1,15 +1,15 @@
 """What a study costs on this machine, measured before it starts."""
 
-from typing import Any
-
 import torch
 
+from repro.config import NETWORKS, Scale
+from repro.devices import clock, resolve_device, resolve_precision
 from repro.learning.losses import MapLoss
-from repro.learning.models import ARCHITECTURES, clock, create_model, resolve_device, resolve_precision
+from repro.learning.models import create_model
 
 TRAININGS = 6  # of each network: four experiments, and two without decay
 USUAL_EPOCHS = 20  # at which early stopping has usually ended a training
-_RECORDING_SECONDS = 0.008  # a run on one core
+_RECORDING_SECONDS = 0.008  # a recording on one core
 
 
 def seconds_per_image(architecture: str, size_px: int, batch_size: int, precision: str, steps: int = 2) -> float:
@@ -29,16 +29,16 @@ def seconds_per_image(architecture: str, size_px: int, batch_size: int, precisio
     return (clock(device) - began) / steps / batch_size
 
 
-def plan_study(scale: dict[str, Any], precision: str) -> str:
+def plan_study(scale: Scale, precision: str) -> str:
     """What `make reproduce` will do at a scale and about how long it will take."""
     gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else None
     reason = f"the GPU {gpu}" if gpu else "no CUDA GPU is visible"
-    seconds = {name: _training_seconds(name, scale, precision) for name in ARCHITECTURES}
-    recording = 4 * sum(scale["pairs"].values()) * _RECORDING_SECONDS / 2
+    seconds = {name: _training_seconds(name, scale, precision) for name in NETWORKS}
+    recording = 4 * (scale.pairs.train + scale.pairs.val + scale.pairs.test) * _RECORDING_SECONDS / 2
     total = recording + TRAININGS * sum(seconds.values())
     lines = [
-        f"Scale {scale['name']} ({reason}): {scale['size_px']} px, {scale['pairs']['train']} training pairs an "
-        f"experiment, at most {scale['max_epochs']} epochs.",
+        f"Scale {scale.name} ({reason}): {scale.size_px} px, {scale.pairs.train} training pairs an "
+        f"experiment, at most {scale.max_epochs} epochs.",
         f"About {_readable(total)} in all, at {_epochs(scale)} epochs a training: recording {_readable(recording)}",
         *(f"  {TRAININGS} x {name}: {_readable(TRAININGS * value)}" for name, value in seconds.items()),
         "Stop it at any time: the same command goes on where it was.",
@@ -46,28 +46,28 @@ def plan_study(scale: dict[str, Any], precision: str) -> str:
     return "\n".join(lines)
 
 
-def cost_warning(architecture: str, scale: dict[str, Any], precision: str) -> str | None:
+def cost_warning(architecture: str, scale: Scale, precision: str) -> str | None:
     """What one training costs without a GPU and how to ask for less; None where there is a GPU."""
     if torch.cuda.is_available():
         return None
     seconds = _training_seconds(architecture, scale, precision)
     return (
         f"No CUDA GPU is visible: this training takes about {_readable(seconds)} at {_epochs(scale)} epochs of "
-        f"{scale['pairs']['train']} pairs of {scale['size_px']} px. For less, add scale=laptop (or scale=smoke)."
+        f"{scale.pairs.train} pairs of {scale.size_px} px. For less, add scale=laptop (or scale=smoke)."
     )
 
 
-def _training_seconds(architecture: str, scale: dict[str, Any], precision: str) -> float:
+def _training_seconds(architecture: str, scale: Scale, precision: str) -> float:
     device = resolve_device()
-    quick = device == "cuda" or scale["size_px"] <= 64  # else a smaller batch tells a CPU's speed soon enough
-    batch_size, steps = (scale["batch_size"], 8) if quick else (4, 2)
+    quick = device == "cuda" or scale.size_px <= 64  # else a smaller batch tells a CPU's speed soon enough
+    batch_size, steps = (scale.batch_size, 8) if quick else (4, 2)
     precision = resolve_precision(precision, device)
-    each = seconds_per_image(architecture, scale["size_px"], batch_size, precision, steps)
-    return each * scale["pairs"]["train"] * _epochs(scale)
+    each = seconds_per_image(architecture, scale.size_px, batch_size, precision, steps)
+    return each * scale.pairs.train * _epochs(scale)
 
 
-def _epochs(scale: dict[str, Any]) -> int:
-    return min(scale["max_epochs"], USUAL_EPOCHS)
+def _epochs(scale: Scale) -> int:
+    return min(scale.max_epochs, USUAL_EPOCHS)
 
 
 def _readable(seconds: float) -> str:

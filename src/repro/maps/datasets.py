@@ -1,16 +1,16 @@
-"""Pairs for training and evaluation: (projection, true map) as uint8 images in memory."""
+"""Pairs for training and evaluation: (encoded scans, true map) as uint8 images in memory."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.maps.projection import project, rasterize
+from repro.maps.truth import rasterize
+from repro.runs import RunConfig
 from repro.simulation.store import read_shards
 
 
@@ -19,26 +19,34 @@ class Pairs:
     """All pairs of one split.
 
     Args:
-        images: projections, uint8, (M, 1, H, W); 0 is black, 255 the white background.
+        images: encoded scans, uint8, (M, C, H, W).
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
+        encoding: what drew the images.
     """
 
     images: Tensor
     maps: Tensor
+    encoding: Encoding
 
     def __len__(self) -> int:
         return len(self.images)
 
     def batch(self, index: Tensor) -> tuple[Tensor, Tensor]:
-        """Gathers and casts some pairs: images in [0, 1] and maps, float32, (B, 1, H, W)."""
-        return self.images[index].float() / 255, self.maps[index].float()
+        """Gathers and casts some pairs: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W), float32."""
+        return self.encoding.to_input(self.images[index]), self.maps[index].float()
+
+    def hits(self) -> Tensor:
+        """Says of each pixel whether a beam ended there, bool, (M, H, W)."""
+        return self.encoding.hits(self.images)
 
 
 class Batches:
     """Batches of one epoch, gathered on the device that holds the pairs; shuffled by `seed` when it is given."""
 
     def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None) -> None:
-        self.pairs, self.batch_size, self.seed = pairs, batch_size, seed
+        self.pairs = pairs
+        self.batch_size = batch_size
+        self.seed = seed
         if seed is not None and len(pairs) < batch_size:
             raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
 
@@ -56,75 +64,41 @@ class Batches:
 
 
 def load_pairs(
-    directory: Path,
-    split: str,
-    grid: Grid,
-    *,
-    decay: bool,
-    lightest: float,
-    device: torch.device | str = "cpu",
+    recordings: Path, split: str, grid: Grid, encoding: Encoding, *, device: torch.device | str = "cpu"
 ) -> Pairs:
     """Makes the pairs of a split from its recordings.
 
     Args:
-        directory: a recorded experiment.
+        recordings: a recorded experiment.
         split: train, val or test.
         grid: the resolution of both images.
-        decay: see `projection.project`.
-        lightest: see `projection.project`.
+        encoding: what draws the scans.
         device: where the images are made and stay.
 
     Raises:
         ValueError: a shard cannot be trusted, see `store.read_shards`.
     """
     images, maps = [], []
-    for shard in read_shards(directory, split):
-        runs = torch.arange(len(shard["ranges"]), device=device)
-        ranges, angles, poses, outlines, states, world = (
-            torch.as_tensor(shard[name], device=device).to(dtype)
-            for name, dtype in (
-                ("ranges", torch.float32),
-                ("angles", torch.float32),
-                ("poses", torch.float32),
-                ("outlines", torch.float32),
-                ("states", torch.float32),
-                ("world", torch.long),
-            )
+    for shard in read_shards(recordings, split):
+        images.append(encoding.encode(shard.scans.tensors(device), grid))
+        outlines, states, owner = (
+            torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
         )
-        images.append(project(ranges, angles, poses, grid, decay=decay, lightest=lightest))
-        true = rasterize(outlines, states[:, -1], world, len(runs) // 2, grid)
-        maps.append(true[runs // 2])  # twins share the map
-    return Pairs(torch.cat(images)[:, None], torch.cat(maps)[:, None])
+        maps.append(rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid))
+    twins = torch.cat(maps).repeat_interleave(2, dim=0)  # a world and its twin share the map
+    return Pairs(torch.cat(images), twins[:, None], encoding)
 
 
-def load_pairs_of_run(directory: Path, split: str, config: dict[str, Any], device: str) -> Pairs:
-    """Makes the pairs of a split as the config.yaml of a run asks for them, see `load_pairs`."""
-    data = config["data"]
-    grid = Grid(data["size_px"])
-    return load_pairs(directory, split, grid, decay=config["decay"], lightest=data["lightest"], device=device)
+def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:
+    """Makes the pairs of a split as the configuration of a run asks for them, see `load_pairs`."""
+    return load_pairs(recordings, split, grid_of(config), encoding_of(config), device=device)
 
 
-def coverage(directory: Path, split: str, grid: Grid) -> float:
-    """Mean share of the map that obstacles cover at the last step."""
-    free = load_pairs(directory, split, grid, decay=False, lightest=0).maps
-    return 1 - free.float().mean().item()
+def grid_of(config: RunConfig) -> Grid:
+    """The grid of a run."""
+    return Grid(config.data.size_px, config.data.size_m)
 
 
-def visibility(directory: Path, split: str, grid: Grid) -> float:
-    """Share of the obstacle area that belongs to obstacles hit at least once: the ceiling of specificity."""
-    seen_px, all_px = 0, 0
-    for shard in read_shards(directory, split):
-        world, seen = shard["world"], shard["seen"]
-        rank = np.arange(len(world)) - np.searchsorted(world, world)  # number of an obstacle in its world
-        outlines, states = torch.as_tensor(shard["outlines"]), torch.as_tensor(shard["states"][:, -1])
-        owner = torch.arange(len(world))
-        area = (1 - rasterize(outlines, states, owner, len(world), grid)).sum((1, 2)).numpy()
-        for twin in (0, 1):
-            seen_px += area[seen[2 * world + twin, rank]].sum()
-            all_px += area.sum()
-    return float(seen_px / all_px)
-
-
-def describe(directory: Path, grid: Grid) -> dict[str, float]:
-    """Coverage and visibility of the test split, to be read beside what the paper's tables imply."""
-    return {"coverage": coverage(directory, "test", grid), "visibility": visibility(directory, "test", grid)}
+def encoding_of(config: RunConfig) -> Encoding:
+    """The encoding of a run."""
+    return create_encoding(config.encoding.name, config.encoding.parameters)

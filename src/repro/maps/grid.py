@@ -23,7 +23,7 @@ class Grid:
     """
 
     size_px: int
-    size_m: float = 50.0
+    size_m: float
 
     def __post_init__(self) -> None:
         if self.size_px < 1 or self.size_m <= 0:

@@ -1,11 +1,6 @@
-"""The paper's four figures, each made from runs of ours.
-
-Data in, `Figure` out; `write_figures` gathers the data from an outputs directory and saves PNG and PDF. The
-world shown is always the first of the test set, never a chosen one.
-"""
+"""The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,58 +10,36 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-from repro.evaluation.predictions import read_predictions
-from repro.maps.datasets import load_pairs_of_run
-from repro.reporting.tables import SETUPS
-from repro.runs import read_config, read_status, run_directory
+from repro.evaluation.examples import Example
+from repro.reporting.tables import experiment_title
 from repro.simulation.recording import make
-from repro.simulation.store import SPLITS, read_shards
-from repro.simulation.worlds import World, sample_world, write_world
+from repro.simulation.worlds import World, write_world
 
 INK, ACCENT = "#222222", "#0b6e99"
 STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 
 
-@dataclass(frozen=True)
-class Example:
-    """One test run with what U-Net makes of it: projection and maps (H, W), ranges (T, N), poses (T, 3)."""
-
-    title: str
-    projection: np.ndarray
-    prediction: np.ndarray
-    truth: np.ndarray
-    ranges: np.ndarray
-    poses: np.ndarray
-    lightest: float
-
-
-def write_figures(outputs: Path, specs: dict[str, dict[str, Any]], index: int = 0) -> list[Path]:
-    """Draws every figure for which the runs are there, as PNG and PDF below outputs/figures.
+def write_figures(directory: Path, worlds: dict[str, World], examples: list[Example]) -> list[Path]:
+    """Draws every figure for which there is something to show, as PNG and PDF.
 
     Args:
-        outputs: the outputs directory of one scale.
-        specs: of each experiment, what `worlds.sample_world` takes.
-        index: which test run the figures show.
+        directory: where they go, made if missing.
+        worlds: a world of each experiment.
+        examples: one test recording of each experiment and ablation.
 
     Returns:
         the PNG files written.
     """
-    examples = {
-        (experiment, decay): load_example(outputs, experiment, decay, index)
-        for decay in (True, False)
-        for experiment in specs
-        if read_status(run_directory(outputs, experiment, "unet", decay, 0)) == "evaluated"
-    }
-    decayed = {experiment: example for (experiment, decay), example in examples.items() if decay}
-    directory = outputs / "figures"
+    decayed = [example for example in examples if example.decay]
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     with plt.rc_context(STYLE):
-        drawn = {"data_collection": data_collection(specs, SPLITS["test"])}
+        drawn = {"data_collection": data_collection(worlds)} if worlds else {}
         if decayed:
-            drawn["method_overview"] = method_overview(list(decayed.values())[-1])
-            drawn["data_representation"] = data_representation(list(decayed.values()))
-            drawn["results"] = results(list(examples.values()))
+            drawn["method_overview"] = method_overview(decayed[-1])
+            drawn["data_representation"] = data_representation(decayed)
+        if examples:
+            drawn["results"] = results(examples)
         for name, figure in drawn.items():
             for suffix in ("png", "pdf"):
                 figure.savefig(directory / f"{name}.{suffix}", bbox_inches="tight", pad_inches=0.05)
@@ -75,38 +48,20 @@ def write_figures(outputs: Path, specs: dict[str, dict[str, Any]], index: int = 
     return written
 
 
-def load_example(outputs: Path, experiment: str, decay: bool, index: int) -> Example:
-    """Reads one test run of U-Net's: what went in, what came out, what was true."""
-    run = run_directory(outputs, experiment, "unet", decay, 0)
-    recordings, config = outputs / "recordings" / f"exp{experiment}", read_config(run)
-    pairs = load_pairs_of_run(recordings, "test", config, "cpu")
-    shard = next(read_shards(recordings, "test"))
-    title = f"Experiment {experiment}\n" + (SETUPS.get(experiment, "") if decay else "No time decay")
-    return Example(
-        title,
-        pairs.images[index, 0].numpy(),
-        read_predictions(run)[index],
-        pairs.maps[index, 0].numpy(),
-        shard["ranges"][index],
-        shard["poses"][index],
-        config["data"]["lightest"],
-    )
-
-
-def data_collection(specs: dict[str, dict[str, Any]], seed: int, step: int = 70) -> Figure:
-    """The set-ups as IR-SIM draws them after some steps: obstacles, robot, beams and the paths so far."""
-    figure, axes = plt.subplots(1, len(specs), figsize=(3 * len(specs), 3.2), layout="constrained", squeeze=False)
-    for ax, (experiment, spec) in zip(axes[0], specs.items(), strict=True):
-        size = spec["world"]["width"]
-        ax.imshow(irsim_drawing(sample_world(spec, seed), step), extent=(0, size, 0, size))
+def data_collection(worlds: dict[str, World], step: int = 70) -> Figure:
+    """Draws the set-ups as IR-SIM draws them after some steps: obstacles, robot, beams and the paths so far."""
+    figure, axes = plt.subplots(1, len(worlds), figsize=(3 * len(worlds), 3.2), layout="constrained", squeeze=False)
+    for ax, (experiment, world) in zip(axes[0], worlds.items(), strict=True):
+        size = world["world"]["width"]
+        ax.imshow(irsim_drawing(world, step), extent=(0, size, 0, size))
         ax.set(xticks=(0, size / 2, size), yticks=(0, size / 2, size), xlabel="x [m]")
-        ax.set_title(f"Experiment {experiment}\n{SETUPS.get(experiment, '')}")
+        ax.set_title(experiment_title(experiment, "\n{}"))
     axes[0, 0].set_ylabel("y [m]")
     return figure
 
 
 def irsim_drawing(world: World, step: int, size_px: int = 720) -> np.ndarray:
-    """IR-SIM's own picture of a world after some steps, (size_px, size_px, 4)."""
+    """Gives IR-SIM's own picture of a world after some steps, (size_px, size_px, 4)."""
     plot = {"no_axis": True, "show_title": False, "figure_pixels": [size_px, size_px]}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "world.yaml"
@@ -129,20 +84,20 @@ def irsim_drawing(world: World, step: int, size_px: int = 720) -> np.ndarray:
 
 
 def data_representation(examples: list[Example]) -> Figure:
-    """The cumulative dynamic sensor projection of one run of each experiment."""
+    """Shows the cumulative dynamic sensor projection of one recording of each experiment."""
     figure, axes = plt.subplots(1, len(examples), figsize=(3 * len(examples), 3.3), layout="constrained")
     for ax, example in zip(np.atleast_1d(axes), examples, strict=True):
-        shown = _image(ax, example.projection, example.title)
+        shown = _image(ax, example.projection, _title(example))
     bar = figure.colorbar(shown, ax=axes, fraction=0.012, pad=0.01, ticks=[0, 255 * examples[0].lightest, 255])
     bar.ax.set_yticklabels(["last step", "first step", "no hit"])
     return figure
 
 
 def results(examples: list[Example]) -> Figure:
-    """Input, prediction and truth of U-Net, one column a set-up."""
+    """Shows input, prediction and truth of U-Net, one column a set-up."""
     figure, axes = plt.subplots(3, len(examples), figsize=(1.9 * len(examples), 6), layout="constrained", squeeze=False)
     for column, example in zip(axes.T, examples, strict=True):
-        _image(column[0], example.projection, example.title)
+        _image(column[0], example.projection, _title(example))
         _image(column[1], 255 * example.prediction)
         _image(column[2], 255 * example.truth)
     for ax, name in zip(axes[:, 0], ("Sensor input", "Prediction", "Ground truth"), strict=True):
@@ -151,7 +106,7 @@ def results(examples: list[Example]) -> Figure:
 
 
 def method_overview(example: Example) -> Figure:
-    """The way of one run: scans and poses, projection, network, prediction, comparison with the truth."""
+    """Shows the way of one recording: scans and poses, projection, network, prediction, comparison with the truth."""
     figure, width = plt.figure(figsize=(12, 3)), 0.15
     _show_scans(figure.add_axes((0.05, 0.56, width, 0.36)), example)
     _show_poses(figure.add_axes((0.05, 0.02, width, 0.3)), example)
@@ -177,19 +132,27 @@ def method_overview(example: Example) -> Figure:
 
 
 def _show_scans(ax: Axes, example: Example) -> None:
-    """All scans of a run as one picture, a row a step; misses stay white."""
-    ax.imshow(np.where(np.isfinite(example.ranges), example.ranges, np.nan), aspect="auto", cmap="viridis_r")
+    """All scans of a recording as one picture, a row a step; misses stay white."""
+    ax.imshow(
+        np.where(np.isfinite(example.scans.ranges), example.scans.ranges, np.nan), aspect="auto", cmap="viridis_r"
+    )
     ax.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, 99), yticks=(0, 99))
 
 
 def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0) -> None:
     """The robot's poses as arrows, the newest darkest."""
-    x, y, heading = example.poses[::every].T
+    x, y, heading = example.scans.poses[::every].T
     arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
     ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)
     middle_x, middle_y = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
     ax.set(xlim=(middle_x - half_m, middle_x + half_m), ylim=(middle_y - half_m, middle_y + half_m))
     ax.set(title="Robot poses", aspect="equal", xticks=(), yticks=())
+
+
+def _title(example: Example) -> str:
+    if example.decay:
+        return experiment_title(example.experiment, "\n{}")
+    return f"Experiment {example.experiment}\nNo time decay"
 
 
 def _image(ax: Axes, image: np.ndarray, title: str = "") -> Any:

@@ -1,25 +1,25 @@
 """The published tables, and what they give away about the test maps."""
 
-from pathlib import Path
+from importlib.resources import files
 
 import pandas as pd
 
 from repro.evaluation.metrics import METRICS
 
-TABLES = Path(__file__).parents[3] / "reproduce" / "paper"
+TABLES = files("repro.reporting") / "paper_tables"
 KEYS = ["experiment", "model", "decay"]
 
 
 def read_paper() -> pd.DataFrame:
-    """The paper's Tables I and II with their averages: experiment, model, decay and the six metrics."""
-    results = pd.read_csv(TABLES / "results.csv")
-    averages = pd.read_csv(TABLES / "averages.csv").assign(model="average")
+    """Reads the paper's Tables I and II with their averages: experiment, model, decay and the six metrics."""
+    results = pd.read_csv(str(TABLES / "results.csv"))
+    averages = pd.read_csv(str(TABLES / "averages.csv")).assign(model="average")
     table = pd.concat([results, averages], ignore_index=True)[[*KEYS, *METRICS]]
     return table.assign(experiment=table["experiment"].astype(str))
 
 
 def implied_coverage(table: pd.DataFrame) -> pd.Series:
-    """Obstacle share of the test maps that each row implies.
+    """Computes the obstacle share of the test maps that each row implies.
 
     With FREE as the positive class, accuracy = f * recall + (1 - f) * specificity for a free share f.
     """
@@ -28,7 +28,7 @@ def implied_coverage(table: pd.DataFrame) -> pd.Series:
 
 
 def targets(experiment: str) -> dict[str, float]:
-    """What the recordings of an experiment should come near.
+    """Says what the recordings of an experiment should come near.
 
     Returns:
         `coverage`, the obstacle share that the paper's average row implies, and `specificity`, which the

@@ -1,64 +1,67 @@
 """Run directories to tidy rows, and tidy rows to the paper's two tables with the difference to it."""
 
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from repro.config import NETWORKS
 from repro.evaluation.metrics import METRICS
+from repro.evaluation.predictions import read_metrics
+from repro.evaluation.rivals import RIVALS
 from repro.reporting.paper import KEYS, read_paper
-from repro.runs import read_config, read_provenance, read_status
+from repro.runs import Outputs, Run, Status
 
-MODELS = ("unet", "fpn", "upernet", "segformer", "average", "all_free", "last_seen")  # order of the rows
-TRAINED = MODELS[:4]
+ORDER = (*NETWORKS, "average", *RIVALS)  # of the rows of a table
+FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
-def read_results(outputs: Path) -> pd.DataFrame:
+def read_results(outputs: Outputs) -> pd.DataFrame:
     """Reads every evaluated run below an outputs directory, one row each.
 
     Returns:
-        experiment, model, decay, seed, all metrics, and what the run was: size_px, train_pairs, test_pairs,
+        experiment, model, encoding, decay, seed, all metrics, and what the run was: size_px, train_pairs, test_pairs,
         epochs, training_seconds. Empty when there is none.
 
     Raises:
         ValueError: the runs are of different resolutions or numbers of pairs, so no table can hold them.
     """
-    rows: list[dict[str, Any]] = []
-    for path in sorted(outputs.glob("runs/exp*/*/*/seed*/metrics.csv")):
-        config, origin = read_config(path.parent), read_provenance(path.parent)
-        if read_status(path.parent) != "evaluated":
-            continue
-        facts = {name: origin.get(name) for name in ("train_pairs", "test_pairs", "epochs", "training_seconds")}
-        rows.append(
-            {
-                "experiment": str(config["experiment"]),
-                "model": config["model"]["name"],
-                "decay": config["decay"],
-                "seed": config["seed"],
-                **{str(name): value for name, value in pd.read_csv(path).iloc[0].items()},
-                "size_px": config["data"]["size_px"],
-                **facts,
-            }
-        )
-    table = pd.DataFrame(rows)
+    table = pd.DataFrame([_row(run) for run in outputs.runs() if run.status is Status.evaluated])
     for fact in ("size_px", "train_pairs", "test_pairs"):
         values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
         if len(values) > 1:
-            raise ValueError(f"the runs in {outputs} differ in {fact}: {values}; one table cannot hold them")
+            raise ValueError(f"the runs in {outputs.path} differ in {fact}: {values}; one table cannot hold them")
     return table
 
 
+def _row(run: Run) -> dict[str, Any]:
+    config, origin = run.config(), run.provenance()
+    return {
+        "experiment": config.experiment,
+        "model": config.model.name,
+        "encoding": config.encoding.name,
+        "decay": config.encoding.parameters.get("decay", True),
+        "seed": config.seed,
+        **{str(name): value for name, value in read_metrics(run).items()},
+        "size_px": config.data.size_px,
+        **{name: origin.fact(name) for name in FACTS},
+    }
+
+
 def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
-    """The main table (`decay=True`) or the ablation: our metrics, the paper's, and the difference.
+    """Makes the main table (`decay=True`) or the ablation: our metrics, the paper's, and the difference.
+
+    Args:
+        results: tidy rows, see `read_results`; those of the paper's projection are taken.
+        decay: which of the two.
 
     Returns:
         experiment, model, decay, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
         std_<metric> where there are several seeds. The row `average` is the mean of the four networks, there
         when all four are. Simple predictors come last, with nothing of the paper beside them.
     """
-    results = results[results["decay"] == decay]
-    networks = results[results["model"].isin(TRAINED)]
-    complete = networks.groupby(["experiment", "seed"]).filter(lambda rows: len(rows) == len(TRAINED))
+    results = results[(results["decay"] == decay) & (results["encoding"] == "projection")]
+    networks = results[results["model"].isin(NETWORKS)]
+    complete = networks.groupby(["experiment", "seed"]).filter(lambda rows: len(rows) == len(NETWORKS))
     averages = complete.groupby(["experiment", "decay", "seed"], as_index=False)[list(METRICS)].mean()
     rows = pd.concat([results, averages.assign(model="average")])
     groups = rows.groupby(KEYS)
@@ -74,16 +77,17 @@ def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
         columns[f"delta_{metric}"] = table[metric] - table[f"{metric}_paper"]
         if several:
             columns[f"std_{metric}"] = spread[metric]
-    order = table["model"].map({name: rank for rank, name in enumerate(MODELS)})
+    order = table["model"].map({name: rank for rank, name in enumerate(ORDER)})
     return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
 
 
 def caption(results: pd.DataFrame, scale: str) -> str:
-    """What a table is made from: scale, resolution, pairs, epochs and seeds."""
-    networks = results[results["model"].isin(TRAINED)]
+    """Says what a table is made from: scale, resolution, pairs, epochs and seeds."""
+    networks = results[results["model"].isin(NETWORKS)]
     if networks.empty:
         return f"Scale {scale}: no network evaluated yet."
-    first, seeds = networks.iloc[0], sorted(networks["seed"].unique())
+    first = networks.iloc[0]
+    seeds = sorted(networks["seed"].unique())
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
     return (
         f"Scale {scale}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "

@@ -1,11 +1,14 @@
-"""The two tables as CSV, Markdown and LaTeX."""
+"""Tables: a frame and its caption, as CSV, Markdown and LaTeX."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
 from repro.evaluation.metrics import METRICS
+from repro.files import write_text
 from repro.reporting.results import caption, compare, read_results
+from repro.runs import Outputs
 
 NAMES = {
     "unet": "U-Net",
@@ -37,83 +40,104 @@ COSTS = {
 SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
 
 
-def write_tables(outputs: Path) -> dict[str, str]:
-    """Writes main and ablation tables below outputs/tables from whatever runs there are.
+@dataclass(frozen=True)
+class Table:
+    """Rows with named columns, and the words above them. Empty when nothing has been evaluated yet."""
 
-    Args:
-        outputs: the outputs directory of one scale, named after it.
+    frame: pd.DataFrame
+    caption: str
 
-    Returns:
-        both tables as Markdown, by name.
-    """
-    results = read_results(outputs)
-    directory = outputs / "tables"
-    directory.mkdir(parents=True, exist_ok=True)
-    pages = {}
-    for name, decay in (("main", True), ("ablation", False)):
-        rows = results[results["decay"] == decay] if len(results) else results
-        if rows.empty:
-            pages[name] = f"**{TITLES[name]}.** No run evaluated yet.\n"
-            continue
-        table, note = compare(results, decay=decay), f"{TITLES[name]}. {caption(rows, outputs.name)}"
-        table.to_csv(directory / f"{name}.csv", index=False, float_format="%.4f")
-        pages[name] = to_markdown(table, note)
-        (directory / f"{name}.md").write_text(pages[name])
-        (directory / f"{name}.tex").write_text(to_latex(table, note))
-    return pages
+    def to_markdown(self) -> str:
+        """One row a model: our number, and the paper's in brackets."""
+        if self.frame.empty:
+            return f"**{self.caption}**\n"
+        head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
+        lines = [f"**{self.caption}** Ours (paper).", "", head, "|---|---|" + "---|" * len(METRICS)]
+        for _, row in self.frame.iterrows():
+            cells = [_ours(row, metric, 3) + _paper(row, metric, " ({:.3f})") for metric in METRICS]
+            lines.append(f"| {row['experiment']} | {NAMES[row['model']]} | " + " | ".join(cells) + " |")
+        return "\n".join(lines) + "\n"
 
+    def to_latex(self) -> str:
+        """The paper's layout in booktabs: two experiments side by side, under each of our rows the paper's."""
+        experiments = self.frame["experiment"].unique().tolist()
+        blocks = [self._latex_block(experiments[first : first + 2]) for first in range(0, len(experiments), 2)]
+        body = " \\midrule\n".join(blocks)
+        note = self.caption.replace("_", r"\_")
+        return (
+            "\\begin{table*}\n\\centering\n"
+            f"\\caption{{{note}}}\n"
+            "\\begin{tabular}{@{}l*{12}{l}@{}}\n\\toprule\n"
+            f"{body} \\bottomrule\n"
+            "\\end{tabular}\n\\end{table*}\n"
+        )
 
-def to_markdown(table: pd.DataFrame, note: str) -> str:
-    """One row a model: our number, and the paper's in brackets."""
-    head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
-    lines = [f"**{note}** Ours (paper).", "", head, "|---|---|" + "---|" * len(METRICS)]
-    for _, row in table.iterrows():
-        cells = [_ours(row, metric, 3) + _paper(row, metric, " ({:.3f})") for metric in METRICS]
-        lines.append(f"| {row['experiment']} | {NAMES[row['model']]} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    def write(self, directory: Path, name: str) -> None:
+        """Writes <name>.csv, .md and .tex into a directory."""
+        write_text(directory / f"{name}.csv", self.frame.to_csv(index=False, float_format="%.4f"))
+        write_text(directory / f"{name}.md", self.to_markdown())
+        write_text(directory / f"{name}.tex", self.to_latex())
 
-
-def costs_to_markdown(table: pd.DataFrame, note: str) -> str:
-    """One row a network and resolution; what was measured nowhere is left out."""
-    table = table.dropna(axis="columns", how="all")
-    lines = [
-        f"**{note}**",
-        "",
-        "| " + " | ".join(COSTS[str(name)] for name in table) + " |",
-        "|" + "---|" * table.shape[1],
-    ]
-    for _, row in table.iterrows():
-        cells = [NAMES[value] if isinstance(value, str) else "" if pd.isna(value) else f"{value:.3g}" for value in row]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
-def to_latex(table: pd.DataFrame, note: str) -> str:
-    """The paper's layout in booktabs: two experiments side by side, under each of our rows the paper's."""
-    blocks = []
-    for left, right in (("1", "2"), ("3", "4")):
-        halves = [table[table["experiment"] == experiment].set_index("model") for experiment in (left, right)]
-        if all(half.empty for half in halves):
-            continue
-        heads = " & ".join(rf"\multicolumn{{6}}{{c}}{{Experiment {e} ({SETUPS[e]})}}" for e in (left, right))
-        lines = [rf" & {heads} \\", " & ".join(["Model", *HEADS.values(), *HEADS.values()]) + r" \\ \midrule"]
-        for model in table["model"].unique():
+    def _latex_block(self, experiments: list[str]) -> str:
+        frame = self.frame[self.frame["experiment"].isin(experiments)]
+        halves = [frame[frame["experiment"] == experiment].set_index("model") for experiment in experiments]
+        halves += [halves[0].iloc[:0]] * (2 - len(halves))
+        heads = [rf"\multicolumn{{6}}{{c}}{{{experiment_title(e, ' ({})')}}}" for e in experiments]
+        lines = [
+            " & " + " & ".join(heads) + r" \\",
+            " & ".join(["Model", *HEADS.values(), *HEADS.values()]) + r" \\ \midrule",
+        ]
+        for model in frame["model"].unique():
             rows = [half.loc[model] if model in half.index else None for half in halves]
             ours = [_ours(row, metric, 4) if row is not None else "" for row in rows for metric in METRICS]
             lines.append(" & ".join([NAMES[model], *ours]) + r" \\")
             paper = [_paper(row, metric, "{:.4f}") if row is not None else "" for row in rows for metric in METRICS]
             if any(paper):
                 lines.append(" & ".join([r"\quad\emph{paper}", *paper]) + r" \\")
-        blocks.append("\n".join(lines))
-    body = " \\midrule\n".join(blocks)
-    note = note.replace("_", r"\_")
-    return (
-        "\\begin{table*}\n\\centering\n"
-        f"\\caption{{{note}}}\n"
-        "\\begin{tabular}{@{}l*{12}{l}@{}}\n\\toprule\n"
-        f"{body} \\bottomrule\n"
-        "\\end{tabular}\n\\end{table*}\n"
-    )
+        return "\n".join(lines)
+
+
+def experiment_title(experiment: str, form: str) -> str:
+    """Names an experiment; one of the paper's with its set-up in `form`."""
+    setup = SETUPS.get(experiment)
+    return f"Experiment {experiment}" + (form.format(setup) if setup else "")
+
+
+def make_tables(results: pd.DataFrame, scale: str) -> dict[str, Table]:
+    """Makes the main table and the ablation from tidy rows, an empty one where there are none."""
+    tables = {}
+    for name, decay in (("main", True), ("ablation", False)):
+        rows = results[results["decay"] == decay] if len(results) else results
+        if rows.empty:
+            tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}. No run evaluated yet.")
+        else:
+            tables[name] = Table(compare(results, decay=decay), f"{TITLES[name]}. {caption(rows, scale)}")
+    return tables
+
+
+def write_tables(outputs: Outputs) -> dict[str, Table]:
+    """Writes main table and ablation below outputs/tables from whatever runs there are."""
+    tables = make_tables(read_results(outputs), outputs.path.name)
+    outputs.tables.mkdir(parents=True, exist_ok=True)
+    for name, table in tables.items():
+        if len(table.frame):
+            table.write(outputs.tables, name)
+    return tables
+
+
+def costs_to_markdown(table: Table) -> str:
+    """One row a network and resolution; what was measured nowhere is left out."""
+    frame = table.frame.dropna(axis="columns", how="all")
+    lines = [
+        f"**{table.caption}**",
+        "",
+        "| " + " | ".join(COSTS[str(name)] for name in frame) + " |",
+        "|" + "---|" * frame.shape[1],
+    ]
+    for _, row in frame.iterrows():
+        cells = [NAMES[value] if isinstance(value, str) else "" if pd.isna(value) else f"{value:.3g}" for value in row]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
 
 
 def _ours(row: pd.Series, metric: str, digits: int) -> str:

@@ -72,6 +72,24 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
     return makers[behavior["name"]](**parameters, step_time=step_time)
 
 
+def robot_path(behavior: dict[str, Any], start: list[float], step_time: float) -> np.ndarray:
+    """Integrates the commands of a robot behaviour.
+
+    Args:
+        behavior: as a world YAML names it.
+        start: x, y [m], heading [rad].
+        step_time: duration of a step [s].
+
+    Returns:
+        poses from the start on: x, y [m], heading [rad], (T + 1, 3).
+    """
+    speed, turn = robot_commands(behavior, step_time).T
+    heading = start[2] + np.concatenate([[0], np.cumsum(turn * step_time)])
+    moves = speed * step_time * np.stack([np.cos(heading[:-1]), np.sin(heading[:-1])])
+    position = np.array(start[:2])[:, None] + np.pad(np.cumsum(moves, axis=1), ((0, 0), (1, 0)))
+    return np.stack([*position, heading], axis=1)
+
+
 class Drift:
     """A straight line at constant speed, turned at random intervals and at the centre zone.
 

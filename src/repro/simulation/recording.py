@@ -1,9 +1,9 @@
-"""One simulated run: ranges, angles, poses, obstacle outlines and states.
+"""One simulated recording: scans, obstacle outlines and states.
 
-IR-SIM defines what a run is (`replay`). `record` computes the same run from the same world, behaviours,
+IR-SIM defines what a recording is (`replay`). `simulate` computes the same from the same world, behaviours,
 kinematics, outlines and ray-segment equations without IR-SIM's bookkeeping (collision, goal and status
-checks, geometry trees, YAML): all 100 scans of a run at once. The two agree to 1e-9 m; `store` replays a
-sample of every recorded experiment to prove it, and the tests and the bench do too.
+checks, geometry trees, YAML): all 100 scans at once. The two agree to 1e-9 m; `shards` replays a sample of
+every recorded experiment to prove it, and the tests and the bench do too.
 """
 
 import tempfile
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from repro.scans import Scans
 from repro.simulation.behaviors import Drift, robot_commands  # before IR-SIM: it keeps the import quiet
 from repro.simulation.worlds import World, write_world
 
@@ -25,37 +26,35 @@ from irsim.lib.handler.geometry_handler import GeometryFactory
 
 @dataclass(frozen=True)
 class Recording:
-    """One run of T steps with N beams among O obstacles of at most V vertices.
+    """T steps of a world with N beams among O obstacles of at most V vertices.
 
     Args:
-        ranges: lidar ranges after each step [m], (T, N); a miss is inf.
-        angles: beam angles in the robot's frame [rad], (N,).
-        poses: robot pose after each step: x, y [m], heading [rad], (T, 3).
+        scans: ranges (T, N), angles (N,) and robot poses (T, 3) after each step.
         outlines: convex obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex.
         states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
-        seen: whether any beam hit the obstacle, (O,).
+        seen: whether any beam hit the obstacle, (O,); None where that is unknown.
     """
 
-    ranges: np.ndarray
-    angles: np.ndarray
-    poses: np.ndarray
+    scans: Scans
     outlines: np.ndarray
     states: np.ndarray
-    seen: np.ndarray
+    seen: np.ndarray | None
 
 
-def record(world: World) -> Recording:
+def simulate(world: World) -> Recording:
     """Simulates one world.
 
     Raises:
         ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
-    poses, states = drive(world), drift(world)
-    outlines, lidar = _outlines(world), world["robot"]["sensors"][0]
+    poses = drive_robot(world)
+    states = move_obstacles(world)
+    outlines = _outlines(world)
+    lidar = world["robot"]["sensors"][0]
     angles = beam_angles(lidar)
     ranges, seen = scan(poses, angles, outlines, states, lidar["range_max"])
-    return Recording(ranges, angles, poses, outlines, states, seen)
+    return Recording(Scans(ranges, angles, poses), outlines, states, seen)
 
 
 def replay(path: Path, *, env: Any = None) -> Recording:
@@ -69,7 +68,9 @@ def replay(path: Path, *, env: Any = None) -> Recording:
         ValueError: IR-SIM did not load the file, or a behaviour is not active.
     """
     env = env or make(path)
-    robot, obstacles, lidar = env.robot, env.obstacle_list, env.robot.lidar
+    robot = env.robot
+    obstacles = env.obstacle_list
+    lidar = robot.lidar
     commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
     ranges, poses, states = [], [], []
     for _ in range(len(commands)):
@@ -78,13 +79,11 @@ def replay(path: Path, *, env: Any = None) -> Recording:
         poses.append(robot.state[:3, 0].copy())
         states.append([obstacle.state[:3, 0].copy() for obstacle in obstacles])
     outlines = _pad([obstacle.original_vertices.T for obstacle in obstacles])
-    seen = np.zeros(len(obstacles), dtype=bool)  # IR-SIM does not tell which obstacle a beam hit
-    return Recording(
-        np.array(ranges), lidar.angle_list, np.array(poses), outlines, np.array(states).swapaxes(0, 1), seen
-    )
+    scans = Scans(np.array(ranges), np.asarray(lidar.angle_list), np.array(poses))
+    return Recording(scans, outlines, np.array(states).swapaxes(0, 1), seen=None)  # IR-SIM does not tell whom it hit
 
 
-def check_replay(world: World, run: Recording) -> float:
+def check_replay(world: World, recording: Recording) -> float:
     """Replays a world by plain IR-SIM and compares; returns the largest difference of a range [m].
 
     Raises:
@@ -94,14 +93,15 @@ def check_replay(world: World, run: Recording) -> float:
         path = Path(folder) / "world.yaml"
         write_world(world, path)
         truth = replay(path)
-    hit = np.isfinite(truth.ranges)
-    if not np.array_equal(hit, np.isfinite(run.ranges)):
+    expected, found = truth.scans.ranges, recording.scans.ranges
+    hit = np.isfinite(expected)
+    if not np.array_equal(hit, np.isfinite(found)):
         raise ValueError(f"plain IR-SIM hits and misses elsewhere in the world {world}")
-    worst = float(np.abs(truth.ranges[hit] - run.ranges[hit]).max(initial=0))
-    drift = float(np.abs(truth.states - run.states).max())
-    if max(worst, drift) > 1e-6:
+    worst = float(np.abs(expected[hit] - found[hit]).max(initial=0))
+    apart = float(np.abs(truth.states - recording.states).max())
+    if max(worst, apart) > 1e-6:
         raise ValueError(
-            f"plain IR-SIM differs by {worst} m in ranges, {drift} in obstacle states, in the world {world}"
+            f"plain IR-SIM differs by {worst} m in ranges, {apart} in obstacle states, in the world {world}"
         )
     return worst
 
@@ -126,8 +126,8 @@ def beam_angles(lidar: dict[str, Any]) -> np.ndarray:
     return np.linspace(-lidar["angle_range"] / 2, lidar["angle_range"] / 2, lidar["number"])
 
 
-def drive(world: World) -> np.ndarray:
-    """Poses of the robot after each step by IR-SIM's differential kinematics, (T, 3)."""
+def drive_robot(world: World) -> np.ndarray:
+    """Computes the poses of the robot after each step by IR-SIM's differential kinematics, (T, 3)."""
     robot = world["robot"]
     behavior = tuple(sorted(robot["behavior"].items()))
     return _drive(behavior, tuple(robot["state"]), tuple(robot["vel_max"]), world["world"]["step_time"])
@@ -147,8 +147,8 @@ def _drive(behavior: tuple, start: tuple, vel_max: tuple, step_time: float) -> n
     return np.array(poses)
 
 
-def drift(world: World) -> np.ndarray:
-    """States of the obstacles after each step, (O, T, 3); the headings never change."""
+def move_obstacles(world: World) -> np.ndarray:
+    """Computes the states of the obstacles after each step, (O, T, 3); the headings never change."""
     step_time = world["world"]["step_time"]
     steps = len(robot_commands(world["robot"]["behavior"], step_time))
     states = np.empty((len(world["obstacle"]), steps, 3))
@@ -168,7 +168,7 @@ def drift(world: World) -> np.ndarray:
 def scan(
     poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray, range_max_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All scans of a run: the nearest crossing of every beam with every outline.
+    """Computes all scans of a recording: the nearest crossing of every beam with every outline.
 
     A beam is tried against an outline only where it passes the circle around it. A crossing solves
     origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
@@ -200,7 +200,7 @@ def scan(
         near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0)
         step, beam = np.nonzero(near)
         corners = outline[: 1 + np.argmax((outline == outline[-1]).all(axis=-1))]  # without the padding
-        hit = _cross(poses[step, :2], directions[step, beam], _place(corners, state)[step])
+        hit = _cross(poses[step, :2], directions[step, beam], _at_states(corners, state)[step])
         hit[hit > range_max_m] = np.inf
         closer = hit < ranges[step, beam]
         ranges[step[closer], beam[closer]] = hit[closer]
@@ -220,7 +220,7 @@ def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray) -> np
     return np.where((u >= 0) & (u <= 1) & (t > 1e-9), t, np.inf).min(axis=1)
 
 
-def _place(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
+def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
     """An outline (V, 2) in the world frame at each state (T, 3): (T, V, 2)."""
     x, y, heading = (states[:, i, None] for i in range(3))
     cos, sin = np.cos(heading), np.sin(heading)

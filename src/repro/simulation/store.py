@@ -1,16 +1,11 @@
 """Recordings on disk: write, resume, verify, read.
 
-One directory an experiment: numbered shards of compressed arrays and a manifest. A shard is written to a
-temporary name and moved into place, so what carries its final name is whole. It holds the fingerprint of the
-configuration that made it, and the manifest its SHA-256. Worlds are seeded one by one, so the content does
-not depend on the number of workers.
+One directory an experiment: shards and a manifest with the SHA-256 of each. Nothing is read that is not what was
+recorded; recording again mends what is missing, cut or altered, to the same bytes.
 """
 
+import dataclasses
 import hashlib
-import json
-import os
-import tempfile
-import zipfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -18,30 +13,42 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-import numpy as np
+from pydantic import TypeAdapter, ValidationError
 from tqdm import tqdm
 
-from repro.runs import lock, read_provenance, read_status, replace_file, write_provenance
-from repro.simulation.recording import Recording, check_replay, record
-from repro.simulation.worlds import sample_world, turn_around
-
-FORMAT = 1
-SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
-SHARD_WORLDS = 50  # worlds in a shard, each with its two runs
+from repro.files import lock, read_mapping, sha256, write_json
+from repro.scans import Scans
+from repro.simulation.shards import (
+    FORMAT,
+    SPLIT_SEEDS,
+    SPLITS,
+    BrokenShard,
+    Shard,
+    ShardContent,
+    read_shard,
+    shards_of,
+    spec_fingerprint,
+    write_shard,
+)
 
 
 @dataclass(frozen=True)
-class Shard:
-    """Where one shard lies and which worlds it holds."""
+class ShardEntry(Shard):
+    """A shard and the checksum of its file."""
 
-    split: str
-    number: int
-    first_seed: int
-    worlds: int
+    sha256: str
 
-    @property
-    def name(self) -> str:
-        return f"{self.split}-{self.number:04d}.npz"
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a recorded experiment is: written last, so that where it stands the recordings are complete."""
+
+    format: int
+    spec: dict[str, Any]
+    fingerprint: str
+    pairs: dict[str, int]
+    versions: dict[str, str]
+    shards: dict[str, ShardEntry]
 
 
 def record_experiment(
@@ -51,182 +58,127 @@ def record_experiment(
     *,
     workers: int = 2,
     verify_every: int = 500,
-) -> dict[str, Any]:
-    """Records what is missing of one experiment and writes its manifest.
+) -> Manifest:
+    """Records what is missing, cut or altered of one experiment and writes its manifest.
 
     Args:
         directory: where the shards go, made if missing.
         spec: what `worlds.sample_world` takes.
-        pairs: runs per split, each even: a world and its twin are two.
+        pairs: recordings per split, each even: a world and its twin are two.
         workers: processes.
         verify_every: every so many worlds, one is replayed by plain IR-SIM and compared.
 
-    Returns:
-        the manifest.
-
     Raises:
-        ValueError: a count is odd, a shard there is of another configuration, or IR-SIM disagrees.
+        ValueError: a count is odd, what is there is of another configuration, or IR-SIM disagrees.
     """
-    fingerprint, shards = spec_fingerprint(spec), list(_shards(pairs))
+    fingerprint, shards = spec_fingerprint(spec), list(shards_of(pairs))
     directory.mkdir(parents=True, exist_ok=True)
     with lock(directory):  # a second process waits here, then finds the work done
-        if (directory / "manifest.json").is_file():
-            manifest = read_manifest(directory)
-            _check_same(directory, manifest, fingerprint, pairs)
-            return manifest
+        before = read_manifest(directory) if (directory / "manifest.json").is_file() else None
+        if before and (before.fingerprint != fingerprint or before.pairs != dict(pairs)):
+            raise ValueError(
+                f"{directory} holds {before.pairs} pairs of another configuration than the {dict(pairs)} asked "
+                "for: delete it or use another outputs"
+            )
         for leftover in directory.glob("*.tmp"):
             leftover.unlink()  # of a process that was killed
-        missing = [shard for shard in shards if not (directory / shard.name).is_file()]
-        for shard in shards:
-            if shard not in missing:
-                _read(directory / shard.name, fingerprint)
-        jobs = (joblib.delayed(_write_shard)(directory, shard, spec, verify_every) for shard in missing)
-        # processes, also inside a worker of a launcher: IR-SIM keeps its environment in module variables
-        parallel = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
-        total, done = 2 * sum(s.worlds for s in shards), 2 * sum(s.worlds for s in missing)
-        with tqdm(total=total, initial=total - done, unit="run", desc=f"exp {spec['experiment']}") as bar:
-            for worlds in parallel(jobs):
-                bar.update(2 * worlds)
-        manifest = {
-            "format": FORMAT,
-            "spec": spec,
-            "fingerprint": fingerprint,
-            "pairs": dict(pairs),
-            "versions": {name: version(name) for name in ("ir-sim", "numpy", "repro")},
-            "shards": {s.name: {**asdict(s), "sha256": _sha256(directory / s.name)} for s in shards},
-        }
-        replace_file(directory / "manifest.json", json.dumps(manifest, indent=1))
+        checksums = {name: entry.sha256 for name, entry in before.shards.items()} if before else {}
+        missing = [s for s in shards if not _is_whole(directory / s.name, fingerprint, checksums.get(s.name))]
+        if before and not missing:
+            return before
+        _write_shards(directory, missing, spec, workers, verify_every, sum(shard.worlds for shard in shards))
+        manifest = Manifest(
+            FORMAT,
+            spec,
+            fingerprint,
+            dict(pairs),
+            {name: version(name) for name in ("ir-sim", "numpy", "repro")},
+            {shard.name: ShardEntry(**asdict(shard), sha256=sha256(directory / shard.name)) for shard in shards},
+        )
+        write_json(directory / "manifest.json", dataclasses.asdict(manifest))
     return manifest
 
 
-def read_manifest(directory: Path) -> dict[str, Any]:
+def read_manifest(directory: Path) -> Manifest:
     """Reads the manifest of a recorded experiment.
 
     Raises:
-        ValueError: there is none; the message names the command that records it.
+        ValueError: there is none, it cannot be read, or it names worlds that do not belong to their split.
     """
     path = directory / "manifest.json"
     if not path.is_file():
-        scale, experiment = directory.parent.parent.name, directory.name.removeprefix("exp")
-        raise ValueError(
-            f"no complete recordings in {directory}; "
-            f"record them with: python run.py task=record scale={scale} exp={experiment}"
-        )
-    return json.loads(path.read_text())
+        raise ValueError(f"no complete recordings in {directory}: give the same command with task=record first")
+    cure = f"delete it and give the same command with task=record; the shards in {directory} are kept"
+    try:
+        manifest = TypeAdapter(Manifest).validate_python(read_mapping(path, cure))
+    except ValidationError as error:
+        raise ValueError(f"{path} cannot be read ({error.error_count()} wrong values): {cure}") from error
+    for split, count in manifest.pairs.items():
+        entries = [entry for entry in manifest.shards.values() if entry.split == split]
+        first = SPLITS.get(split, -1)
+        within = all(first <= e.first_seed <= first + SPLIT_SEEDS - e.worlds for e in entries)
+        named = all(manifest.shards.get(entry.name) == entry for entry in entries)
+        if not within or not named or 2 * sum(entry.worlds for entry in entries) != count:
+            raise ValueError(f"{path} cannot be read (its shards of the split {split} are not {split}'s): {cure}")
+    return manifest
 
 
-def read_shards(directory: Path, split: str) -> Iterator[dict[str, np.ndarray]]:
+def read_shards(directory: Path, split: str) -> Iterator[ShardContent]:
     """Reads the shards of a split in order, each checked against the manifest.
-
-    Yields:
-        ranges (R, T, N), angles (N,), poses (R, T, 3), outlines (K, V, 2), states (K, T, 3), `world` (K,),
-        the world in the shard that each obstacle belongs to, and `seen` (R, O) where O is the most obstacles
-        of a world. Runs 2 w and 2 w + 1 are world w counter-clockwise and clockwise.
 
     Raises:
         ValueError: a shard is missing, truncated, altered, or of another configuration.
     """
     manifest = read_manifest(directory)
-    for name, entry in manifest["shards"].items():
-        if entry["split"] != split:
-            continue
-        path = directory / name
-        if not path.is_file() or _sha256(path) != entry["sha256"]:
-            state = "is not what was recorded" if path.is_file() else "is missing"
-            raise ValueError(f"shard {path} {state}: delete {directory} and record it again")
-        yield _read(path, manifest["fingerprint"])
+    for name, entry in manifest.shards.items():
+        if entry.split == split:
+            path = directory / name
+            if not path.is_file() or sha256(path) != entry.sha256:
+                state = "is not what was recorded" if path.is_file() else "is missing"
+                raise BrokenShard(f"shard {path} {state}: task=record with the same words records it again")
+            yield read_shard(path, manifest.fingerprint)
+
+
+def read_scans(directory: Path, split: str, index: int) -> Scans:
+    """Reads the scans of one recording of a split, ranges (T, N).
+
+    Raises:
+        ValueError: the split has no such recording, or its shard cannot be trusted.
+    """
+    first = 0
+    for shard in read_shards(directory, split):
+        if first <= index < first + len(shard.scans):
+            return shard.scans[index - first]
+        first += len(shard.scans)
+    raise ValueError(f"{directory} has {first} recordings in {split}, none of index {index}")
 
 
 def recordings_hash(directory: Path) -> str:
-    """One hash over all shards, for the provenance of what is made from them."""
-    shards = read_manifest(directory)["shards"]
-    return hashlib.sha256("".join(entry["sha256"] for entry in shards.values()).encode()).hexdigest()
+    """Hashes all shards together, for the provenance of what is made from them."""
+    checksums = [entry.sha256 for entry in read_manifest(directory).shards.values()]
+    return hashlib.sha256("".join(checksums).encode()).hexdigest()
 
 
-def check_recordings(run: Path, recordings: Path) -> None:
-    """Notes in a run's provenance which recordings it is made from, or checks that they still are.
-
-    Raises:
-        ValueError: the recordings are missing, or others than the run began with.
-    """
-    used, found = read_provenance(run).get("recordings"), recordings_hash(recordings)
-    if used not in (None, found):
-        raise ValueError(f"{run} began with other recordings than {recordings} holds now: delete it and train again")
-    write_provenance(run, status=read_status(run) or "begun", recordings=found)
-
-
-def spec_fingerprint(spec: dict[str, Any]) -> str:
-    """Hash of everything that decides the content of the recordings."""
-    content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec}
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _shards(pairs: dict[str, int]) -> Iterator[Shard]:
-    for split, count in pairs.items():
-        if count % 2 or count < 2:
-            raise ValueError(f"pairs must be even and at least 2 (a world and its twin), got {split}={count}")
-        for number, first in enumerate(range(0, count // 2, SHARD_WORLDS)):
-            yield Shard(split, number, SPLITS[split] + first, min(SHARD_WORLDS, count // 2 - first))
-
-
-def _write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_every: int) -> int:
-    """Records one shard in a worker process; returns its number of worlds."""
-    runs: list[Recording] = []
-    for seed in range(shard.first_seed, shard.first_seed + shard.worlds):
-        world = sample_world(spec, seed)
-        for item in (world, turn_around(world)):
-            runs.append(record(item))
-            if seed % verify_every == 0:
-                check_replay(item, runs[-1])
-    worlds = runs[::2]
-    most = max(len(run.seen) for run in runs)
-    arrays: dict[str, Any] = {
-        "ranges": np.stack([run.ranges for run in runs]).astype(np.float32),
-        "angles": runs[0].angles,
-        "poses": np.stack([run.poses for run in runs]),
-        "outlines": np.concatenate([_widen(run.outlines, runs) for run in worlds]).astype(np.float32),
-        "states": np.concatenate([run.states for run in worlds]).astype(np.float32),
-        "world": np.repeat(np.arange(len(worlds)), [len(run.seen) for run in worlds]),
-        "seen": np.stack([np.pad(run.seen, (0, most - len(run.seen))) for run in runs]),
-        "fingerprint": np.array(spec_fingerprint(spec)),
-    }
-    with tempfile.NamedTemporaryFile(dir=directory, suffix=".tmp", delete=False) as file:
-        try:
-            np.savez_compressed(file, **arrays)
-        except BaseException:
-            os.unlink(file.name)
-            raise
-    os.replace(file.name, directory / shard.name)
-    return shard.worlds
-
-
-def _widen(outlines: np.ndarray, runs: list[Recording]) -> np.ndarray:
-    """Gives outlines as many vertices as the longest of the shard."""
-    longest = max(run.outlines.shape[1] for run in runs)
-    return np.pad(outlines, ((0, 0), (0, longest - outlines.shape[1]), (0, 0)), mode="edge")
-
-
-def _read(path: Path, fingerprint: str) -> dict[str, np.ndarray]:
+def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
+    """Whether a shard is there and what it should be; says so where it is there and is not."""
+    if not path.is_file():
+        return False
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = dict(file)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"shard {path} cannot be read ({error}): delete it and record again") from error
-    if str(arrays.pop("fingerprint", "")) != fingerprint:
-        raise ValueError(
-            f"shard {path} was recorded with another configuration: delete {path.parent} or use another outputs"
-        )
-    return arrays
+        if checksum is None:
+            read_shard(path, fingerprint)
+        elif sha256(path) != checksum:
+            raise BrokenShard(f"shard {path} is not what was recorded")
+    except BrokenShard as error:
+        print(f"recording again: {error}", flush=True)
+        return False
+    return True
 
 
-def _check_same(directory: Path, manifest: dict, fingerprint: str, pairs: dict[str, int]) -> None:
-    if manifest["fingerprint"] != fingerprint or manifest["pairs"] != dict(pairs):
-        raise ValueError(
-            f"{directory} holds {manifest['pairs']} pairs of another configuration than the {dict(pairs)} asked "
-            "for: delete it or use another outputs"
-        )
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int, every: int, worlds: int) -> None:
+    jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
+    # processes, also inside a worker of a launcher: IR-SIM keeps its environment in module variables
+    parallel = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
+    done = worlds - sum(shard.worlds for shard in shards)
+    with tqdm(total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}") as bar:
+        for count in parallel(jobs):
+            bar.update(2 * count)

@@ -8,12 +8,15 @@ Paper: "Simulation Approach". What it leaves open: DEVIATIONS D1 to D6.
 """
 
 import copy
+import hashlib
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+
+from repro.simulation.behaviors import robot_path
 
 World = dict[str, Any]
 
@@ -25,7 +28,7 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     """Samples the world of one seed, with the robot going counter-clockwise.
 
     Args:
-        spec: `world` and `robot` as IR-SIM reads them, `experiment` (its number), `motion` (the robot's
+        spec: `world` and `robot` as IR-SIM reads them, `experiment` (its name), `motion` (the robot's
             behaviour), `obstacles` (the population: `count`, `radius_m`, `aspect`, `disc_share` and, when
             they move, `behavior`) and `clear_radius_m` (the centre zone).
         seed: any non-negative integer; the same seed gives the same world.
@@ -33,21 +36,52 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     Raises:
         ValueError: the obstacles do not fit, or the robot would leave its zone.
     """
-    rng = np.random.default_rng([int(spec["experiment"]), seed])
-    world, population = copy.deepcopy(spec["world"]), spec["obstacles"]
+    check_spec(spec)
+    rng = np.random.default_rng([experiment_number(spec["experiment"]), seed])
+    world = copy.deepcopy(spec["world"])
+    population = spec["obstacles"]
     for _ in range(_RESTARTS):
-        discs = _place(rng, world, population, spec["clear_radius_m"])
-        if discs is not None:
+        shapes = _place_obstacles(rng, world, population, spec["clear_radius_m"])
+        if shapes is not None:
             break
     else:
         raise ValueError(
             f"no room for {population['count']} obstacles of radius {population['radius_m']} m outside "
             f"{spec['clear_radius_m']} m of the centre: use fewer, smaller, or a smaller clear_radius_m"
         )
-    obstacles = [_obstacle(rng, spec, x, y, shape) for x, y, shape in discs]
+    obstacles = [_obstacle(rng, spec, x, y, shape) for x, y, shape in shapes]
     robot = {**copy.deepcopy(spec["robot"]), "behavior": {**spec["motion"], "direction": 1}}
     robot["state"] = _start(spec["motion"], world, direction=1)
     return {"world": world, "robot": robot, "obstacle": obstacles}
+
+
+def experiment_number(experiment: str) -> int:
+    """The number that sets the worlds of an experiment apart from those of another; of a name, its hash."""
+    if experiment.isdigit():
+        return int(experiment)
+    return int.from_bytes(hashlib.sha256(experiment.encode()).digest()[:8], "little")
+
+
+def check_spec(spec: dict[str, Any]) -> None:
+    """Checks what no single value shows: a square map, and a robot that stays in its zone.
+
+    Raises:
+        ValueError: the map is not square, or the robot would leave its zone.
+    """
+    world = spec["world"]
+    clear_m = spec["clear_radius_m"]
+    if world["width"] != world["height"]:
+        raise ValueError(
+            f"the world must be square, got world.world.width={world['width']} and height={world['height']}"
+        )
+    behavior = {**spec["motion"], "direction": 1}
+    path = robot_path(behavior, _start(spec["motion"], world, direction=1), world["step_time"])
+    reach_m = np.linalg.norm(path[:, :2] - world["width"] / 2, axis=1).max() + spec["robot"]["shape"].get("radius", 0)
+    if clear_m > 0 and reach_m > clear_m:
+        raise ValueError(
+            f"the robot reaches {reach_m:.2f} m from the centre, beyond its clear zone of clear_radius_m={clear_m}: "
+            "make the zone larger or the motion smaller"
+        )
 
 
 def turn_around(world: World) -> World:
@@ -73,7 +107,7 @@ def shape_radius(shape: dict[str, Any]) -> float:
     return math.hypot(shape["length"], shape["width"]) / 2
 
 
-def _place(rng, world: World, population: dict, clear_radius_m: float) -> list | None:
+def _place_obstacles(rng, world: World, population: dict, clear_radius_m: float) -> list | None:
     """Draws shapes and places them apart, inside the map, outside the zone; None if one does not fit."""
     centre = np.array([world["width"], world["height"]]) / 2
     placed: list[tuple[float, float, dict]] = []

@@ -1,0 +1,112 @@
+"""Small files: written whole or not at all, read with a message that names the file and the mend; locks, checksums."""
+
+import hashlib
+import json
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from filelock import FileLock, Timeout
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Gives a temporary name beside `path` to write to, and moves it into place when the block ends well.
+
+    The name is unique, so any number of processes may replace the same file; the last one wins.
+
+    Args:
+        path: the file to be made or replaced; its directory must exist.
+    """
+    temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Writes a text file whole or not at all, however the process ends."""
+    with replacing(path) as temporary:
+        temporary.write_text(text)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Writes a JSON file whole or not at all."""
+    write_text(path, json.dumps(content, indent=1) + "\n")
+
+
+def read_mapping(path: Path, cure: str) -> dict[str, Any]:
+    """Reads a JSON or YAML file that holds a mapping.
+
+    Args:
+        path: the file, ending in .json or .yaml.
+        cure: what to do when it cannot be read; ends the message.
+
+    Raises:
+        ValueError: the file is missing, cut, empty, or holds something else than a mapping.
+    """
+    try:
+        content = json.loads(path.read_text()) if path.suffix == ".json" else yaml.safe_load(path.read_text())
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise ValueError(f"{path} cannot be read ({_first_line(error)}): {cure}") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path} cannot be read (a mapping is expected, it holds {type(content).__name__}): {cure}")
+    return content
+
+
+def read_table(path: Path, columns: tuple[str, ...], cure: str) -> "pd.DataFrame":
+    """Reads a CSV file that has at least one row and some columns.
+
+    Args:
+        path: the file.
+        columns: columns that it must have.
+        cure: what to do when it cannot be read; ends the message.
+
+    Raises:
+        ValueError: the file is missing, cut, empty, or lacks a column.
+    """
+    import pandas as pd  # slow to import, and recording does without
+
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} cannot be read ({_first_line(error)}): {cure}") from error
+    missing = [name for name in columns if name not in table]
+    if missing or table.empty or table[list(columns)].isna().any(axis=None):
+        fault = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
+        raise ValueError(f"{path} cannot be read ({fault}): {cure}")
+    return table
+
+
+def sha256(path: Path) -> str:
+    """Computes the SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def lock(directory: Path) -> Iterator[None]:
+    """Keeps a second process waiting, and saying so, until the first has done its part in a directory."""
+    guard = FileLock(directory / ".lock")
+    try:
+        guard.acquire(timeout=0)
+    except Timeout:
+        print(f"waiting: another process works in {directory}", flush=True)
+        guard.acquire()
+    try:
+        yield
+    finally:
+        guard.release()
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().split("\n")[0] or type(error).__name__

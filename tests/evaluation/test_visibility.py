@@ -1,0 +1,31 @@
+import pytest
+import torch
+
+from repro.evaluation.visibility import describe
+from repro.maps.datasets import load_pairs
+from repro.maps.encodings import Projection
+from repro.maps.grid import Grid
+from repro.maps.truth import rasterize
+from repro.simulation.store import read_shards
+
+GRID = Grid(64, 50.0)
+
+
+def test_coverage_is_the_obstacle_share(recorded):
+    maps = load_pairs(recorded, "test", GRID, Projection()).maps
+    coverage = describe(recorded, "test", GRID)["coverage"]
+    assert coverage == pytest.approx((maps == 0).float().mean().item())
+    assert 0.04 < coverage < 0.14
+
+
+def test_visibility_counts_the_area_of_what_was_hit(recorded):
+    seen = total = 0
+    for shard in read_shards(recorded, "test"):
+        for world in range(len(shard.scans) // 2):
+            for number, k in enumerate((shard.world == world).nonzero()[0]):
+                outline, state = torch.as_tensor(shard.outlines[[k]]), torch.as_tensor(shard.states[[k], -1])
+                area = (rasterize(outline, state, torch.zeros(1, dtype=torch.long), 1, GRID) == 0).sum().item()
+                total += 2 * area
+                seen += area * shard.seen[2 * world : 2 * world + 2, number].sum()
+    assert describe(recorded, "test", GRID)["visibility"] == pytest.approx(seen / total)
+    assert 0.7 < seen / total <= 1

@@ -1,0 +1,34 @@
+import pytest
+import torch
+
+from repro import devices
+from repro.devices import compiles, resolve_device, resolve_precision
+from repro.learning.models import create_model
+
+
+def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
+    def fail(self, *_, **__):
+        self.forward = None  # the compiler's failure shows at the first call
+
+    monkeypatch.setattr(torch.nn.Module, "compile", fail)
+    assert not compiles(create_model("fpn"), torch.zeros(2, 1, 64, 64))
+    assert "torch.compile fails here (TypeError)" in capsys.readouterr().out
+    monkeypatch.setattr(torch.nn.Module, "compile", lambda self: None)
+    assert compiles(create_model("fpn"), torch.zeros(2, 1, 64, 64))
+
+
+@pytest.mark.parametrize(("native", "auto"), [(True, "bf16-mixed"), (False, "32-true")])
+def test_precision_follows_the_device_only_when_it_is_auto(native, auto, monkeypatch):
+    monkeypatch.setattr(devices, "has_bfloat16", lambda device: native)
+    assert resolve_precision("auto", "cpu") == auto
+    assert resolve_precision("bf16-mixed", "cpu") == "bf16-mixed"
+    assert resolve_precision("32-true", "cpu") == "32-true"
+
+
+def test_a_device_that_is_not_there_is_refused(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert resolve_device("auto") == resolve_device("cpu") == "cpu"
+    with pytest.raises(ValueError, match=r"accelerator=gpu, but no CUDA GPU is visible"):
+        resolve_device("gpu")
+    with pytest.raises(ValueError, match="must be auto, cpu or gpu, got 'tpu'"):
+        resolve_device("tpu")

@@ -1,0 +1,67 @@
+import multiprocessing
+from pathlib import Path
+
+import pytest
+
+from repro.files import read_mapping, read_table, replacing, sha256, write_json, write_text
+
+
+def _write_often(path: Path, word: str, faults) -> None:
+    try:
+        for _ in range(200):
+            write_text(path, word * 1000)
+    except OSError as error:
+        faults.put(str(error))
+
+
+def test_processes_that_replace_one_file_do_not_collide(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    faults = context.Queue()
+    processes = [context.Process(target=_write_often, args=(tmp_path / "file", word, faults)) for word in "abcd"]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+        assert process.exitcode == 0
+    assert faults.empty()
+    assert (tmp_path / "file").read_text() in {word * 1000 for word in "abcd"}
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_write_that_fails_leaves_what_was_there(tmp_path):
+    write_text(tmp_path / "file", "whole")
+
+    def write_half():
+        with replacing(tmp_path / "file") as temporary:
+            temporary.write_text("ha")
+            raise OSError("disk full")
+
+    with pytest.raises(OSError, match="full"):
+        write_half()
+    assert (tmp_path / "file").read_text() == "whole"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.yaml"])
+@pytest.mark.parametrize("content", [None, "", "[1]", "{", "7", "\x00"])
+def test_a_mapping_that_cannot_be_read_names_file_and_mend(tmp_path, name, content):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(ValueError, match=rf"{name} cannot be read \(.*\): do this"):
+        read_mapping(tmp_path / name, "do this")
+
+
+@pytest.mark.parametrize("content", [None, "", "a,b\n", "a,c\n1,2\n", "a,b\n1\n"])
+def test_a_table_that_cannot_be_read_names_file_and_mend(tmp_path, content):
+    if content is not None:
+        (tmp_path / "t.csv").write_text(content)
+    with pytest.raises(ValueError, match=r"t\.csv cannot be read \(.*\): do this"):
+        read_table(tmp_path / "t.csv", ("a", "b"), "do this")
+
+
+def test_what_is_whole_is_read(tmp_path):
+    write_json(tmp_path / "a.json", {"b": 1})
+    assert read_mapping(tmp_path / "a.json", "") == {"b": 1}
+    write_text(tmp_path / "t.csv", "a,b\n1,2\n")
+    assert read_table(tmp_path / "t.csv", ("a", "b"), "")["b"].tolist() == [2]
+    assert sha256(tmp_path / "t.csv") == sha256(tmp_path / "t.csv") != sha256(tmp_path / "a.json")

@@ -1,0 +1,115 @@
+import json
+import shutil
+
+import pytest
+import segmentation_models_pytorch as smp
+import torch
+from conftest import ROOT, world_spec
+
+from repro.learning.models import create_model
+from repro.maps.encodings import Projection
+from repro.maps.grid import Grid
+from repro.prediction import Predictor, load_predictor
+from repro.scans import Scans
+from repro.simulation.recording import simulate
+from repro.simulation.worlds import sample_world, turn_around, write_world
+
+PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A predictor of an unusual encoding and map, and where it was saved."""
+    torch.manual_seed(0)
+    predictor = Predictor(create_model("fpn").eval(), Projection(decay=False, lightest=0.5), Grid(64, 80.0))
+    directory = tmp_path_factory.mktemp("predictor") / "model"
+    predictor.save(directory)
+    return predictor, directory
+
+
+@pytest.fixture(scope="module")
+def scans():
+    world = sample_world(world_spec("4"), 17)
+    return Scans.stack([simulate(item).scans for item in (world, turn_around(world))])
+
+
+def test_encoding_and_grid_travel_with_the_weights(saved, scans):
+    predictor, directory = saved
+    again = load_predictor(directory)
+    assert (again.encoding, again.grid) == (predictor.encoding, predictor.grid)
+    assert torch.equal(again.predict(scans), predictor.predict(scans))
+
+
+def test_a_window_is_predicted_as_in_a_batch(saved, scans):
+    predictor, _ = saved
+    together = predictor.predict(scans)
+    assert together.shape == (2, 64, 64)
+    assert torch.allclose(predictor.predict(scans[1])[0], together[1], atol=1e-6)
+    assert torch.allclose(predictor.predict(scans, batch=1), together, atol=1e-6)
+
+
+def test_plain_smp_reads_the_same_weights(saved):
+    predictor, directory = saved
+    state = smp.from_pretrained(directory).state_dict()
+    assert all(torch.equal(value, state[name]) for name, value in predictor.network.state_dict().items())
+
+
+def test_saving_again_replaces_the_whole_directory(saved, tmp_path):
+    predictor, _ = saved
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "old.txt").write_text("old")
+    predictor.save(tmp_path / "model", torch.float16)
+    assert {path.name for path in tmp_path.iterdir()} == {"model"}
+    assert {path.name for path in (tmp_path / "model").iterdir()} == {
+        "README.md",
+        "config.json",
+        "model.safetensors",
+        "predictor.json",
+    }
+    assert next(predictor.network.parameters()).dtype == torch.float32
+    assert next(load_predictor(tmp_path / "model").network.parameters()).dtype == torch.float32
+
+
+@pytest.mark.parametrize("damage", ["a flipped byte", "no weights", "no predictor.json", "half a predictor.json"])
+def test_what_was_not_saved_is_not_loaded(saved, tmp_path, damage):
+    directory = tmp_path / "model"
+    shutil.copytree(saved[1], directory)
+    weights, text = directory / "model.safetensors", (directory / "predictor.json").read_text()
+    if damage == "a flipped byte":
+        content = bytearray(weights.read_bytes())
+        content[-100] ^= 1
+        weights.write_bytes(content)
+    elif damage == "no weights":
+        weights.unlink()
+    else:
+        (directory / "predictor.json").write_text(text[: len(text) // 2] if "half" in damage else "")
+    with pytest.raises(ValueError, match=r"model\.safetensors is not what|predictor\.json cannot be read"):
+        load_predictor(directory)
+
+
+def test_the_published_weights_see_obstacles_where_there_are_some(scans):
+    predictor = load_predictor(PUBLISHED)
+    free = predictor.predict(scans)
+    assert free.shape == (2, 128, 128)
+    hit = predictor.encoding.hits(predictor.encoding.encode(scans.tensors(), predictor.grid))
+    assert free[hit].mean() < free[~hit].mean() - 0.2
+
+
+def test_the_readmes_example_runs_as_it_stands(tmp_path, monkeypatch):
+    text = (ROOT / "README.md").read_text()
+    example = next(block for block in text.split("```python")[1:] if "load_predictor" in block).split("```")[0]
+    path = tmp_path / "outputs/laptop/worlds/exp4-seed17-ccw.yaml"
+    assert str(path.relative_to(tmp_path)) in example
+    write_world(sample_world(world_spec("4"), 17), path)
+    (tmp_path / "reproduce").symlink_to(ROOT / "reproduce")
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(example, names)
+    assert names["free"].shape == (1, 128, 128)
+
+
+def test_the_published_card_says_what_is_beside_it():
+    card, content = (PUBLISHED / "README.md").read_text(), json.loads((PUBLISHED / "predictor.json").read_text())
+    assert f'load_predictor("{PUBLISHED.relative_to(ROOT)}")' in card
+    assert f"({content['grid']['size_px']} px)" in card
+    assert f"lightest {content['encoding']['parameters']['lightest']}" in card

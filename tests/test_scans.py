@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+import torch
+
+from repro.scans import Scans
+
+
+def window(steps=5, beams=4):
+    rng = np.random.default_rng()
+    return Scans(rng.random((steps, beams)), np.linspace(-1, 1, beams), rng.random((steps, 3)))
+
+
+@pytest.mark.parametrize(
+    ("ranges", "angles", "poses"),
+    [
+        ((5, 4), (3,), (5, 3)),
+        ((5, 4), (4,), (6, 3)),
+        ((5, 4), (4,), (5, 2)),
+        ((2, 5, 4), (4,), (5, 3)),
+        ((4,), (4,), (3,)),
+    ],
+)
+def test_shapes_that_disagree_are_refused_naming_them(ranges, angles, poses):
+    with pytest.raises(ValueError, match=r"expected ranges \(B, T, N\), .* got") as caught:
+        Scans(np.zeros(ranges), np.zeros(angles), np.zeros(poses))
+    assert f"got {ranges}, {angles}, {poses}" in str(caught.value)
+
+
+def test_windows_are_stacked_and_taken_apart():
+    first, second = window(), window()
+    batch = Scans.stack([first, second])
+    assert (len(first), len(batch)) == (1, 2)
+    assert np.array_equal(batch[1].ranges, second.ranges)
+    assert len(batch[:1]) == 1
+    assert np.array_equal(batch[:1].poses[0], first.poses)
+
+
+def test_tensors_are_always_a_batch_in_single_precision():
+    for scans in (window(), Scans.stack([window()])):
+        tensors = scans.tensors()
+        assert tensors.ranges.shape == (1, 5, 4)
+        assert tensors.poses.shape == (1, 5, 3)
+        assert tensors.angles.dtype == torch.float32
