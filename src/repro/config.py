@@ -73,11 +73,13 @@ class Scale:
     learning_rate: Positive
     batch_size: Count
     max_epochs: Count
+    mirror: bool
+    weight_average: Annotated[float, Field(gt=0, lt=1)] | None
 
 
 @dataclass(frozen=True)
 class Training:
-    """How a network is trained."""
+    """How a network is trained; see conf/train."""
 
     learning_rate: Positive
     min_delta: NotNegative
@@ -85,6 +87,8 @@ class Training:
     batch_size: Count
     max_epochs: Count
     dice_eps: Positive
+    mirror: bool = False
+    weight_average: Annotated[float, Field(gt=0, lt=1)] | None = None
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,14 @@ from repro.config import PairCounts, Scale
 from repro.learning.planning import cost_warning, plan_study
 
 SCALE = Scale(
-    name="paper", size_px=64, pairs=PairCounts(10000, 128, 500), learning_rate=1e-4, batch_size=2, max_epochs=100
+    name="paper",
+    size_px=64,
+    pairs=PairCounts(10000, 128, 500),
+    learning_rate=1e-4,
+    batch_size=2,
+    max_epochs=100,
+    mirror=False,
+    weight_average=None,
 )
 
 

@@ -12,7 +12,10 @@ from conftest import ROOT, prepared
 
 from repro.files import sha256
 from repro.learning import training
+from repro.learning.losses import MapLoss
 from repro.learning.training import train
+from repro.maps.datasets import Batches, load_pairs_of_run
+from repro.prediction import load_predictor
 from repro.runs import Run, Status
 
 
@@ -60,6 +63,29 @@ def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp
     assert same_weights(finished, tmp_path / "again")
     assert losses(finished).equals(losses(tmp_path / "again"))
     assert not same_weights(finished, tmp_path / "other")
+
+
+def test_an_average_of_the_weights_is_validated_kept_and_resumed(recorded, tmp_path, monkeypatch):
+    settings = {"max_epochs": 4, "mirror": True, "weight_average": 0.9}
+    assert begin(tmp_path / "whole", recorded, **settings) is Status.trained
+    run = prepared(tmp_path / "parts", **settings)
+    monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
+    for _ in range(4):
+        monkeypatch.setattr(training.Budget, "epochs", 0)  # as in a new process
+        status = train(run, recorded, accelerator="cpu", max_minutes=1)
+    assert status is Status.trained
+    assert losses(run.path).equals(losses(tmp_path / "whole"))
+    assert same_weights(run.path, tmp_path / "whole")
+
+    # the kept weights are those whose validation loss was the lowest
+    val = load_pairs_of_run(recorded, "val", run.config(), "cpu")
+    network = load_predictor(run.model).network.eval()
+    with torch.inference_mode():
+        parts = [MapLoss()(network(image), target) for image, target in Batches(val, 8)]
+    assert losses(run.path)["val_loss"].min() == pytest.approx(torch.stack(parts).mean().item(), abs=2e-3)
+
+    begin(tmp_path / "plain", recorded, **{**settings, "weight_average": None})
+    assert not same_weights(run.path, tmp_path / "plain")
 
 
 def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded, tmp_path):

@@ -1,9 +1,13 @@
 import pytest
 import torch
+from conftest import world_spec
 
 from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.scans import Scans
+from repro.simulation.recording import scan, simulate
+from repro.simulation.worlds import sample_world, turn_around
 
 
 def test_pairs_are_images_and_maps_of_the_split(recorded):
@@ -52,3 +56,34 @@ def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
     assert len(in_order) == 3
     with pytest.raises(ValueError, match=r"batch_size=16 but there are only 10"):
         Batches(pairs, 16, seed=0)
+
+
+def test_mirrored_batches_flip_image_and_map_together(recorded):
+    pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
+    plain, mirrored = (list(Batches(pairs, 8, seed=3, mirror=mirror)) for mirror in (False, True))
+    flipped = 0
+    for (image, target), (other_image, other_target) in zip(plain, mirrored, strict=True):
+        for k in range(8):
+            same = torch.equal(image[k], other_image[k]) and torch.equal(target[k], other_target[k])
+            turned = torch.equal(image[k].flip(-2), other_image[k]) and torch.equal(target[k].flip(-2), other_target[k])
+            assert same or turned
+            flipped += not same
+    assert 4 < flipped < 20  # of 24
+    again = list(Batches(pairs, 8, seed=3, mirror=True))
+    assert all(torch.equal(a[0], b[0]) for a, b in zip(mirrored, again, strict=True))
+
+
+@pytest.mark.parametrize("experiment", ["3", "4"])
+def test_a_mirrored_recording_is_one_of_its_twins_kind(experiment):
+    """The world turned top to bottom, seen along the twin's path, gives the mirrored image."""
+    world = sample_world(world_spec(experiment), 5)
+    recording, twin = simulate(world), simulate(turn_around(world))
+    mirrored = recording.states * [1, -1, -1] + [0, 50, 0]
+    outlines = recording.outlines * [1, -1]
+    ranges, _ = scan(twin.scans.poses, twin.scans.angles, outlines, mirrored, 30.0)
+    grid = Grid(64, 50.0)
+    here, there = (
+        Projection().encode(scans.tensors(), grid)
+        for scans in (recording.scans, Scans(ranges, twin.scans.angles, twin.scans.poses))
+    )
+    assert (here.flip(-2) != there).float().mean() < 2e-3  # hits on the edge of a pixel

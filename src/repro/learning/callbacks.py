@@ -7,7 +7,8 @@ from typing import Any
 
 import lightning as L
 import pandas as pd
-from lightning.pytorch.callbacks import Callback, EarlyStopping
+from lightning.pytorch.callbacks import Callback, EarlyStopping, WeightAveraging
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from repro.files import write_text
 
@@ -61,6 +62,15 @@ class Stop(EarlyStopping):
         Budget.epochs += 1
         if Budget.is_spent(self.minutes) and not trainer.should_stop and not last:
             self.paused = trainer.should_stop = True
+
+
+def weight_average(decay: float) -> WeightAveraging:
+    """Creates a moving average of the weights, updated every step, which is what is validated and kept.
+
+    Args:
+        decay: share of the average that stays at every step.
+    """
+    return WeightAveraging(multi_avg_fn=get_ema_multi_avg_fn(decay))
 
 
 class Budget:

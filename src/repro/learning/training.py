@@ -24,7 +24,7 @@ from torch import Tensor
 from repro.config import Model, Training
 from repro.devices import compiles, resolve_device, resolve_precision
 from repro.files import lock
-from repro.learning.callbacks import Budget, History, Stop
+from repro.learning.callbacks import Budget, History, Stop, weight_average
 from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
@@ -46,7 +46,8 @@ class TrainingModule(L.LightningModule):
         self.step_losses: list[Tensor] = []
 
     def train_dataloader(self) -> Batches:
-        return Batches(self.pairs["train"], self.settings.batch_size, self._epoch_seed())
+        settings = self.settings
+        return Batches(self.pairs["train"], settings.batch_size, self._epoch_seed(), mirror=settings.mirror)
 
     def val_dataloader(self) -> Batches:
         return Batches(self.pairs["val"], self.settings.batch_size)
@@ -167,15 +168,20 @@ def _fit(
     checkpoints = run.path / "checkpoints"
     history = History(run.path / "history.csv")
     stop = Stop(max_minutes, min_delta=settings.min_delta, patience=settings.patience)
-    best = _checkpoint(checkpoints, "best", monitor="val_loss", save_weights_only=True)
-    last = _checkpoint(checkpoints, "last")
+    callbacks = [
+        history,
+        stop,
+        *([weight_average(settings.weight_average)] if settings.weight_average else []),
+        _checkpoint(checkpoints, "best", monitor="val_loss"),
+        _checkpoint(checkpoints, "last"),
+    ]
     quiet()
     trainer = L.Trainer(
         max_epochs=settings.max_epochs,
         accelerator="gpu" if device == "cuda" else "cpu",
         devices=1,
         precision=precision,  # type: ignore[arg-type]
-        callbacks=[history, stop, best, last],
+        callbacks=callbacks,
         logger=TensorBoardLogger(run.path, name="tensorboard", version=""),
         log_every_n_steps=10**9,  # the epochs' losses only
         reload_dataloaders_every_n_epochs=1,

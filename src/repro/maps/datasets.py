@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import torch
@@ -35,18 +36,34 @@ class Pairs:
         """Gathers and casts some pairs: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W), float32."""
         return self.encoding.to_input(self.images[index]), self.maps[index].float()
 
+    def __deepcopy__(self, _: dict) -> "Pairs":
+        """Pairs are never changed, so a copied training module shares them."""
+        return self
+
     def hits(self) -> Tensor:
         """Says of each pixel whether a beam ended there, bool, (M, H, W)."""
         return self.encoding.hits(self.images)
 
 
 class Batches:
-    """Batches of one epoch, gathered on the device that holds the pairs; shuffled by `seed` when it is given."""
+    """Batches of one epoch, gathered on the device that holds the pairs.
 
-    def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None) -> None:
+    Args:
+        pairs: what to gather from.
+        batch_size: pairs in a batch.
+        seed: shuffles them; None keeps their order.
+        mirror: flips half of them, drawn by the seed, top to bottom. That is an exact symmetry of the paper's worlds:
+            obstacles are placed alike above and below, and the path mirrored is the path of the twin.
+
+    Raises:
+        ValueError: there are fewer training pairs than a batch takes.
+    """
+
+    def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None, *, mirror: bool = False) -> None:
         self.pairs = pairs
         self.batch_size = batch_size
         self.seed = seed
+        self.mirror = mirror
         if seed is not None and len(pairs) < batch_size:
             raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
 
@@ -56,11 +73,17 @@ class Batches:
 
     def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
         order = torch.arange(len(self.pairs))
+        flipped = torch.zeros(len(self.pairs), dtype=torch.bool)
         if self.seed is not None:
-            order = torch.randperm(len(self.pairs), generator=torch.Generator().manual_seed(self.seed))
-        order = order.to(self.pairs.images.device)
-        for index in order.split(self.batch_size)[: len(self)]:
-            yield self.pairs.batch(index)
+            generator = torch.Generator().manual_seed(self.seed)
+            order = torch.randperm(len(self.pairs), generator=generator)
+            if self.mirror:
+                flipped = torch.rand(len(self.pairs), generator=generator) < 0.5
+        device = self.pairs.images.device
+        parts = zip(order.to(device).split(self.batch_size), flipped.to(device).split(self.batch_size), strict=True)
+        for index, flip in islice(parts, len(self)):
+            image, target = self.pairs.batch(index)
+            yield (_flip(image, flip), _flip(target, flip)) if self.mirror else (image, target)
 
 
 def load_pairs(
@@ -92,6 +115,11 @@ def load_pairs(
 def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:
     """Makes the pairs of a split as the configuration of a run asks for them, see `load_pairs`."""
     return load_pairs(recordings, split, grid_of(config), encoding_of(config), device=device)
+
+
+def _flip(images: Tensor, which: Tensor) -> Tensor:
+    """Flips those of the images (B, C, H, W) top to bottom that `which` (B,) says."""
+    return torch.where(which[:, None, None, None], images.flip(-2), images)
 
 
 def grid_of(config: RunConfig) -> Grid:
