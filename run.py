@@ -19,14 +19,15 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from repro.config import Config, Encoding, Model, Task, known_experiment, schema, typed, variant, world_spec
-from repro.runs import Data, Outputs, Run, RunConfig, Status
+from repro.provenance import Status
+from repro.runs import Data, Outputs, Run, RunConfig
 
 ROOT = Path(__file__).parent
 RESULTS = ROOT / "reproduce" / "results"
 
 
 def place(task: Task, exp: str, experiments: Collection[str], model: str, encoding: str, decay: bool, seed: int) -> str:
-    """Where a call's own files, and so Hydra's, lie below the outputs directory."""
+    """Says where a call's own files, and so Hydra's, lie below the outputs directory."""
     experiment = known_experiment(exp, experiments)
     outputs = Outputs(Path())
     if task in (Task.all, Task.train, Task.evaluate):
@@ -73,7 +74,7 @@ def run_of(config: Config) -> Run:
 
 
 def run_config(config: Config) -> RunConfig:
-    """What decides the result of a run; it becomes the run's config.yaml."""
+    """Gathers what decides the result of a run; it becomes the run's config.yaml."""
     from repro.simulation.shards import spec_fingerprint
 
     spec = world_spec(config.world, config.exp)

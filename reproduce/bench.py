@@ -16,7 +16,7 @@ import torch
 from bench_training import TRAINING_COLUMNS, device_name, training_rows
 
 from repro.config import read_world, world_spec
-from repro.simulation.behaviors import Drift  # noqa: F401  registers the behaviours
+from repro.simulation import behaviors  # noqa: F401  registers them
 
 ROOT = Path(__file__).parents[1]
 

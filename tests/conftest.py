@@ -11,7 +11,8 @@ import pytest
 import repro.config
 from repro.config import NETWORKS, Encoding, Model, PairCounts, Training
 from repro.evaluation.metrics import METRICS
-from repro.runs import Data, Outputs, Run, RunConfig, Status
+from repro.provenance import Status
+from repro.runs import Data, Outputs, Run, RunConfig
 from repro.simulation.store import record_experiment
 
 ROOT = Path(__file__).parents[1]

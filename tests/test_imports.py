@@ -4,8 +4,8 @@ from conftest import ROOT
 
 SOURCE = ROOT / "src" / "repro"
 ORDER = [
-    *("config", "files", "scans", "devices", "runs"),
-    *(f"simulation.{name}" for name in ("behaviors", "worlds", "recording", "shards", "store")),
+    *("config", "files", "scans", "devices", "provenance", "runs"),
+    *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "recording", "shards", "store")),
     *(f"maps.{name}" for name in ("grid", "truth", "encodings", "datasets")),
     "prediction",
     *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "training")),

@@ -3,7 +3,8 @@ import json
 import pytest
 from conftest import prepared, run_config
 
-from repro.runs import Outputs, Run, Status
+from repro.provenance import Status
+from repro.runs import Outputs, Run
 
 
 def test_directories_are_named_by_what_the_run_is(tmp_path):

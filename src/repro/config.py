@@ -50,7 +50,7 @@ class Encoding:
 
     @property
     def variant(self) -> str:
-        """The word for it in paths: `decay` and `no-decay` for the paper's, its name for any other."""
+        """Names it in paths: `decay` and `no-decay` for the paper's, its name for any other."""
         return variant(self.name, self.parameters.get("decay", True))
 
 
@@ -151,7 +151,7 @@ def known_experiment(exp: str, experiments: Collection[str]) -> str:
 
 
 def variant(encoding: str, decay: bool) -> str:
-    """The word for an encoding in paths, see `Encoding.variant`."""
+    """Names an encoding in paths, see `Encoding.variant`."""
     if encoding == "projection":
         return "decay" if decay else "no-decay"
     return encoding if decay else f"{encoding}-no-decay"

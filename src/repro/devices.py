@@ -35,7 +35,7 @@ def resolve_precision(precision: str, device: str) -> str:
 
 
 def has_bfloat16(device: str) -> bool:
-    """Whether a device multiplies in bfloat16 itself; a CPU does with AVX-512 BF16 or AMX."""
+    """Says whether a device multiplies in bfloat16 itself; a CPU does with AVX-512 BF16 or AMX."""
     if device == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
     capabilities = torch.cpu.get_capabilities()

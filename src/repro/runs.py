@@ -14,13 +14,8 @@ outputs/<scale>/
 """
 
 import dataclasses
-import enum
-import platform
-import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from importlib.metadata import version
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +24,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from repro.config import Encoding, Model, PairCounts, Training
 from repro.files import read_mapping, write_json, write_text
-
-PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
-
-
-class Status(enum.StrEnum):
-    """Where a run directory stands."""
-
-    prepared = "prepared"  # it has its config.yaml
-    training = "training"  # a process trains it, or was killed doing so
-    paused = "paused"  # at an epoch's end, by its budget
-    failed = "failed"  # the loss was not finite
-    trained = "trained"  # it has its best weights
-    evaluated = "evaluated"  # it has its metrics on the test set
+from repro.provenance import Provenance, Status, surroundings
 
 
 @dataclass(frozen=True)
@@ -64,26 +47,6 @@ class RunConfig:
     encoding: Encoding
     data: Data
     train: Training | None = None
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """Where a run stands and where it came from.
-
-    Args:
-        status: the status now.
-        error: what made it fail, when it did.
-        steps: one entry for each step taken (recorded, trained, evaluated), each with its surroundings. A training
-            that was paused has an entry for every call. None is ever overwritten.
-    """
-
-    status: Status = Status.prepared
-    error: str | None = None
-    steps: list[dict[str, Any]] = field(default_factory=list)
-
-    def fact(self, name: str) -> Any:
-        """The latest value of a fact among all steps; None if no step has it."""
-        return next((step[name] for step in reversed(self.steps) if name in step), None)
 
 
 @dataclass(frozen=True)
@@ -160,7 +123,7 @@ class Run:
 
     @property
     def is_evaluated(self) -> bool:
-        """Whether the metrics are there; where metrics.csv has been lost, evaluation makes it again."""
+        """Says whether the metrics are there; where metrics.csv has been lost, evaluation makes it again."""
         return self.status is Status.evaluated and self.metrics.is_file()
 
     def begin_step(self, step: str, status: Status, **facts: Any) -> None:
@@ -214,7 +177,7 @@ class Outputs:
         return self.path / "recordings" / f"exp{experiment}"
 
     def recorded(self) -> dict[str, Path]:
-        """The completely recorded experiments, by name."""
+        """Finds the completely recorded experiments, by name."""
         found = sorted(self.path.glob("recordings/exp*/manifest.json"))
         return {path.parent.name.removeprefix("exp"): path.parent for path in found}
 
@@ -226,30 +189,6 @@ class Outputs:
         for path in sorted(self.path.glob("runs/exp*/*/*/seed*")):
             if path.is_dir():
                 yield Run(path)
-
-
-def surroundings() -> dict[str, Any]:
-    """Describes what a step is done with: time, Python, packages, hardware, commit."""
-    from repro.devices import hardware  # torch is slow to import, and recording does without
-
-    return {
-        "written": datetime.now(UTC).isoformat(timespec="seconds"),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in PACKAGES},
-        "hardware": hardware(),
-        "commit": _commit(),
-    }
-
-
-def _commit() -> str | None:
-    """The commit of the source, with `+` when the tree has changes; None outside a checkout."""
-    git = ["git", "-C", str(Path(__file__).parent)]
-    try:
-        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout
-        dirty = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True).stdout
-    except (OSError, subprocess.CalledProcessError):
-        return None
-    return head.strip() + ("+" if dirty.strip() else "")
 
 
 def _flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -12,7 +12,7 @@ from repro.maps.datasets import Pairs, load_pairs
 from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
 from repro.prediction import load_predictor
-from repro.runs import Status
+from repro.provenance import Status
 from repro.simulation.store import recordings_hash
 
 

@@ -16,7 +16,8 @@ from repro.learning.losses import MapLoss
 from repro.learning.training import train
 from repro.maps.datasets import Batches, load_pairs_of_run
 from repro.prediction import load_predictor
-from repro.runs import Run, Status
+from repro.provenance import Status
+from repro.runs import Run
 
 
 def begin(path, recorded, **changes):

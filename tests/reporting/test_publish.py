@@ -13,10 +13,11 @@ from repro.learning.training import train
 from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
 from repro.prediction import Predictor
+from repro.provenance import Status
 from repro.reporting.publish import export_weights, publish, readme_with_results
 from repro.reporting.results import read_results
 from repro.reporting.tables import write_tables
-from repro.runs import Outputs, Status
+from repro.runs import Outputs
 
 RESULTS = ROOT / "reproduce" / "results"
 

@@ -4,9 +4,10 @@ from conftest import fake_run, fake_study
 
 from repro.config import NETWORKS
 from repro.evaluation.metrics import METRICS
+from repro.provenance import Status
 from repro.reporting.paper import read_paper
 from repro.reporting.results import caption, compare, read_results
-from repro.runs import Outputs, Status
+from repro.runs import Outputs
 
 
 def test_every_metric_stands_beside_the_papers(tmp_path):

@@ -33,8 +33,8 @@ def confusion(probability: Tensor, target: Tensor, threshold: float = 0.5) -> Te
 
 
 def scores(counts: Tensor) -> dict[str, Tensor]:
-    """Metrics from counts (..., 4): accuracy, Dice, precision, recall, specificity with FREE as positive, the
-    last four with OBSTACLE as positive, and obstacle IoU, each (...)."""
+    """Computes metrics from counts (..., 4): accuracy, Dice, precision, recall, specificity with FREE as positive,
+    the last four with OBSTACLE as positive, and obstacle IoU, each (...)."""
     tp, fp, tn, fn = counts.double().unbind(-1)
     free = _scores(tp, fp, tn, fn)
     obstacle = _scores(tn, fn, tp, fp)
@@ -56,12 +56,12 @@ def _scores(tp: Tensor, fp: Tensor, tn: Tensor, fn: Tensor) -> dict[str, Tensor]
 
 
 def ssim(probability: Tensor, target: Tensor, batch: int = 64) -> Tensor:
-    """Structural similarity by piqa, window 11, of images (M, 1, H, W) in [0, 1], each (M,)."""
+    """Measures structural similarity by piqa, window 11, of images (M, 1, H, W) in [0, 1], each (M,)."""
     measure = SSIM(n_channels=1, reduction="none").to(probability.device)
     pairs = zip(probability.float().split(batch), target.float().split(batch), strict=True)
     return torch.cat([measure(p, t) for p, t in pairs])
 
 
 def one_line(row: Mapping[str, float] | pd.Series) -> str:
-    """Metrics as one line of text."""
+    """Writes metrics as one line of text."""
     return ", ".join(f"{name} {value:.4f}" for name, value in row.items())

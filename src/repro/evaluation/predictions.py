@@ -18,7 +18,8 @@ from repro.evaluation.rivals import RIVALS
 from repro.files import lock, read_table, replacing, write_text
 from repro.maps.datasets import Pairs, load_pairs_of_run
 from repro.prediction import load_predictor
-from repro.runs import Run, Status
+from repro.provenance import Status
+from repro.runs import Run
 from repro.simulation.store import recordings_hash
 
 
@@ -124,7 +125,7 @@ def read_predictions(run: Run) -> np.ndarray:
 
 
 def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:
-    """The pairs of a split and what the best weights of a trained run predict for them."""
+    """Loads the pairs of a split and predicts them by the best weights of a trained run."""
     if not run.is_trained:
         raise ValueError(f"{run} is not trained to its end: train it with task=train first")
     run.use_recordings(recordings_hash(recordings))

@@ -81,5 +81,5 @@ class Budget:
 
     @classmethod
     def is_spent(cls, minutes: float | None) -> bool:
-        """Whether so many minutes are over; None is no limit."""
+        """Says whether so many minutes are over; None is no limit."""
         return minutes is not None and cls.epochs > 0 and time.monotonic() - cls.started > 60 * minutes

@@ -14,12 +14,12 @@ from torch.nn import functional as F
 
 
 def bce_loss(logits: Tensor, target: Tensor) -> Tensor:
-    """Binary cross-entropy, Eq. 1; p = sigmoid(logits) and g = target of any one shape."""
+    """Computes binary cross-entropy, Eq. 1; p = sigmoid(logits) and g = target of any one shape."""
     return F.binary_cross_entropy_with_logits(logits, target)
 
 
 def dice_loss(logits: Tensor, target: Tensor, eps: float = 1e-6) -> Tensor:
-    """Dice loss with squares in the denominator, Eq. 2; p = sigmoid(logits) and g = target of any one shape."""
+    """Computes the Dice loss with squares in the denominator, Eq. 2; p = sigmoid(logits), g = target, of one shape."""
     p = torch.sigmoid(logits)
     return 1 - 2 * (p * target).sum() / (p.square().sum() + target.square().sum() + eps)
 
@@ -32,6 +32,6 @@ class MapLoss(nn.Module):
         self.eps = eps
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
-        """Loss of logits (B, 1, H, W) against maps (B, 1, H, W) with 1 = free; computed in float32."""
+        """Computes the loss of logits (B, 1, H, W) against maps (B, 1, H, W) with 1 = free; computed in float32."""
         logits, target = logits.float(), target.float()
         return bce_loss(logits, target) + dice_loss(logits, target, self.eps)

@@ -30,7 +30,7 @@ def seconds_per_image(architecture: str, size_px: int, batch_size: int, precisio
 
 
 def plan_study(scale: Scale, precision: str) -> str:
-    """What `make reproduce` will do at a scale and about how long it will take."""
+    """Says what `make reproduce` will do at a scale and about how long it will take."""
     gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else None
     reason = f"the GPU {gpu}" if gpu else "no CUDA GPU is visible"
     seconds = {name: _training_seconds(name, scale, precision) for name in NETWORKS}
@@ -47,7 +47,7 @@ def plan_study(scale: Scale, precision: str) -> str:
 
 
 def cost_warning(architecture: str, scale: Scale, precision: str) -> str | None:
-    """What one training costs without a GPU and how to ask for less; None where there is a GPU."""
+    """Says what one training costs without a GPU and how to ask for less; None where there is a GPU."""
     if torch.cuda.is_available():
         return None
     seconds = _training_seconds(architecture, scale, precision)

@@ -29,7 +29,8 @@ from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
 from repro.prediction import Predictor
-from repro.runs import Run, RunConfig, Status
+from repro.provenance import Status
+from repro.runs import Run, RunConfig
 from repro.simulation.store import recordings_hash
 
 

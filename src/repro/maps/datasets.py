@@ -123,10 +123,10 @@ def _flip(images: Tensor, which: Tensor) -> Tensor:
 
 
 def grid_of(config: RunConfig) -> Grid:
-    """The grid of a run."""
+    """Creates the grid of a run."""
     return Grid(config.data.size_px, config.data.size_m)
 
 
 def encoding_of(config: RunConfig) -> Encoding:
-    """The encoding of a run."""
+    """Creates the encoding of a run."""
     return create_encoding(config.encoding.name, config.encoding.parameters)

@@ -132,7 +132,7 @@ def method_overview(example: Example) -> Figure:
 
 
 def _show_scans(ax: Axes, example: Example) -> None:
-    """All scans of a recording as one picture, a row a step; misses stay white."""
+    """Shows all scans of a recording as one picture, a row a step; misses stay white."""
     ax.imshow(
         np.where(np.isfinite(example.scans.ranges), example.scans.ranges, np.nan), aspect="auto", cmap="viridis_r"
     )
@@ -140,7 +140,7 @@ def _show_scans(ax: Axes, example: Example) -> None:
 
 
 def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0) -> None:
-    """The robot's poses as arrows, the newest darkest."""
+    """Shows the robot's poses as arrows, the newest darkest."""
     x, y, heading = example.scans.poses[::every].T
     arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
     ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)

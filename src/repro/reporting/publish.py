@@ -20,9 +20,10 @@ from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
 from repro.files import write_json, write_text
 from repro.prediction import load_predictor
+from repro.provenance import Provenance
 from repro.reporting.results import caption, read_results
 from repro.reporting.tables import NAMES, SETUPS, Table, costs_to_markdown, write_tables
-from repro.runs import Outputs, Provenance, Run
+from repro.runs import Outputs, Run
 
 RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -118,7 +119,7 @@ def export_weights(run: Run, target: Path) -> None:
 
 
 def _card(run: Run, where: str) -> str:
-    """The model card: data, metrics, limits."""
+    """Writes the model card: data, metrics, limits."""
     config, origin, metrics = run.config(), run.provenance(), read_metrics(run)
     trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
     numbers = ", ".join(f"{metric} {metrics[metric]:.4f}" for metric in (*METRICS, "obstacle_iou"))
@@ -177,13 +178,13 @@ def readme_with_results(text: str, results: Path) -> str:
 
 
 def _published(directory: Path, name: str) -> Table:
-    """A published table."""
+    """Reads a published table."""
     frame = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
     return Table(frame, (directory / f"{name}.txt").read_text().strip())
 
 
 def _rows_of_model(directory: Path, model: str) -> Table:
-    """The rows of one model, or of the average, in the main table and the ablation."""
+    """Takes the rows of one model, or of the average, in the main table and the ablation."""
     main, ablation = (_published(directory, name) for name in ("main", "ablation"))
     ablation.frame["experiment"] += ", no decay"
     rows: Any = pd.concat([main.frame, ablation.frame]).query("model == @model")

@@ -8,8 +8,9 @@ from repro.config import NETWORKS
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
 from repro.evaluation.rivals import RIVALS
+from repro.provenance import Status
 from repro.reporting.paper import KEYS, read_paper
-from repro.runs import Outputs, Run, Status
+from repro.runs import Outputs, Run
 
 ORDER = (*NETWORKS, "average", *RIVALS)  # of the rows of a table
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")

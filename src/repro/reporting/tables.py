@@ -48,7 +48,7 @@ class Table:
     caption: str
 
     def to_markdown(self) -> str:
-        """One row a model: our number, and the paper's in brackets."""
+        """Writes one row a model: our number, and the paper's in brackets."""
         if self.frame.empty:
             return f"**{self.caption}**\n"
         head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
@@ -59,7 +59,7 @@ class Table:
         return "\n".join(lines) + "\n"
 
     def to_latex(self) -> str:
-        """The paper's layout in booktabs: two experiments side by side, under each of our rows the paper's."""
+        """Writes the paper's layout in booktabs: two experiments side by side, under each of our rows the paper's."""
         experiments = self.frame["experiment"].unique().tolist()
         blocks = [self._latex_block(experiments[first : first + 2]) for first in range(0, len(experiments), 2)]
         body = " \\midrule\n".join(blocks)
@@ -126,7 +126,7 @@ def write_tables(outputs: Outputs) -> dict[str, Table]:
 
 
 def costs_to_markdown(table: Table) -> str:
-    """One row a network and resolution; what was measured nowhere is left out."""
+    """Writes one row a network and resolution; what was measured nowhere is left out."""
     frame = table.frame.dropna(axis="columns", how="all")
     lines = [
         f"**{table.caption}**",

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from repro.scans import Scans
-from repro.simulation.behaviors import Drift, robot_commands  # before IR-SIM: it keeps the import quiet
+from repro.simulation import behaviors  # noqa: F401  before IR-SIM: it registers ours and keeps the import quiet
+from repro.simulation.motions import Drift, robot_commands
 from repro.simulation.worlds import World, write_world
 
 # isort: split
@@ -122,7 +123,7 @@ def make(path: Path, **options: Any) -> Any:
 
 
 def beam_angles(lidar: dict[str, Any]) -> np.ndarray:
-    """Beam angles in the robot's frame [rad], (N,), as IR-SIM spreads them."""
+    """Computes the beam angles in the robot's frame [rad], (N,), as IR-SIM spreads them."""
     return np.linspace(-lidar["angle_range"] / 2, lidar["angle_range"] / 2, lidar["number"])
 
 
@@ -209,7 +210,7 @@ def scan(
 
 
 def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray) -> np.ndarray:
-    """Distance from each origin (K, 2) along its direction (K, 2) to its ring (K, V, 2) [m], (K,)."""
+    """Computes the distance from each origin (K, 2) along its direction (K, 2) to its ring (K, V, 2) [m], (K,)."""
     edges = np.roll(rings, -1, axis=1) - rings
     to_origin = origins[:, None] - rings
     dx, dy = directions[:, None, 0], directions[:, None, 1]
@@ -221,7 +222,7 @@ def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray) -> np
 
 
 def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """An outline (V, 2) in the world frame at each state (T, 3): (T, V, 2)."""
+    """Places an outline (V, 2) in the world frame at each state (T, 3): (T, V, 2)."""
     x, y, heading = (states[:, i, None] for i in range(3))
     cos, sin = np.cos(heading), np.sin(heading)
     return np.stack(
@@ -231,7 +232,7 @@ def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
 
 
 def _outlines(world: World) -> np.ndarray:
-    """Outlines as IR-SIM builds them, (O, V, 2)."""
+    """Makes the outlines as IR-SIM builds them, (O, V, 2)."""
     shapes = [obstacle["shape"] for obstacle in world["obstacle"]]
     return _pad([GeometryFactory.create_geometry(**shape).original_vertices.T for shape in shapes])
 

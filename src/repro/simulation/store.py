@@ -160,7 +160,7 @@ def recordings_hash(directory: Path) -> str:
 
 
 def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
-    """Whether a shard is there and what it should be; says so where it is there and is not."""
+    """Says whether a shard is there and what it should be, and tells where it is there and is not."""
     if not path.is_file():
         return False
     try:

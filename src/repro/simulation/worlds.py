@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from repro.simulation.behaviors import robot_path
+from repro.simulation.motions import robot_path
 
 World = dict[str, Any]
 
@@ -56,7 +56,7 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
 
 
 def experiment_number(experiment: str) -> int:
-    """The number that sets the worlds of an experiment apart from those of another; of a name, its hash."""
+    """Computes the number that sets the worlds of an experiment apart from another's; of a name, its hash."""
     if experiment.isdigit():
         return int(experiment)
     return int.from_bytes(hashlib.sha256(experiment.encode()).digest()[:8], "little")
@@ -85,7 +85,7 @@ def check_spec(spec: dict[str, Any]) -> None:
 
 
 def turn_around(world: World) -> World:
-    """The twin: the robot turns and drives in the opposite direction among the very same obstacles."""
+    """Makes the twin: the robot turns and drives in the opposite direction among the very same obstacles."""
     twin = copy.deepcopy(world)
     behavior = twin["robot"]["behavior"]
     behavior["direction"] = -behavior["direction"]
@@ -101,7 +101,7 @@ def write_world(world: World, path: Path) -> None:
 
 
 def shape_radius(shape: dict[str, Any]) -> float:
-    """Radius of the circle around an IR-SIM shape's own origin that holds it [m]."""
+    """Computes the radius of the circle around an IR-SIM shape's own origin that holds it [m]."""
     if shape["name"] == "circle":
         return float(shape["radius"])
     return math.hypot(shape["length"], shape["width"]) / 2
@@ -126,7 +126,7 @@ def _place_obstacles(rng, world: World, population: dict, clear_radius_m: float)
 
 
 def _shape(rng, population: dict) -> dict[str, Any]:
-    """A disc of the drawn radius or a rectangle of the same area."""
+    """Draws a disc of the drawn radius or a rectangle of the same area."""
     radius = rng.uniform(*population["radius_m"])
     is_disc, aspect = rng.random() < population["disc_share"], rng.uniform(*population["aspect"])
     if is_disc:
@@ -136,7 +136,7 @@ def _shape(rng, population: dict) -> dict[str, Any]:
 
 
 def _obstacle(rng, spec: dict, x: float, y: float, shape: dict) -> dict[str, Any]:
-    """One obstacle as IR-SIM reads it, with its own random stream when it moves."""
+    """Makes one obstacle as IR-SIM reads it, with its own random stream when it moves."""
     heading, behavior = float(rng.uniform(-math.pi, math.pi)), spec["obstacles"].get("behavior")
     obstacle = {"shape": shape, "state": [x, y, heading]}
     if behavior is None:

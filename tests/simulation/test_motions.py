@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from repro.simulation.behaviors import Drift, robot_commands, rotate_commands, square_commands
+from repro.simulation.motions import Drift, robot_commands, rotate_commands, square_commands
 
 
 @pytest.mark.parametrize("direction", [1, -1])
