@@ -8,57 +8,97 @@ python run.py task=world exp=3 seed=17                                 write one
 """
 
 import dataclasses
+import os
 import sys
-from collections.abc import Collection
+import traceback
+import uuid
 from pathlib import Path
 from typing import Any, ClassVar
 
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # else torch's idle threads spin against whatever else runs
+
 import hydra
 from hydra.core.config_store import ConfigStore
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
-from repro.config import Config, Encoding, Model, Task, known_experiment, schema, typed, variant, world_spec
+from repro.checks import all_faults
+from repro.config import NETWORKS, Config, Encoding, Model, Task, plain, schema, to_typed, variant, world_spec
+from repro.messages import JobFailed, explain
 from repro.provenance import Status
 from repro.runs import Data, Outputs, Run, RunConfig
 
+WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 ROOT = Path(__file__).parent
 RESULTS = ROOT / "reproduce" / "results"
+FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a sweep, in whatever process, note their failures
 
 
-def place(task: Task, exp: str, experiments: Collection[str], model: str, encoding: str, decay: bool, seed: int) -> str:
+def place(task: Task, exp: str, model: str, encoding: str, decay: bool, seed: int) -> str:
     """Says where a call's own files, and so Hydra's, lie below the outputs directory."""
-    experiment = known_experiment(exp, experiments)
     outputs = Outputs(Path())
     if task in (Task.all, Task.train, Task.evaluate):
-        return str(outputs.run(experiment, model, variant(encoding, decay), seed).path)
-    return str(outputs.recordings(experiment)) if task is Task.record else "hydra"
+        return str(outputs.run(exp, model, variant(encoding, decay), seed).path)
+    return str(outputs.recordings(exp)) if task is Task.record else "hydra"
 
 
 OmegaConf.register_new_resolver("place", place, replace=True)
 ConfigStore.instance().store(name="schema", node=schema())
 
 
-class TablesAtTheEnd(Callback):
-    """Notes whose tables are due when a multirun ends, also when a job of it failed.
-
-    Hydra skips `on_multirun_end` then, so the bottom of this file prints them.
-    """
+class Gate(Callback):
+    """Checks a call, or every job of a sweep, before Hydra writes anything; notes whose tables are due at the end."""
 
     due: ClassVar[list[Outputs]] = []
 
+    def on_run_start(self, config: DictConfig, **_: Any) -> None:
+        check([config])
+
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        jobs = [hydra.compose("config", overrides=words) for words in jobs_of(config.hydra.overrides.task)]
+        check(jobs)
         if config.task in (Task.all, Task.evaluate):
             self.due.append(Outputs(Path(config.outputs)))
+        os.environ[FAILURES] = str(Path(config.outputs).absolute() / f".failures-{uuid.uuid4().hex}")
 
 
-def print_tables(outputs: Outputs) -> None:
-    """Writes the tables of whatever runs there are and prints them."""
+def jobs_of(overrides: list[str]) -> list[list[str]]:
+    """Splits the words of a sweep into those of its jobs."""
+    jobs: list[list[str]] = [[]]
+    for override in OverridesParser.create().parse_overrides(list(overrides)):
+        key = override.get_key_element()
+        is_sweep = override.is_discrete_sweep()
+        values = list(override.sweep_string_iterator()) if is_sweep else [override.get_value_element_as_str()]
+        jobs = [[*job, f"{key}={value}"] for value in values for job in jobs]
+    return jobs
+
+
+def check(configs: list[DictConfig]) -> None:
+    """Ends the call with status 2 and a list of all that is wrong with its configurations, if anything is."""
+    values = [plain(OmegaConf.masked_copy(config, [key for key in config if key != "hydra"])) for config in configs]
+    faults = dict.fromkeys(str(fault) for each in values for fault in all_faults(each))
+    if len({config.outputs for config in configs}) < len(configs) and configs[0].task in ONCE:
+        faults[f"task={configs[0].task.value}: is done once for all runs; leave out the sweep"] = None
+    if faults:
+        print("error: this cannot be run", *(f"  {fault}" for fault in faults), sep="\n", file=sys.stderr)
+        sys.exit(2)
+    warn_of_cost([to_typed(each) for each in values])
+
+
+def print_tables(outputs: Outputs) -> int:
+    """Writes the tables of whatever runs there are and prints them; returns 1 when a run had to be left out."""
     from repro.reporting.tables import write_tables
 
-    for table in write_tables(outputs).values():
+    faults: list[str] = []
+    for table in write_tables(outputs, faults).values():
         print("\n" + table.to_markdown())
-    print(f"Tables: {outputs.tables}")
+    print(f"Tables: {outputs.tables}", flush=True)
+    for fault in faults:
+        print(f"error: left out of the tables: {fault}", file=sys.stderr)
+    return int(bool(faults))
 
 
 def outputs_of(config: Config) -> Outputs:
@@ -120,7 +160,6 @@ def train(config: Config) -> Status:
     run.prepare(run_config(config))
     if not run.is_trained:
         print(f"training {run}", flush=True)
-        warn_of_cost(config)
     status = training.train(
         run,
         recordings_of(config),
@@ -174,7 +213,7 @@ def report(config: Config) -> None:
     from repro.simulation.worlds import sample_world
 
     outputs = outputs_of(config)
-    print_tables(outputs)
+    left_out = print_tables(outputs)
     specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
     worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
     examples = [
@@ -185,13 +224,17 @@ def report(config: Config) -> None:
     ]
     for path in write_figures(outputs.figures, worlds, examples):
         print(f"Figure: {path}")
+    if left_out:
+        raise JobFailed("some runs are left out of the tables")
 
 
 def publish(config: Config) -> None:
     """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
     from repro.reporting import publish
 
-    print(publish.publish(outputs_of(config), RESULTS, config.scale.name))
+    target = RESULTS / Path(config.outputs).name
+    print(f"{'replacing' if target.exists() else 'publishing'} {target}")
+    publish.publish(outputs_of(config), RESULTS, config.scale.name, force=config.publish.force)
     readme(config)
 
 
@@ -200,7 +243,7 @@ def export(config: Config) -> None:
     from repro.reporting.publish import export_weights
 
     target = RESULTS / config.scale.name / f"exp{config.exp}-{config.model.name}"
-    export_weights(run_of(config), target)
+    export_weights(run_of(config), target, force=config.publish.force)
     print(target)
 
 
@@ -225,18 +268,29 @@ def world(config: Config) -> None:
 
 
 def plan(config: Config) -> None:
-    """Says what the whole study costs at this scale on this machine."""
+    """Says what is left of the whole study at this scale, and what it costs on this machine."""
+    print(f"looking at what is done in {config.outputs}, and measuring the networks on this machine", flush=True)
+    outputs = outputs_of(config)
+    pairs = sum(dataclasses.asdict(config.scale.pairs).values())
+    recordings = pairs * len(set(config.world["experiments"]) - set(outputs.recorded()))
+    cells = [(exp, "decay") for exp in ("1", "2", "3", "4")] + [(exp, "no-decay") for exp in ("3", "4")]
+    left = {
+        name: sum(not outputs.run(exp, name, word, config.seed).is_trained for exp, word in cells) for name in NETWORKS
+    }
     from repro.learning.planning import plan_study
 
-    print(plan_study(config.scale, config.runtime.precision))
+    for line in plan_study(config.scale, config.runtime.precision, recordings, left):
+        print(line, flush=True)
 
 
-def warn_of_cost(config: Config) -> None:
-    """Says what one training at paper scale costs on a machine without a GPU, and how to ask for less."""
-    from repro.learning.planning import cost_warning
+def warn_of_cost(configs: list[Config]) -> None:
+    """Says what the trainings of a call at paper scale cost on a machine without a GPU, and how to ask for less."""
+    trainings = [c for c in configs if c.task in (Task.all, Task.train) and c.scale.name == "paper"]
+    left = [config for config in trainings if not run_of(config).is_trained]
+    if left:
+        from repro.learning.planning import cost_warning
 
-    if config.scale.name == "paper":
-        text = cost_warning(config.model.name, config.scale, config.runtime.precision)
+        text = cost_warning([config.model.name for config in left], left[0].scale, left[0].runtime.precision)
         if text:
             print(text, file=sys.stderr, flush=True)
 
@@ -255,15 +309,69 @@ TASKS = {
 }
 
 
+ONCE = (Task.report, Task.plan, Task.publish, Task.readme)
+
+
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def main(config: DictConfig) -> None:
-    call = typed(config)
-    TASKS[call.task](call)
+    call = to_typed(plain(config))
+    try:
+        TASKS[call.task](call)
+    except JobFailed:
+        raise
+    except Exception as error:
+        fail(call, error)
+
+
+def fail(config: Config, error: Exception) -> None:
+    """Says why a job failed, notes it for the end of the sweep, and lets the other jobs go on."""
+    message = explain(error)
+    if message is None or WANTS_TRACEBACKS:
+        traceback.print_exception(error)
+    job = f"exp={config.exp} model={config.model.name} decay={str(config.decay).lower()} seed={config.seed}"
+    line = (message or f"{type(error).__name__}: {error}").split("\n")[0]
+    print(f"error: {message or line}", file=sys.stderr, flush=True)
+    if FAILURES in os.environ:
+        with open(os.environ[FAILURES], "a") as file:
+            file.write(f"{job}: {line}\n")
+    raise JobFailed(line) from None
+
+
+def command_line() -> int:
+    """Runs the call; returns its exit status: 1 when a job failed, 2 when it cannot be run, 130 when interrupted."""
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
+    status = 0
+    try:
+        main()
+    except JobFailed:
+        status = 1
+    except (HydraException, OmegaConfBaseException) as error:
+        if WANTS_TRACEBACKS:
+            raise
+        print(f"error: {error}", *filter(None, [error.__cause__]), sep="\n", file=sys.stderr)
+        return 2
+    except OSError as error:
+        if WANTS_TRACEBACKS or explain(error) is None:
+            raise
+        print(f"error: {explain(error)}", file=sys.stderr)
+        return 1
+    left_out = [print_tables(outputs) for outputs in Gate.due]
+    return max([status, print_failures(), *left_out])
+
+
+def print_failures() -> int:
+    """Lists the failed jobs of a sweep, one line each; returns 1 when there are some."""
+    path = Path(os.environ.get(FAILURES, ""))
+    if not path.is_file():
+        return 0
+    print("failed:", *(f"  {line}" for line in path.read_text().splitlines()), sep="\n", file=sys.stderr)
+    path.unlink()
+    return 1
 
 
 if __name__ == "__main__":
     try:
-        main()
-    finally:
-        for outputs in TablesAtTheEnd.due:
-            print_tables(outputs)
+        sys.exit(command_line())
+    except KeyboardInterrupt:
+        print("\nstopped: what is done is kept, and the same command goes on from here", file=sys.stderr)
+        sys.exit(130)

@@ -61,7 +61,7 @@ def test_run_directories_are_complete(study):
     names = {path.name for path in run.iterdir()}
     assert names >= {
         "config.yaml", "history.csv", "metrics.csv", "per_image.csv", "provenance.json", "model",
-        "predictions.npz", "tensorboard", ".hydra",
+        "predictions.npz", ".hydra",
     }  # fmt: skip
 
 

@@ -2,19 +2,33 @@
 
 import dataclasses
 import enum
-from collections.abc import Collection
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from omegaconf import MISSING, DictConfig, OmegaConf
-from pydantic import Field, TypeAdapter
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 NETWORKS = ("unet", "fpn", "upernet", "segformer")  # in the paper's order
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
+Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
+PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # as Lightning names them
+MOST_WORKERS = max(8, 2 * (os.cpu_count() or 1))
+
+
+def choice(*allowed: str) -> AfterValidator:
+    """Creates a check that a value is one of a list."""
+
+    def check(value: str) -> str:
+        if value not in allowed:
+            raise ValueError(f"must be one of {', '.join(allowed)}")
+        return value
+
+    return AfterValidator(check)
 
 
 class Task(enum.Enum):
@@ -58,20 +72,20 @@ class Encoding:
 class PairCounts:
     """Pairs of each split; a world and its twin are two."""
 
-    train: Count
-    val: Count
-    test: Count
+    train: Even
+    val: Even
+    test: Even
 
 
 @dataclass(frozen=True)
 class Scale:
     """How much of everything."""
 
-    name: str
-    size_px: Count
+    name: Annotated[str, Field(pattern=r"^[\w-]+$")]
+    size_px: Annotated[int, Field(ge=32, le=4096, multiple_of=32)]  # the encoder halves its images five times
     pairs: PairCounts
     learning_rate: Positive
-    batch_size: Count
+    batch_size: Annotated[int, Field(ge=2)]
     max_epochs: Count
     mirror: bool
     weight_average: Annotated[float, Field(gt=0, lt=1)] | None
@@ -84,7 +98,7 @@ class Training:
     learning_rate: Positive
     min_delta: NotNegative
     patience: Annotated[int, Field(ge=0)]
-    batch_size: Count
+    batch_size: Annotated[int, Field(ge=2)]  # batch norm needs two
     max_epochs: Count
     dice_eps: Positive
     mirror: bool = False
@@ -95,11 +109,18 @@ class Training:
 class Runtime:
     """What may differ from one call to the next without making another run directory of it."""
 
-    workers: Count
-    accelerator: str
-    precision: str
+    workers: Annotated[int, Field(ge=1, le=MOST_WORKERS)]
+    accelerator: Annotated[str, choice("auto", "cpu", "gpu")]
+    precision: Annotated[str, choice("auto", *PRECISIONS)]
     compile: bool
     max_minutes: NotNegative | None
+
+
+@dataclass(frozen=True)
+class Publish:
+    """How results are published."""
+
+    force: bool
 
 
 @dataclass(frozen=True)
@@ -109,15 +130,28 @@ class Config:
     task: Task
     exp: str
     decay: bool
-    lightest: float
-    seed: Annotated[int, Field(ge=0)]
-    outputs: str
+    lightest: Annotated[float, Field(ge=0, lt=1)]
+    seed: Annotated[int, Field(ge=0, lt=2**32)]
+    outputs: Annotated[str, Field(min_length=1)]
     world: dict[str, Any]
     encoding: Encoding
     model: Model
     scale: Scale
     train: Training
     runtime: Runtime
+    publish: Publish
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong with a configuration: its key, what came, and what is allowed."""
+
+    key: str
+    value: Any
+    allowed: str
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.allowed}" if self.value is None else f"{self.key}={self.value}: {self.allowed}"
 
 
 def schema(cls: type = Config) -> Any:
@@ -129,25 +163,55 @@ def schema(cls: type = Config) -> Any:
     return dataclasses.make_dataclass(cls.__name__, fields)
 
 
-def typed(config: DictConfig) -> Config:
-    """Gives a composed configuration its types.
+def to_typed(values: dict[str, Any]) -> Config:
+    """Gives the plain values of a checked configuration their types."""
+    return TypeAdapter(Config).validate_python(values)
 
-    Raises:
-        ValueError: values are out of their ranges; the message names every one.
+
+def config_faults(values: dict[str, Any]) -> list[Fault]:
+    """Finds everything that is wrong with a configuration but for `world`, see `simulation.specs.world_faults`.
+
+    Args:
+        values: the whole configuration as plain values.
+
+    Returns:
+        the faults, each value by itself first, then what only shows together.
     """
-    return TypeAdapter(Config).validate_python(plain(config))
+    try:
+        config = TypeAdapter(Config).validate_python(values)
+    except ValidationError as error:
+        faults = faults_of(error)
+        keys = {fault.key for fault in faults}  # conf/train takes some of its values from the scale
+        return [f for f in faults if not (f.key.startswith("train.") and f.key.replace("train", "scale") in keys)]
+    faults = []
+    if config.exp not in config.world.get("experiments", {}):
+        faults.append(Fault("exp", config.exp, f"there are {', '.join(config.world.get('experiments', {}))}"))
+    if config.train.batch_size > config.scale.pairs.train:
+        allowed = f"at most the {config.scale.pairs.train} training pairs"
+        faults.append(Fault("train.batch_size", config.train.batch_size, allowed))
+    if config.model.name not in NETWORKS:
+        faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(NETWORKS)}"))
+    return faults
+
+
+def faults_of(error: ValidationError, prefix: str = "") -> list[Fault]:
+    """Turns what pydantic found into faults, keys written as on the command line."""
+    faults = []
+    for found in error.errors():
+        key = prefix + ".".join(str(part) for part in found["loc"])
+        known = {
+            "extra_forbidden": "is not known here",
+            "missing": "is missing",
+        }
+        message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))
+        value = None if found["type"] == "missing" else found["input"]
+        faults.append(Fault(key, value, message))
+    return faults
 
 
 def plain(config: DictConfig) -> dict[str, Any]:
     """Resolves a part of the configuration to plain values."""
     return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
-
-
-def known_experiment(exp: str, experiments: Collection[str]) -> str:
-    """Gives `exp` back, or ends with an error that lists the experiments there are."""
-    if str(exp) not in experiments:
-        raise SystemExit(f"unknown experiment exp={exp}; there are exp={', '.join(map(str, experiments))}")
-    return str(exp)
 
 
 def variant(encoding: str, decay: bool) -> str:

@@ -30,6 +30,8 @@ def resolve_device(accelerator: str = "auto") -> str:
 def resolve_precision(precision: str, device: str) -> str:
     """Finds what `auto` means on a device: bf16-mixed where it computes in bfloat16 natively, else 32-true."""
     if precision != "auto":
+        if "bf16" in precision and not has_bfloat16(device):
+            print(f"warning: runtime.precision={precision} is only emulated here, many times slower than 32-true")
         return precision
     return "bf16-mixed" if has_bfloat16(device) else "32-true"
 

@@ -3,9 +3,10 @@
 import hashlib
 import json
 import os
+import shutil
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +30,24 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         os.replace(temporary, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error  # not every writer says which file it was
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # of a disk that has gone
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_directory(path: Path) -> Iterator[Path]:
+    """Gives an empty directory beside `path` to fill, and puts it in place of `path` when the block ends well."""
+    new = path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp")
+    new.mkdir(parents=True)
+    try:
+        yield new
+        shutil.rmtree(path, ignore_errors=True)
+        os.replace(new, path)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -11,9 +11,6 @@ import contextlib
 import copy
 import dataclasses
 import io
-import os
-import shutil
-import uuid
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +19,7 @@ import torch
 from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
 
-from repro.files import read_mapping, sha256, write_json
+from repro.files import read_mapping, replacing_directory, sha256, write_json
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.scans import Scans
@@ -73,21 +70,16 @@ class Predictor:
         Returns:
             the SHA-256 of the weights' file.
         """
-        temporary = directory.with_name(f"{directory.name}.{uuid.uuid4().hex}.tmp")
-        try:
-            copy.deepcopy(self.network).to(dtype).save_pretrained(temporary)
-            checksum = sha256(temporary / WEIGHTS)
+        with replacing_directory(directory) as new:
+            copy.deepcopy(self.network).to(dtype).save_pretrained(new)
+            checksum = sha256(new / WEIGHTS)
             parameters = dataclasses.asdict(self.encoding)  # type: ignore[call-overload]
             content = {
                 "encoding": {"name": self.encoding.name, "parameters": parameters},
                 "grid": dataclasses.asdict(self.grid),
                 "sha256": checksum,
             }
-            write_json(temporary / "predictor.json", content)
-            shutil.rmtree(directory, ignore_errors=True)
-            os.replace(temporary, directory)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+            write_json(new / "predictor.json", content)
         return checksum
 
 

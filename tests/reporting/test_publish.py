@@ -6,6 +6,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared
 
+from repro.config import NETWORKS
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import evaluate
 from repro.learning.models import create_model
@@ -20,6 +21,11 @@ from repro.reporting.tables import write_tables
 from repro.runs import Outputs
 
 RESULTS = ROOT / "reproduce" / "results"
+
+
+@pytest.fixture(autouse=True)
+def committed(monkeypatch):
+    monkeypatch.setattr("repro.provenance._commit", lambda: "0123abc")
 
 
 def test_readme_and_published_results_agree():
@@ -59,6 +65,60 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(Outputs(outputs))) == 6
     assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
+
+
+def listing(directory):
+    return {path.name: path.read_bytes() for path in directory.iterdir() if path.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("now", "words"),
+    [
+        ({"size_px": 64}, None),
+        ({}, "2 of the 6 published runs are not here"),
+        ({"size_px": 16}, "32 px are published, here are 16"),
+    ],
+)
+def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
+    """A result in its place is not given up for less, unless that is asked for."""
+    results = tmp_path / "results"
+    fake_study(tmp_path / "first" / "laptop")
+    fake_run(tmp_path / "first" / "laptop", "3", "unet", False, 0, 0.4)
+    (target := publish(Outputs(tmp_path / "first" / "laptop"), results, "laptop") / "exp3-unet").mkdir()
+    (target / "kept").write_text("weights")
+    before = listing(results / "laptop")
+    other = tmp_path / "other" / "laptop"
+    names = [*NETWORKS, "all_free"] if now else NETWORKS
+    for name in names:
+        fake_run(other, "3", name, True, 0, 0.7, **now)
+    if words or now:
+        with pytest.raises(ValueError, match=words or "1 of the 6 published runs are not here"):
+            publish(Outputs(other), results, "laptop")
+        assert listing(results / "laptop") == before
+    publish(Outputs(other), results, "laptop", force=True)
+    assert not (results / "laptop" / "ablation.csv").exists()
+    assert (target / "kept").read_text() == "weights"
+    assert [path.name for path in results.iterdir()] == ["laptop"]
+
+
+def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
+    monkeypatch.setattr("repro.provenance._commit", lambda: "0123abc+")
+    fake_study(tmp_path / "laptop")
+    with pytest.raises(ValueError, match=r"not committed when some of it was made; publish\.force=true"):
+        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+    assert not (tmp_path / "results").exists()
+
+
+def test_finer_weights_are_not_replaced_by_coarser(tmp_path):
+    run = fake_run(tmp_path / "laptop", "3", "unet", True, 0, 0.4)
+    pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)]).to_csv(run.metrics, index=False)
+    network = create_model("unet")
+    Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
+    Predictor(network, Projection(), Grid(64, 50.0)).save(tmp_path / "weights")
+    with pytest.raises(ValueError, match=r"holds weights for 64 px, .* has 32 px: publish\.force=true"):
+        export_weights(run, tmp_path / "weights")
+    export_weights(run, tmp_path / "weights", force=True)
+    assert (tmp_path / "weights" / "README.md").is_file()
 
 
 def test_a_variant_is_trained_again_with_its_own_words(tmp_path):

@@ -54,7 +54,7 @@ class Stop(EarlyStopping):
         self.paused = False
 
     def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        trainer.should_stop = self.wait_count >= self.patience
+        trainer.should_stop = self.wait_count > 0 and self.wait_count >= self.patience
 
     def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         super().on_train_epoch_end(trainer, module)

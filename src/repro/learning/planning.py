@@ -1,13 +1,14 @@
 """What a study costs on this machine, measured before it starts."""
 
+from collections.abc import Iterator
+
 import torch
 
-from repro.config import NETWORKS, Scale
+from repro.config import Scale
 from repro.devices import clock, resolve_device, resolve_precision
 from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 
-TRAININGS = 6  # of each network: four experiments, and two without decay
 USUAL_EPOCHS = 20  # at which early stopping has usually ended a training
 _RECORDING_SECONDS = 0.008  # a recording on one core
 
@@ -29,32 +30,47 @@ def seconds_per_image(architecture: str, size_px: int, batch_size: int, precisio
     return (clock(device) - began) / steps / batch_size
 
 
-def plan_study(scale: Scale, precision: str) -> str:
-    """Says what `make reproduce` will do at a scale and about how long it will take."""
-    gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else None
-    reason = f"the GPU {gpu}" if gpu else "no CUDA GPU is visible"
-    seconds = {name: _training_seconds(name, scale, precision) for name in NETWORKS}
-    recording = 4 * (scale.pairs.train + scale.pairs.val + scale.pairs.test) * _RECORDING_SECONDS / 2
-    total = recording + TRAININGS * sum(seconds.values())
-    lines = [
-        f"Scale {scale.name} ({reason}): {scale.size_px} px, {scale.pairs.train} training pairs an "
-        f"experiment, at most {scale.max_epochs} epochs.",
-        f"About {_readable(total)} in all, at {_epochs(scale)} epochs a training: recording {_readable(recording)}",
-        *(f"  {TRAININGS} x {name}: {_readable(TRAININGS * value)}" for name, value in seconds.items()),
-        "Stop it at any time: the same command goes on where it was.",
-    ]
-    return "\n".join(lines)
+def plan_study(scale: Scale, precision: str, recordings: int, trainings: dict[str, int]) -> Iterator[str]:
+    """Says what is left of `make reproduce` at a scale and about how long it will take, line by line as it is measured.
+
+    Args:
+        scale: the scale.
+        precision: see `devices.resolve_precision`.
+        recordings: how many are left to record.
+        trainings: how many are left to train, of each network.
+    """
+    yield (
+        f"Scale {scale.name} ({_reason()}): {scale.size_px} px, {scale.pairs.train} training pairs an experiment, "
+        f"at most {scale.max_epochs} epochs."
+    )
+    total = recordings * _RECORDING_SECONDS / 2
+    yield f"  {recordings} recordings: {_readable(total)}" if recordings else "  recordings: done"
+    for name, count in trainings.items():
+        if count:
+            seconds = count * _training_seconds(name, scale, precision)
+            total += seconds
+            yield f"  {count} x {name}: {_readable(seconds)}"
+        else:
+            yield f"  {name}: done"
+    yield f"About {_readable(total)} in all, at {_epochs(scale)} epochs a training. Stop it whenever you like:"
+    yield "the same command goes on where it was."
 
 
-def cost_warning(architecture: str, scale: Scale, precision: str) -> str | None:
-    """Says what one training costs without a GPU and how to ask for less; None where there is a GPU."""
+def cost_warning(networks: list[str], scale: Scale, precision: str) -> str | None:
+    """Says what some trainings cost without a GPU and how to ask for less; None where there is a GPU."""
     if torch.cuda.is_available():
         return None
-    seconds = _training_seconds(architecture, scale, precision)
+    seconds = {name: _training_seconds(name, scale, precision) for name in sorted(set(networks))}
+    total = sum(seconds[name] for name in networks)
+    what = "this training takes" if len(networks) == 1 else f"these {len(networks)} trainings take"
     return (
-        f"No CUDA GPU is visible: this training takes about {_readable(seconds)} at {_epochs(scale)} epochs of "
+        f"warning: no CUDA GPU is visible: {what} about {_readable(total)} at {_epochs(scale)} epochs of "
         f"{scale.pairs.train} pairs of {scale.size_px} px. For less, add scale=laptop (or scale=smoke)."
     )
+
+
+def _reason() -> str:
+    return f"the GPU {torch.cuda.get_device_name()}" if torch.cuda.is_available() else "no CUDA GPU is visible"
 
 
 def _training_seconds(architecture: str, scale: Scale, precision: str) -> float:

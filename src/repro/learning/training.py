@@ -10,6 +10,7 @@ Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and 
 
 import logging
 import shutil
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,6 @@ from typing import Any
 import lightning as L
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
-from lightning.pytorch.loggers import TensorBoardLogger
 from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
 
@@ -25,6 +25,7 @@ from repro.config import Model, Training
 from repro.devices import compiles, resolve_device, resolve_precision
 from repro.files import lock
 from repro.learning.callbacks import Budget, History, Stop, weight_average
+from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
@@ -139,7 +140,7 @@ def train(
             run.end_step(Status.failed, str(error))
             raise
         if finished:
-            shutil.rmtree(run.path / "checkpoints")
+            shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
         return run.status
 
 
@@ -183,15 +184,17 @@ def _fit(
         devices=1,
         precision=precision,  # type: ignore[arg-type]
         callbacks=callbacks,
-        logger=TensorBoardLogger(run.path, name="tensorboard", version=""),
-        log_every_n_steps=10**9,  # the epochs' losses only
+        plugins=[WholeCheckpointIO()],
+        logger=False,
         reload_dataloaders_every_n_epochs=1,
         num_sanity_val_steps=0,
-        enable_progress_bar=False,
+        enable_progress_bar=sys.stderr.isatty(),
         enable_model_summary=False,
     )
-    resume = checkpoints / "last.ckpt"
-    trainer.fit(module, ckpt_path=resume if resume.is_file() else None, weights_only=False)
+    try:
+        trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=False)
+    except SystemExit:  # Lightning's answer to Ctrl-C
+        raise KeyboardInterrupt from None
     facts: dict[str, Any] = {
         "train_pairs": len(module.pairs["train"]),
         "epochs": len(history.rows),
@@ -200,8 +203,11 @@ def _fit(
     if stop.paused:
         run.end_step(Status.paused, **facts)
         return False
-    state = torch.load(checkpoints / "best.ckpt", map_location="cpu", weights_only=False)["state_dict"]
-    module.load_state_dict(state)
+    best = find_best(checkpoints)
+    if best is None:
+        shutil.rmtree(checkpoints, ignore_errors=True)
+        raise ValueError(f"the best weights in {checkpoints} are damaged: the same command trains the run anew")
+    module.load_state_dict(torch.load(best, map_location="cpu", weights_only=False)["state_dict"])
     checksum = Predictor(module.network, encoding_of(config), grid_of(config)).save(run.model)
     run.end_step(Status.trained, **facts, weights_sha256=checksum)
     return True

@@ -18,52 +18,88 @@ import torch
 from repro.config import NETWORKS, variant
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
-from repro.files import write_json, write_text
+from repro.files import replacing_directory, write_json, write_text
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
 from repro.reporting.results import caption, read_results
-from repro.reporting.tables import NAMES, SETUPS, Table, costs_to_markdown, write_tables
+from repro.reporting.tables import NAMES, SETUPS, Table, costs_to_markdown, make_tables
 from repro.runs import Outputs, Run
 
 RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def publish(outputs: Outputs, results: Path, scale: str) -> Path:
-    """Copies what an outputs directory has measured to the directory of the same name in results.
+def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False) -> Path:
+    """Puts what an outputs directory has measured in place of the directory of the same name in results.
+
+    The directory is replaced whole or not at all; exported weights and costs in it are kept.
 
     Args:
         outputs: the outputs directory of one scale, named after it or after what is special about its runs.
         results: reproduce/results.
         scale: the scale.
+        force: whether to publish what `doubts` speaks against.
 
     Returns:
         the published directory.
 
     Raises:
-        ValueError: no network has been evaluated there.
+        ValueError: no network has been evaluated there, a run cannot be trusted, or there are doubts.
     """
     runs = read_results(outputs)
     if runs.empty or not runs["model"].isin(NETWORKS).any():
         raise ValueError(f"nothing to publish in {outputs.path}: no network has been evaluated there")
     name = outputs.path.name
     target = results / name
-    target.mkdir(parents=True, exist_ok=True)
-    for kind, table in write_tables(outputs).items():
-        if len(table.frame):
-            write_text(target / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.4f"))
-            write_text(target / f"{kind}.txt", table.caption + "\n")
-    write_text(target / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
     origins = {}
     for experiment, model, encoding, decay, seed in runs[[*RUN_KEYS]].itertuples(index=False, name=None):
         run = outputs.run(experiment, model, variant(encoding, decay), seed)
         origins[str(run.path.relative_to(outputs.path))] = run.provenance()
-    write_json(target / "provenance.json", {name: dataclasses.asdict(origin) for name, origin in origins.items()})
-    for figure in sorted(outputs.figures.glob("*.png")):
-        shutil.copyfile(figure, target / figure.name)
-    words = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
-    write_text(target / "README.md", published_page(name, words, runs, list(origins.values())))
+    found = doubts(runs, list(origins.values()), target)
+    if found and not force:
+        raise ValueError(f"not published to {target}: {'; '.join(found)}; publish.force=true does it all the same")
+    with replacing_directory(target) as new:
+        for kept in target.glob("*"):
+            if kept.is_dir() or kept.stem == "costs":
+                (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
+        for kind, table in make_tables(runs, name).items():
+            if len(table.frame):
+                write_text(new / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.4f"))
+                write_text(new / f"{kind}.txt", table.caption + "\n")
+        write_text(new / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
+        write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
+        for figure in sorted(outputs.figures.glob("*.png")):
+            shutil.copyfile(figure, new / figure.name)
+        words = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
+        write_text(new / "README.md", published_page(name, words, runs, list(origins.values())))
     return target
+
+
+def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[str]:
+    """Finds what speaks against publishing some runs in place of what is published.
+
+    Args:
+        runs: tidy rows, see `results.read_results`.
+        origins: their provenance.
+        target: the published directory, which may be missing.
+    """
+    found = []
+    commits = {str(step["commit"]) for origin in origins for step in origin.steps if "commit" in step}
+    if any(commit.endswith("+") for commit in commits):
+        found.append("the code was not committed when some of it was made")
+    if (target / "runs.csv").is_file():
+        before = pd.read_csv(target / "runs.csv", dtype={"experiment": str})
+        for fact, word in (("size_px", "px"), ("train_pairs", "training pairs"), ("test_pairs", "test pairs")):
+            now, then = runs[fact].max(), before[fact].max()
+            if now < then:
+                found.append(f"{then:.0f} {word} are published, here are {now:.0f}")
+        keys = ["experiment", "model", "decay", "seed"]
+        missing = set(before[keys].itertuples(index=False, name=None)) - set(
+            runs[keys].itertuples(index=False, name=None)
+        )
+        if missing:
+            found.append(f"{len(missing)} of the {len(before)} published runs are not here")
+    return found
 
 
 def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance]) -> str:
@@ -102,20 +138,30 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
     return "\n".join(lines) + "\n"
 
 
-def export_weights(run: Run, target: Path) -> None:
+def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     """Writes the best weights of a run as float16, with a card that says what they are and are not.
 
     Args:
         run: an evaluated run directory.
         target: a directory from which `prediction.load_predictor` (and `smp.from_pretrained`) reads them.
+        force: whether weights of a finer grid there are replaced.
 
     Raises:
-        ValueError: the run is not evaluated.
+        ValueError: the run is not evaluated, or the weights there are of a finer grid.
     """
     if not run.is_evaluated:
         raise ValueError(f"{run} is not evaluated, so there is nothing to say of its weights")
-    load_predictor(run.model).save(target, torch.float16)
-    write_text(target / "README.md", _card(run, "/".join(target.parts[-2:])))
+    predictor = load_predictor(run.model)
+    if (target / "predictor.json").is_file() and not force:
+        there_px = load_predictor(target).grid.size_px
+        if there_px > predictor.grid.size_px:
+            raise ValueError(
+                f"{target} holds weights for {there_px} px, {run} has {predictor.grid.size_px} px: "
+                "publish.force=true replaces them all the same"
+            )
+    with replacing_directory(target) as new:
+        predictor.save(new, torch.float16)
+        write_text(new / "README.md", _card(run, "/".join(target.parts[-2:])))
 
 
 def _card(run: Run, where: str) -> str:

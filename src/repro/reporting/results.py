@@ -16,17 +16,32 @@ ORDER = (*NETWORKS, "average", *RIVALS)  # of the rows of a table
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
-def read_results(outputs: Outputs) -> pd.DataFrame:
+def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFrame:
     """Reads every evaluated run below an outputs directory, one row each.
+
+    Args:
+        outputs: the outputs directory.
+        faults: takes the message of every run that cannot be trusted, which is then left out; without it, the first
+            such run is an error.
 
     Returns:
         experiment, model, encoding, decay, seed, all metrics, and what the run was: size_px, train_pairs, test_pairs,
         epochs, training_seconds. Empty when there is none.
 
     Raises:
-        ValueError: the runs are of different resolutions or numbers of pairs, so no table can hold them.
+        ValueError: a run cannot be trusted and `faults` is not given, or the runs are of different resolutions or
+            numbers of pairs, so no table can hold them.
     """
-    table = pd.DataFrame([_row(run) for run in outputs.runs() if run.status is Status.evaluated])
+    rows = []
+    for run in outputs.runs():
+        try:
+            if run.status is Status.evaluated:
+                rows.append(_row(outputs, run))
+        except ValueError as error:
+            if faults is None:
+                raise
+            faults.append(str(error))
+    table = pd.DataFrame(rows)
     for fact in ("size_px", "train_pairs", "test_pairs"):
         values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
         if len(values) > 1:
@@ -34,8 +49,11 @@ def read_results(outputs: Outputs) -> pd.DataFrame:
     return table
 
 
-def _row(run: Run) -> dict[str, Any]:
+def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
     config, origin = run.config(), run.provenance()
+    place = outputs.run(config.experiment, config.model.name, config.encoding.variant, config.seed)
+    if place != run:
+        raise ValueError(f"{run} holds the run that belongs in {place}, by its config.yaml: move it there or delete it")
     return {
         "experiment": config.experiment,
         "model": config.model.name,

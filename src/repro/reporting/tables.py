@@ -115,9 +115,9 @@ def make_tables(results: pd.DataFrame, scale: str) -> dict[str, Table]:
     return tables
 
 
-def write_tables(outputs: Outputs) -> dict[str, Table]:
-    """Writes main table and ablation below outputs/tables from whatever runs there are."""
-    tables = make_tables(read_results(outputs), outputs.path.name)
+def write_tables(outputs: Outputs, faults: list[str] | None = None) -> dict[str, Table]:
+    """Writes main table and ablation below outputs/tables from whatever runs there are; see `read_results`."""
+    tables = make_tables(read_results(outputs, faults), outputs.path.name)
     outputs.tables.mkdir(parents=True, exist_ok=True)
     for name, table in tables.items():
         if len(table.frame):

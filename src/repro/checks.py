@@ -1,0 +1,61 @@
+"""Checks a configuration as a whole, before anything slow is imported and anything is written."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from repro.config import Config, Fault, config_faults, to_typed
+from repro.simulation.specs import world_faults
+
+QUICK_ENCODERS = tuple(f"mit_b{size}" for size in range(6))  # smp has imagenet weights for each
+
+
+def all_faults(values: dict[str, Any]) -> list[Fault]:
+    """Finds everything that is wrong with a configuration.
+
+    Args:
+        values: the whole configuration as plain values.
+
+    Returns:
+        the faults. What only a slow import can tell, of values out of the ordinary, is asked when the rest is right.
+    """
+    faults = config_faults(values) + world_faults(values["world"])
+    return faults or _library_faults(to_typed(values))
+
+
+def _library_faults(config: Config) -> list[Fault]:
+    faults = _encoder_faults(config.model.encoder_name, config.model.encoder_weights)
+    if Path(config.outputs).exists() and not Path(config.outputs).is_dir():
+        faults.append(Fault("outputs", config.outputs, "is a file, a directory is needed"))
+    if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "lightest"}:
+        from repro.maps.encodings import create_encoding
+
+        try:
+            create_encoding(config.encoding.name, config.encoding.parameters)
+        except (TypeError, ValueError) as error:
+            faults.append(Fault("encoding", None, str(error)))
+    if config.runtime.accelerator == "gpu" and not _has_gpu():
+        faults.append(Fault("runtime.accelerator", "gpu", "no CUDA GPU is visible; use auto or cpu"))
+    return faults
+
+
+def _has_gpu() -> bool:
+    if sys.platform == "linux" and not any(Path(path).exists() for path in ("/dev/nvidiactl", "/dev/dxg")):
+        return False  # without the driver's device there is none to be asked for
+    import torch
+
+    return torch.cuda.is_available()
+
+
+def _encoder_faults(name: str | None, weights: str | None) -> list[Fault]:
+    if name in QUICK_ENCODERS and weights in (None, "imagenet"):
+        return []
+    from segmentation_models_pytorch.encoders import encoders
+
+    if name not in encoders and not str(name).startswith("tu-"):
+        close = ", ".join(sorted(known for known in encoders if known[:3] == str(name)[:3])[:8]) or "mit_b0"
+        return [Fault("model.encoder_name", name, f"smp has no such encoder; it has {close} and others")]
+    known = sorted(encoders.get(name, {}).get("pretrained_settings", {}))
+    if weights is not None and name in encoders and weights not in known:
+        return [Fault("model.encoder_weights", weights, f"must be null or one of {', '.join(known)}")]
+    return []
