@@ -78,7 +78,9 @@ def jobs_of(overrides: list[str]) -> list[list[str]]:
 
 def check(configs: list[DictConfig]) -> None:
     """Ends the call with status 2 and a list of all that is wrong with its configurations, if anything is."""
-    values = [plain(OmegaConf.masked_copy(config, [key for key in config if key != "hydra"])) for config in configs]
+    values = [
+        plain(OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])) for config in configs
+    ]
     faults = dict.fromkeys(str(fault) for each in values for fault in all_faults(each))
     if len({config.outputs for config in configs}) < len(configs) and configs[0].task in ONCE:
         faults[f"task={configs[0].task.value}: is done once for all runs; leave out the sweep"] = None
