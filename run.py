@@ -8,6 +8,7 @@ python run.py task=world exp=3 seed=17                                 write one
 """
 
 import dataclasses
+import itertools
 import os
 import sys
 import traceback
@@ -185,6 +186,7 @@ def evaluate(config: Config) -> None:
     from repro.evaluation.rivals import RIVALS
 
     run = run_of(config)
+    run.prepare(run_config(config))
     if run.is_evaluated:
         print(f"done already: {run}")
     else:
@@ -218,16 +220,18 @@ def report(config: Config) -> None:
     left_out = print_tables(outputs)
     specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
     worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
-    examples = [
-        load_example(outputs, experiment, decay=decay)
-        for decay in (True, False)
-        for experiment in specs
-        if outputs.run(experiment, "unet", variant("projection", decay), 0).is_evaluated
-    ]
+    examples = []
+    for decay, experiment in itertools.product((True, False), specs):
+        try:
+            if outputs.run(experiment, "unet", variant("projection", decay), 0).is_evaluated:
+                examples.append(load_example(outputs, experiment, decay=decay))
+        except ValueError as error:
+            print(f"error: left out of the figures: {error}", file=sys.stderr)
+            left_out = 1
     for path in write_figures(outputs.figures, worlds, examples):
         print(f"Figure: {path}")
     if left_out:
-        raise JobFailed("some runs are left out of the tables")
+        raise JobFailed("some runs are left out of the tables or figures")
 
 
 def publish(config: Config) -> None:

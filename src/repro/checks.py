@@ -7,7 +7,8 @@ from typing import Any
 from repro.config import Config, Fault, config_faults, to_typed
 from repro.simulation.specs import world_faults
 
-QUICK_ENCODERS = tuple(f"mit_b{size}" for size in range(6))  # smp has imagenet weights for each
+MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
+MIT_WEIGHTS = (None, "imagenet")  # what smp has for each of them
 
 
 def all_faults(values: dict[str, Any]) -> list[Fault]:
@@ -28,12 +29,13 @@ def _library_faults(config: Config) -> list[Fault]:
     if Path(config.outputs).exists() and not Path(config.outputs).is_dir():
         faults.append(Fault("outputs", config.outputs, "is a file, a directory is needed"))
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "lightest"}:
-        from repro.maps.encodings import create_encoding
+        from repro.maps.encodings import ENCODINGS, create_encoding
 
         try:
             create_encoding(config.encoding.name, config.encoding.parameters)
         except (TypeError, ValueError) as error:
-            faults.append(Fault("encoding", None, str(error)))
+            key = "encoding.parameters" if config.encoding.name in ENCODINGS else "encoding.name"
+            faults.append(Fault(key, None, str(error)))
     if config.runtime.accelerator == "gpu" and not _has_gpu():
         faults.append(Fault("runtime.accelerator", "gpu", "no CUDA GPU is visible; use auto or cpu"))
     return faults
@@ -48,8 +50,9 @@ def _has_gpu() -> bool:
 
 
 def _encoder_faults(name: str | None, weights: str | None) -> list[Fault]:
-    if name in QUICK_ENCODERS and weights in (None, "imagenet"):
-        return []
+    if name in MIT_ENCODERS:
+        wrong = weights not in MIT_WEIGHTS
+        return [Fault("model.encoder_weights", weights, "must be null or imagenet")] if wrong else []
     from segmentation_models_pytorch.encoders import encoders
 
     if name not in encoders and not str(name).startswith("tu-"):

@@ -5,6 +5,7 @@ and the recorder would not.
 """
 
 import math
+import re
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -126,7 +127,7 @@ def world_faults(world: dict[str, Any]) -> list[Fault]:
     try:
         Worlds.model_validate(world)
     except ValidationError as error:
-        return faults_of(error, "world.")
+        return _once(faults_of(error, "world."))
     faults = []
     for name, experiment in world["experiments"].items():
         spec = {"experiment": name, "world": world["world"], "robot": world["robot"], **experiment}
@@ -134,6 +135,18 @@ def world_faults(world: dict[str, Any]) -> list[Fault]:
         if message:
             faults.append(Fault(f"world.experiments.{name}", None, message))
     return faults
+
+
+def _once(faults: list[Fault]) -> list[Fault]:
+    """Names a fault where it stands, not again in every experiment that refers to it; drops pydantic's union tags."""
+    tag = re.compile(r"(\.motions?(?:\.[\w-]+)??)\.(?:rotate|square)(?=\.\w+$)")
+    plain = [Fault(tag.sub(r"\1", fault.key), fault.value, fault.allowed) for fault in faults]
+    named = {(f.key.split(".")[-1], str(f.value)) for f in plain if not f.key.startswith("world.experiments.")}
+    return [
+        fault
+        for fault in plain
+        if not fault.key.startswith("world.experiments.") or (fault.key.split(".")[-1], str(fault.value)) not in named
+    ]
 
 
 def _fault_of_spec(spec: dict[str, Any]) -> str | None:

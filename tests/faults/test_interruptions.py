@@ -1,0 +1,235 @@
+"""Kills, Ctrl-C, damaged checkpoints, a full disk, several processes at once: nothing right is lost."""
+
+import errno
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, prepared
+
+from repro.files import replacing
+from repro.learning import training
+from repro.learning.training import train
+from repro.provenance import Status
+
+TINY = (
+    *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
+    *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
+)
+KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
+RUN = Path("runs/exp3/fpn/decay/seed0")
+
+
+def start(outputs, *words):
+    command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *words]
+    output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    return subprocess.Popen(command, cwd=ROOT, start_new_session=True, **output)
+
+
+def finish(process):
+    text, _ = process.communicate(timeout=300)
+    return process.returncode, text
+
+
+def wait_for(pattern, outputs, process, seconds=120):
+    deadline = time.monotonic() + seconds
+    while not list(outputs.glob(pattern)) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.005)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """What a study leaves that nobody interrupted."""
+    outputs = tmp_path_factory.mktemp("whole") / "smoke"
+    status, text = finish(start(outputs))
+    assert status == 0, text
+    return outputs
+
+
+def test_killed_at_random_moments_it_ends_with_the_same_bytes(whole, tmp_path):
+    kills = int(os.environ.get("REPRO_KILLS", "5"))
+    outputs, rng = tmp_path / "smoke", random.Random(0)
+    for _ in range(kills):
+        process = start(outputs)
+        time.sleep(rng.uniform(2, 14))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+    status, text = finish(start(outputs))
+    assert status == 0, text
+    for name in KEPT:
+        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
+    for shard in (whole / "recordings/exp3").glob("*.npz"):
+        assert (outputs / "recordings/exp3" / shard.name).read_bytes() == shard.read_bytes()
+    assert not list(outputs.rglob("*.tmp"))
+
+
+@pytest.mark.parametrize("moment", ["recordings/exp3/.lock", f"{RUN}/history.csv"])
+def test_ctrl_c_says_that_the_same_command_goes_on(whole, tmp_path, moment):
+    outputs = tmp_path / "smoke"
+    process = start(outputs)
+    wait_for(moment, outputs, process)
+    os.killpg(process.pid, signal.SIGINT)
+    status, text = finish(process)
+    assert status == 130, text
+    assert text.rstrip().endswith("stopped: what is done is kept, and the same command goes on from here")
+    assert "Traceback" not in text
+    status, text = finish(start(outputs))
+    assert status == 0, text
+    assert (outputs / RUN / "metrics.csv").read_text() == (whole / RUN / "metrics.csv").read_text()
+
+
+def test_two_processes_at_once_do_the_work_once(whole, tmp_path):
+    outputs = tmp_path / "smoke"
+    processes = [start(outputs) for _ in range(2)]
+    texts = [finish(process) for process in processes]
+    assert [status for status, _ in texts] == [0, 0], texts
+    assert sum("epoch   2" in text for _, text in texts) == 1
+    for name in KEPT:
+        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
+
+
+@pytest.fixture(scope="module")
+def paused(recorded, tmp_path_factory):
+    """A run directory paused after two of four epochs, and the weights it must end with."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(training.Budget, "started", time.monotonic() - 3600)
+    reference = prepared(tmp_path_factory.mktemp("reference"), max_epochs=4)
+    assert train(reference, recorded, accelerator="cpu") is Status.trained
+    run = prepared(tmp_path_factory.mktemp("paused"), max_epochs=4)
+    for _ in range(2):
+        patch.setattr(training.Budget, "epochs", 0)
+        assert train(run, recorded, accelerator="cpu", max_minutes=1) is Status.paused
+    patch.undo()
+    return run.path, (reference.model / "model.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize("how", ["cut", "empty", "altered", "missing"])
+@pytest.mark.parametrize("names", [("last",), ("best",), ("last", "best"), ("last", "last.before")])
+def test_damaged_checkpoints_are_passed_over_and_the_numbers_stay(paused, recorded, tmp_path, names, how, capsys):
+    path, weights = paused
+    shutil.copytree(path, tmp_path / "run")
+    run = prepared(tmp_path / "run", max_epochs=4)
+    for name in names:
+        file = tmp_path / "run" / "checkpoints" / (f"{name}.ckpt" if "." not in name else "last.ckpt.before")
+        content = file.read_bytes()
+        at = len(content) // 2
+        damaged = {
+            "cut": content[:at],
+            "empty": b"",
+            "altered": content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :],
+        }
+        file.unlink() if how == "missing" else file.write_bytes(damaged[how])
+    assert train(run, recorded, accelerator="cpu") is Status.trained
+    said = capsys.readouterr().out
+    assert ("passing over the damaged checkpoint" in said) == (how != "missing")
+    assert (run.model / "model.safetensors").read_bytes() == weights
+
+
+def test_a_training_without_patience_ends_with_its_best_weights(recorded, tmp_path):
+    run = prepared(tmp_path, max_epochs=3, patience=0, min_delta=10.0)
+    assert train(run, recorded, accelerator="cpu") is Status.trained
+    assert run.provenance().fact("epochs") == 2
+    assert (run.model / "model.safetensors").is_file()
+
+
+def test_a_full_disk_while_a_checkpoint_is_written_costs_nothing(paused, recorded, tmp_path, monkeypatch):
+    path, weights = paused
+    shutil.copytree(path, tmp_path / "run")
+    run = prepared(tmp_path / "run", max_epochs=4)
+    before = (tmp_path / "run/checkpoints/last.ckpt").read_bytes()
+    write = Path.write_bytes
+
+    def full(self, content):
+        if "last.ckpt" in self.name:
+            write(self, bytes(content)[:1000])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(self, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match=r"No space left on device: .*last\.ckpt'"):
+        train(run, recorded, accelerator="cpu")
+    monkeypatch.undo()
+    assert (tmp_path / "run/checkpoints/last.ckpt").read_bytes() == before
+    assert not list((tmp_path / "run").rglob("*.tmp"))
+    assert train(run, recorded, accelerator="cpu") is Status.trained
+    assert (run.model / "model.safetensors").read_bytes() == weights
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "none", str(place)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("a small disk may not be mounted here")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_full_disk_is_said_with_what_to_do(small_disk, whole):
+    outputs = small_disk / "smoke"
+    status, text = finish(start(outputs))
+    assert status == 1, text
+    assert "No space left on device: make room on the disk" in text
+    assert "Traceback" not in text
+    for shard in outputs.glob("recordings/exp3/*.npz"):
+        assert shard.read_bytes() == (whole / "recordings/exp3" / shard.name).read_bytes()
+    subprocess.run(["mount", "-o", "remount,size=300m", str(small_disk)], check=True)
+    status, text = finish(start(outputs))
+    assert status == 0, text
+    for name in KEPT:
+        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
+
+
+def test_outputs_that_cannot_be_written_are_said_with_what_to_do(small_disk):
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    status, text = finish(start(small_disk / "smoke"))
+    assert status == 1, text
+    assert "Read-only file system" in text
+    assert "choose a place that can be written with outputs=" in text
+    assert "Traceback" not in text
+
+
+def test_a_sweep_says_at_its_end_which_jobs_failed_and_why(whole, tmp_path):
+    outputs = tmp_path / "smoke"
+    shutil.copytree(whole, outputs)
+    path = outputs / RUN / "config.yaml"
+    path.write_text(path.read_text().replace("batch_size: 8", "batch_size: 4"))
+    status, text = finish(start(outputs, "exp=3,4", "-m"))
+    assert status == 1, text
+    assert "Traceback" not in text
+    assert text.index("Tables:") < text.index("failed:")
+    last = text.split("failed:")[1].strip().splitlines()
+    assert len(last) == 1
+    assert last[0].startswith("exp=3 model=fpn decay=true seed=0: ")
+    assert "train.batch_size is 4, asked for 8" in last[0]
+    assert (outputs / "runs/exp4/fpn/decay/seed0/metrics.csv").is_file()
+    assert not list(outputs.glob(".failures*"))
+
+
+def test_a_fault_of_ours_shows_its_traceback(tmp_path):
+    code = (
+        "import runpy, repro.simulation.store as store\n"
+        "store.record_experiment = lambda *_, **__: 1 / 0\n"
+        "runpy.run_path('run.py', run_name='__main__')\n"
+    )
+    words = [sys.executable, "-c", code, *TINY, "task=record", f"outputs={tmp_path / 'out'}"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+    assert "ZeroDivisionError" in done.stderr
+
+
+def test_replacing_on_a_full_disk_names_the_file(tmp_path):
+    def write():
+        with replacing(tmp_path / "file"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OSError, match=r"No space left on device: .*file'"):
+        write()

@@ -1,0 +1,198 @@
+"""What must be refused, in what words; and what is unusual and yet means something."""
+
+import itertools
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+import run as entry  # registers schema and resolvers
+from conftest import ROOT
+from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
+
+from repro.checks import all_faults
+from repro.config import plain
+
+MOVING = "world.obstacles.moving.behavior"
+LIDAR = "world.robot.sensors.0"
+SQUARE = "world.motions.square"
+NUMBERS = {  # key: values that are not allowed
+    "seed": (-1, 2**32),
+    "lightest": (-0.1, 1, 2, "nan"),
+    "scale.size_px": (0, -32, 31, 50, 100, 8192),
+    "scale.pairs.train": (0, -2, 3),
+    "scale.pairs.val": (0, 1),
+    "scale.pairs.test": (0, 7, 4_000_000),
+    "scale.learning_rate": (0, -1, "nan", "inf"),
+    "scale.batch_size": (0, 1, -8, 20_000),
+    "scale.max_epochs": (0, -1),
+    "scale.weight_average": (0, 1, -1, "nan"),
+    "train.learning_rate": (0, "nan"),
+    "train.min_delta": (-1, "nan", "inf"),
+    "train.patience": (-1,),
+    "train.batch_size": (1, 10_001),
+    "train.max_epochs": (0, -1),
+    "train.dice_eps": (0, -1, "nan"),
+    "runtime.workers": (0, -5, 1000),
+    "runtime.max_minutes": (-1, "nan", "inf"),
+    "runtime.accelerator": ("foo", "tpu", "cuda"),
+    "runtime.precision": ("foo", "bf16", 32),
+    "model.name": ("resnet", "all_free"),
+    "model.encoder_weights": ("foo",),
+    "encoding.name": ("foo",),
+    "exp": (0, 5, "office"),
+    "outputs": ("",),
+    "scale.name": ("a/b", "''"),
+    "world.world.width": (0, -50, 100, "nan", "wide"),
+    "world.world.height": (0, 49),
+    "world.world.step_time": (0, -0.1, "inf"),
+    "world.world.collision_mode": ("foo", "stop", "null"),
+    "world.robot.shape.radius": (0, -1, 10),
+    "world.robot.shape.name": ("rectangle",),
+    "world.robot.kinematics.name": ("omni", "acker"),
+    "world.robot.vel_max": ("[1,1]", "[0,0]", 3),
+    "world.robot.vel_min": ("[-20,-1]",),
+    "world.robot.sensors": ("[]",),
+    f"{LIDAR}.type": ("fmcw_lidar2d",),
+    f"{LIDAR}.range_min": (5, -1),
+    f"{LIDAR}.range_max": (0, -5, "nan"),
+    f"{LIDAR}.angle_range": (0, -1, 90, 7),
+    f"{LIDAR}.number": (0, 1, -100, 2.5),
+    "world.obstacles.static.count": ("[7.5,9]", "[9,8]", "[0,3]", "[80,80]", 8, "[8]"),
+    "world.obstacles.static.radius_m": ("[0,1]", "[-1,2]", "[3,2]", "[20,20]"),
+    "world.obstacles.static.aspect": ("[0,1]", "[2,1]"),
+    "world.obstacles.static.disc_share": (2, -1, "nan"),
+    f"{MOVING}.name": ("fly",),
+    f"{MOVING}.speed_m_s": ("[0,1]", "[-1,1]", "[2,1]", "[1000,1000]", "[1,6]"),
+    f"{MOVING}.turn_steps": ("[0,0]", "[-5,-1]", "[100,50]", "[1.5,3]"),
+    f"{SQUARE}.side_m": (0, -10, 100, 12),
+    f"{SQUARE}.drive_steps": (0, -1),
+    f"{SQUARE}.turn_steps": (0, 2.5),
+    f"{SQUARE}.first_steps": (-1, 21),
+    f"{SQUARE}.name": ("fly",),
+    "world.motions.rotate.steps": (0, 1),
+    "world.experiments.3.clear_radius_m": (-1, "nan", 0.4, 30),
+    "world.experiments.3.motion": ("null", "{}"),
+}
+UNKNOWN = (
+    "+world.robot.state=[1,1,0]",
+    f"+{LIDAR}.noise=true",
+    f"+{LIDAR}.std=0.2",
+    f"+{LIDAR}.offset=[1,0,0]",
+    "+world.world.plot={}",
+    "+world.obstacle=[]",
+    "+world.obstacles.static.speed=1",
+    "+world.experiments.3.seed=1",
+    "+encoding.parameters.dark=1",
+    "~world.world.width",
+    "~world.robot.sensors",
+    "~world.experiments.3.clear_radius_m",
+    "++world.experiments.b!=${world.experiments.1}",
+)
+CASES = [f"{key}={value}" for key, values in NUMBERS.items() for value in values] + list(UNKNOWN)
+ALLOWED = (
+    "world.experiments.1.clear_radius_m=0",
+    "runtime.precision=16-mixed",
+    "runtime.precision=bf16-true",
+    "model.encoder_name=mit_b1",
+    "model.encoder_weights=imagenet",
+    "world.world.width=100 & world.world.height=100",
+    "runtime.max_minutes=0",
+    "train.patience=0",
+    "train.min_delta=0",
+    "lightest=0",
+    f"{MOVING}.speed_m_s=[1,2]",
+    "world.obstacles.static.disc_share=0",
+    f"{LIDAR}.angle_range=6.283185307179586 & {LIDAR}.number=360",
+    "++world.experiments.office=${world.experiments.4} & exp=office",
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def hydra_is_ready():
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        yield
+
+
+def faults(words: str) -> list[str]:
+    overrides = words.split(" & ")
+    try:
+        return [str(fault) for fault in all_faults(plain(compose("config", overrides=overrides)))]
+    except (HydraException, OmegaConfBaseException) as error:  # what Hydra refuses by itself
+        return [f"{error} {error.__cause__}"]
+
+
+@pytest.mark.parametrize("words", CASES)
+def test_what_has_no_meaning_is_refused_naming_its_key(words):
+    found = faults(words)
+    assert found, f"{words} was accepted"
+    key = words.lstrip("+~").split("=")[0]
+    last, text = key.split(".")[-1], " ".join(found)
+    assert last in text or "world.experiments" in text, found
+    assert all(len(fault) < 400 for fault in found)
+
+
+@pytest.mark.parametrize("words", ALLOWED)
+def test_what_is_unusual_and_means_something_is_kept(words):
+    assert faults(words) == []
+
+
+def test_all_faults_are_named_at_once_and_each_once():
+    found = faults("seed=-1 & scale.learning_rate=0 & runtime.workers=-5 & world.obstacles.static.disc_share=2")
+    assert len(found) == len(set(found)) == 5  # disc_share stands twice in conf/world
+    keys = [fault.split("=")[0] for fault in found]
+    assert keys[:3] == ["seed", "scale.learning_rate", "runtime.workers"]
+
+
+def test_there_are_at_least_150_cases():
+    assert len(CASES) >= 150
+    assert len(set(CASES)) == len(CASES)
+
+
+COMMANDS = (
+    (["exp=9"], ["exp=9: there are 1, 2, 3, 4"]),
+    (["runtime.workers=-5", "seed=-1"], ["seed=-1: must be", "runtime.workers=-5: must be"]),
+    (["train.lr=3"], ["lr", "Training"]),
+    (["model=resnet"], ["resnet", "unet"]),
+    (["task=fly"], ["fly", "record"]),
+    (["world=moon"], ["moon", "paper"]),
+    (["-m", "exp=3,9", "seed=-1,0"], ["exp=9: there are", "seed=-1: must be"]),
+    (["-m", "task=report", "seed=0,1"], ["task=report: is done once"]),
+    (["task=report", "seed=0,1"], ["seed=0,1", "--multirun"]),
+    (["runtime.accelerator=gpu"], ["no CUDA GPU is visible"]),
+    ([f"{LIDAR}.range_min=5"], [f"{LIDAR}.range_min=5: must be 0"]),
+)
+
+
+@pytest.mark.parametrize(("words", "expected"), COMMANDS)
+def test_a_call_that_cannot_be_run_ends_at_once_with_status_2(words, expected, tmp_path):
+    began = time.monotonic()
+    command = [sys.executable, "run.py", *words, "scale=smoke", f"outputs={tmp_path / 'out'}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert all(word in done.stderr for word in expected), done.stderr
+    assert "Traceback" not in done.stderr
+    assert time.monotonic() - began < 15  # a bound for a busy machine; it takes about a second
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_traceback_can_be_had(tmp_path):
+    command = [sys.executable, "run.py", "train.lr=3", f"outputs={tmp_path / 'out'}"]
+    environment = {**os.environ, "HYDRA_FULL_ERROR": "1"}
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, env=environment)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+
+
+def test_an_outputs_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "out").write_text("a file")
+    assert faults(f"outputs={tmp_path / 'out'}") == [f"outputs={tmp_path / 'out'}: is a file, a directory is needed"]
+
+
+def test_a_sweep_is_split_as_hydra_splits_it():
+    jobs = entry.jobs_of(["model=unet,fpn", "exp=3,4", "seed=0"])
+    expected = [[f"model={m}", f"exp={e}", "seed=0"] for m, e in itertools.product(("unet", "fpn"), "34")]
+    assert sorted(jobs) == sorted(expected)
