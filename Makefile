@@ -6,7 +6,7 @@ SWEEP := model=unet,fpn,upernet,segformer
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test check bench readme clean
+.PHONY: help setup reproduce test torture check bench readme clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
@@ -15,9 +15,10 @@ setup: .venv/ready ## make .venv and install the pinned packages
 
 .venv/ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else f"Python 3.11 or 3.12 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
+	@echo "setting up .venv: about 6 GB, some minutes (PyTorch with CUDA is most of it)"
 	@if command -v uv > /dev/null; then \
 	    uv venv --quiet --clear --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
-	    uv pip install --quiet --python $(PY) -r requirements.lock; \
+	    uv pip install --quiet --compile-bytecode --python $(PY) -r requirements.lock; \
 	    uv pip install --quiet --python $(PY) --no-deps -e .; \
 	else \
 	    $(PYTHON) -m venv --clear .venv; \
@@ -26,8 +27,9 @@ setup: .venv/ready ## make .venv and install the pinned packages
 	fi
 	@touch $@
 
-reproduce: setup ## the whole study: [SCALE=smoke|laptop|paper], paper where there is a GPU, else laptop
+reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|paper], paper where there is a GPU, else laptop
 	@scale="$(SCALE)"; \
+	echo "looking at this machine and at what is done"; \
 	if [ -z "$$scale" ]; then \
 	    scale=$$($(PY) -c "import torch; print('paper' if torch.cuda.is_available() else 'laptop')"); \
 	    echo "SCALE is not given: taking $$scale"; \
@@ -39,7 +41,10 @@ reproduce: setup ## the whole study: [SCALE=smoke|laptop|paper], paper where the
 	$(PY) run.py task=report scale=$$scale
 
 test: setup ## the tests, without GPU and network
-	$(PY) -m pytest
+	$(PY) -m pytest -n 2 --dist loadfile
+
+torture: setup ## an hour of kills, damage, generated configurations and processes at once
+	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/faults
 
 check: setup ## ruff (lint and format) and mypy
 	$(PY) -m ruff check .

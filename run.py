@@ -121,7 +121,13 @@ def run_config(config: Config) -> RunConfig:
     from repro.simulation.shards import spec_fingerprint
 
     spec = world_spec(config.world, config.exp)
-    data = Data(config.scale.size_px, float(spec["world"]["width"]), config.scale.pairs, spec_fingerprint(spec))
+    data = Data(
+        config.scale.name,
+        config.scale.size_px,
+        float(spec["world"]["width"]),
+        config.scale.pairs,
+        spec_fingerprint(spec),
+    )
     return RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
 
 

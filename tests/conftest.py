@@ -3,7 +3,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("OMP_NUM_THREADS", "2")
+os.environ.setdefault("OMP_NUM_THREADS", "1" if "PYTEST_XDIST_WORKER" in os.environ else "2")
 
 import pandas as pd
 import pytest
@@ -39,7 +39,7 @@ def recorded(tmp_path_factory) -> Path:
 def run_config(**changes: Any) -> RunConfig:
     """The configuration of a small run; a rival's name as `model` leaves out what only networks have."""
     decay, name = changes.pop("decay", True), changes.pop("model", "unet")
-    data = Data(changes.pop("size_px", 32), 50.0, PairCounts(24, 8, 8), "hash")
+    data = Data(changes.pop("scale", "laptop"), changes.pop("size_px", 32), 50.0, PairCounts(24, 8, 8), "hash")
     mine = {"learning_rate", "min_delta", "patience", "max_epochs", "mirror", "weight_average"} & set(changes)
     settings = {key: changes.pop(key) for key in mine}
     train = Training(1e-3, 0.001, 5, 8, 3, 1e-6)

@@ -29,8 +29,9 @@ from repro.provenance import Provenance, Status, surroundings
 
 @dataclass(frozen=True)
 class Data:
-    """The images a run is made from: the grid [px, m], pairs, and the fingerprint of the worlds."""
+    """The images a run is made from: the scale's name, the grid [px, m], pairs, and the fingerprint of the worlds."""
 
+    scale: str
     size_px: int
     size_m: float
     pairs: PairCounts

@@ -1,4 +1,5 @@
 import json
+import re
 
 import pandas as pd
 import pytest
@@ -218,3 +219,28 @@ def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     assert "experiment office" in (tmp_path / "weights" / "README.md").read_text()
     target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
     assert pd.read_csv(target / "main.csv")["experiment"].tolist() == ["office"]
+
+
+def test_the_readme_says_how_long_a_study_took():
+    """Minutes of training of every whole published study lie within what the table of scales says."""
+    text = (ROOT / "README.md").read_text()
+    whole = 0
+    for directory in (path for path in RESULTS.glob("*") if path.is_dir()):
+        runs = pd.read_csv(directory / "runs.csv").dropna(subset=["training_seconds"])
+        for _, rows in runs.groupby("seed"):
+            if len(rows) == 24:
+                row = next(line for line in text.splitlines() if line.startswith(f"| `{directory.name}` |"))
+                low, high = map(int, re.search(r"(\d+) to (\d+) minutes", row).groups())
+                assert low <= rows["training_seconds"].sum() / 60 <= high
+                whole += 1
+    assert whole
+
+
+def test_the_ledgers_ssim_is_the_published_one():
+    runs = pd.read_csv(RESULTS / "workstation" / "runs.csv").query("model == 'unet'")
+    order = [(1, True), (2, True), (3, True), (4, True), (3, False), (4, False)]
+    rows = runs.set_index(["experiment", "decay"]).loc[order]
+    lines = (ROOT / "DEVIATIONS.md").read_text().splitlines()
+    for column, name in (("ssim", "of the probabilities (reported)"), ("ssim_binary", "of the thresholded map")):
+        cells = next(line for line in lines if line.startswith(f"| {name} |")).split("|")[2:-1]
+        assert [float(cell) for cell in cells] == [round(value, 3) for value in rows[column]]

@@ -35,7 +35,7 @@ def test_several_seeds_give_mean_and_deviation(tmp_path):
     assert table.loc["unet", "ssim"] == pytest.approx(0.51)
     assert table.loc["unet", "std_ssim"] == pytest.approx(0.01)
     assert table.loc["average", "std_ssim"] == pytest.approx(0.01)
-    assert "seeds 0, 1, 2" in caption(read_results(Outputs(tmp_path)), "laptop")
+    assert "seeds 0, 1, 2" in caption(read_results(Outputs(tmp_path)))
 
 
 def test_there_is_no_average_while_a_network_is_missing(tmp_path):
@@ -69,6 +69,15 @@ def test_resolutions_do_not_mix(tmp_path):
 
 def test_caption_says_what_the_table_is_from(tmp_path):
     fake_study(tmp_path)
-    text = caption(read_results(Outputs(tmp_path)), "laptop")
+    text = caption(read_results(Outputs(tmp_path)))
     for fact in ("laptop", "32 x 32 px", "24 training", "8 test", " 3 epochs", "seed 0"):
         assert fact in text
+
+
+def test_caption_says_where_the_seeds_are_uneven_and_that_smoke_means_nothing(tmp_path):
+    fake_study(tmp_path / "a")
+    fake_run(tmp_path / "a", "3", "unet", True, 1, 0.5)
+    assert "seeds 0, 1, 1 to 2 a cell." in caption(read_results(Outputs(tmp_path / "a")))
+    fake_run(tmp_path / "any name", "3", "unet", True, 0, 0.5, scale="smoke")
+    assert caption(read_results(Outputs(tmp_path / "any name"))).startswith("Scale smoke: ")
+    assert "its numbers mean nothing" in caption(read_results(Outputs(tmp_path / "any name")))

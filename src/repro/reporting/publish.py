@@ -62,7 +62,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         for kept in target.glob("*"):
             if kept.is_dir() or kept.stem == "costs":
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
-        for kind, table in make_tables(runs, name).items():
+        for kind, table in make_tables(runs).items():
             if len(table.frame):
                 write_text(new / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.4f"))
                 write_text(new / f"{kind}.txt", table.caption + "\n")
@@ -117,7 +117,7 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
     commits = sorted({str(step["commit"]) for step in steps})
     lines = [
         f"# Published results, {name}\n",
-        caption(runs, name) + "\n",
+        caption(runs) + "\n",
         "`main.csv` and `ablation.csv` are the tables, `runs.csv` has every run with its seed, all metrics and times,",
         "`provenance.json` where every run came from.\n",
         *(f"- {verb} on: {'; '.join(found)}" for verb, found in machines.items()),

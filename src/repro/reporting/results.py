@@ -25,8 +25,8 @@ def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFr
             such run is an error.
 
     Returns:
-        experiment, model, encoding, decay, seed, all metrics, and what the run was: size_px, train_pairs, test_pairs,
-        epochs, training_seconds. Empty when there is none.
+        experiment, model, encoding, decay, seed, all metrics, and what the run was: scale, size_px, train_pairs,
+        test_pairs, epochs, training_seconds. Empty when there is none.
 
     Raises:
         ValueError: a run cannot be trusted and `faults` is not given, or the runs are of different resolutions or
@@ -42,7 +42,7 @@ def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFr
                 raise
             faults.append(str(error))
     table = pd.DataFrame(rows)
-    for fact in ("size_px", "train_pairs", "test_pairs"):
+    for fact in ("scale", "size_px", "train_pairs", "test_pairs"):
         values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
         if len(values) > 1:
             raise ValueError(f"the runs in {outputs.path} differ in {fact}: {values}; one table cannot hold them")
@@ -61,6 +61,7 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         "decay": config.encoding.parameters.get("decay", True),
         "seed": config.seed,
         **{str(name): value for name, value in read_metrics(run).items()},
+        "scale": config.data.scale,
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
     }
@@ -100,16 +101,19 @@ def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
     return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
 
 
-def caption(results: pd.DataFrame, scale: str) -> str:
+def caption(results: pd.DataFrame) -> str:
     """Says what a table is made from: scale, resolution, pairs, epochs and seeds."""
     networks = results[results["model"].isin(NETWORKS)]
     if networks.empty:
-        return f"Scale {scale}: no network evaluated yet."
+        return "No network evaluated yet."
     first = networks.iloc[0]
     seeds = sorted(networks["seed"].unique())
+    cells = networks.groupby(["experiment", "model", "decay"]).size()
+    uneven = f", {cells.min()} to {cells.max()} a cell" if cells.min() < cells.max() else ""
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
+    warning = " A test that every part works; its numbers mean nothing." if first["scale"] == "smoke" else ""
     return (
-        f"Scale {scale}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
+        f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
         f"{int(first['test_pairs'])} test pairs an experiment, {epochs} epochs, "
-        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}."
+        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}"
     )

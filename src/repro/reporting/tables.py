@@ -103,7 +103,7 @@ def experiment_title(experiment: str, form: str) -> str:
     return f"Experiment {experiment}" + (form.format(setup) if setup else "")
 
 
-def make_tables(results: pd.DataFrame, scale: str) -> dict[str, Table]:
+def make_tables(results: pd.DataFrame) -> dict[str, Table]:
     """Makes the main table and the ablation from tidy rows, an empty one where there are none."""
     tables = {}
     for name, decay in (("main", True), ("ablation", False)):
@@ -111,13 +111,13 @@ def make_tables(results: pd.DataFrame, scale: str) -> dict[str, Table]:
         if rows.empty:
             tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}. No run evaluated yet.")
         else:
-            tables[name] = Table(compare(results, decay=decay), f"{TITLES[name]}. {caption(rows, scale)}")
+            tables[name] = Table(compare(results, decay=decay), f"{TITLES[name]}. {caption(rows)}")
     return tables
 
 
 def write_tables(outputs: Outputs, faults: list[str] | None = None) -> dict[str, Table]:
     """Writes main table and ablation below outputs/tables from whatever runs there are; see `read_results`."""
-    tables = make_tables(read_results(outputs, faults), outputs.path.name)
+    tables = make_tables(read_results(outputs, faults))
     outputs.tables.mkdir(parents=True, exist_ok=True)
     for name, table in tables.items():
         if len(table.frame):

@@ -1,0 +1,145 @@
+"""Whatever is accepted records and trains one step; whatever is refused names a key."""
+
+import copy
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import torch
+from conftest import ROOT
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import repro.config
+from repro.config import NETWORKS, Encoding, Model, PairCounts, Scale, Training, world_spec
+from repro.evaluation.visibility import describe
+from repro.learning.models import create_model
+from repro.learning.training import TrainingModule
+from repro.maps.datasets import Batches, Pairs, load_pairs
+from repro.maps.encodings import create_encoding
+from repro.maps.grid import Grid
+from repro.simulation.shards import shards_of, write_shard
+from repro.simulation.specs import world_faults
+from repro.simulation.store import record_experiment, recordings_hash
+
+EXAMPLES = int(os.environ.get("REPRO_EXAMPLES", "12"))
+WORLD = repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml")
+SLOW = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def pairs(low, high, whole=False):
+    """Two numbers, in order or not, in and out of what makes sense."""
+    number = st.integers(int(low), int(high)) if whole else st.floats(low, high)
+    return st.tuples(number, number).map(list)
+
+
+WORLDS = {
+    ("world", "width"): st.sampled_from([50, 50, 50, 80, 20, 0]),
+    ("world", "step_time"): st.floats(-0.01, 0.3),
+    ("robot", "shape", "radius"): st.floats(-0.1, 3),
+    ("robot", "sensors", 0, "range_max"): st.floats(-1, 60),
+    ("robot", "sensors", 0, "angle_range"): st.floats(-0.1, 7),
+    ("robot", "sensors", 0, "number"): st.integers(0, 200),
+    ("motions", "square", "side_m"): st.floats(-1, 20),
+    ("motions", "square", "first_steps"): st.integers(-1, 22),
+    ("obstacles", "count"): pairs(-1, 14, whole=True),
+    ("obstacles", "radius_m"): pairs(-0.2, 6),
+    ("obstacles", "aspect"): pairs(0.5, 4),
+    ("obstacles", "disc_share"): st.floats(-0.1, 1.1),
+    ("obstacles", "behavior", "speed_m_s"): pairs(-0.1, 4),
+    ("obstacles", "behavior", "turn_steps"): pairs(-1, 120, whole=True),
+    ("clear_radius_m",): st.floats(-1, 15),
+}
+
+
+def changed(values):
+    """The paper's world with some values changed, the obstacles, square and zone of experiment 4 among them."""
+    world = copy.deepcopy(WORLD)
+    for path, value in values.items():
+        *parents, last = path
+        node = world if path[0] in world and path[0] != "obstacles" else world["experiments"]["4"]
+        for key in parents:
+            node = node[key]
+        node[last] = value
+    world["world"]["height"] = world["world"]["width"]
+    world["experiments"]["4"]["motion"] = world["motions"]["square"]
+    return world
+
+
+@SLOW
+@given(st.sets(st.sampled_from(list(WORLDS)), max_size=3), st.data())
+def test_a_world_that_is_accepted_can_be_recorded_and_learned_from(keys, data):
+    world = changed({key: data.draw(WORLDS[key]) for key in keys})
+    faults = world_faults(world)
+    if faults:
+        assert all(str(fault).startswith("world.") for fault in faults)
+        return
+    spec = world_spec(world, "4")
+    with tempfile.TemporaryDirectory() as folder:
+        for shard in shards_of({"train": 4, "val": 2, "test": 2}):
+            write_shard(Path(folder), shard, spec, verify_every=10**9)
+        record_experiment(Path(folder), spec, {"train": 4, "val": 2, "test": 2}, workers=1)
+        assert recordings_hash(Path(folder))
+        grid = Grid(32, float(world["world"]["width"]))
+        found = describe(Path(folder), "test", grid)
+        assert 0 <= found["coverage"] <= 1
+        learn(
+            load_pairs(Path(folder), "train", grid, create_encoding("projection", {})), Training(1e-3, 0, 0, 2, 1, 1e-6)
+        )
+
+
+def learn(examples, training, model="fpn"):
+    """One step, as a training does it."""
+    module = TrainingModule(create_model(model), examples, examples, training, 0)
+    optimizer = module.configure_optimizers()
+    loss = module.training_step(next(iter(module.train_dataloader())), 0)
+    loss.backward()
+    optimizer.step()
+    assert torch.isfinite(loss)
+    assert len(list(Batches(examples, training.batch_size)))
+
+
+SETTINGS = st.fixed_dictionaries(
+    {
+        "seed": st.integers(-2, 2**33),
+        "lightest": st.floats(-0.2, 1.2),
+        "size_px": st.integers(-32, 160),
+        "pairs": st.integers(-2, 40),
+        "batch_size": st.integers(-1, 40),
+        "learning_rate": st.floats(-1e-3, 1e-2),
+        "weight_average": st.none() | st.floats(-0.1, 1.1),
+        "model": st.sampled_from([*NETWORKS, "vgg"]),
+        "patience": st.integers(-1, 3),
+    }
+)
+
+
+@SLOW
+@given(SETTINGS)
+def test_settings_that_are_accepted_train_a_step(v):
+    counts = {"train": v["pairs"], "val": 2, "test": 2}
+    numbers = {key: v[key] for key in ("learning_rate", "batch_size", "weight_average")}
+    values = {
+        "task": "all", "exp": "3", "decay": True, "seed": v["seed"], "lightest": v["lightest"], "outputs": "outputs/x",
+        "world": WORLD, "encoding": {"name": "projection", "parameters": {"decay": True, "lightest": v["lightest"]}},
+        "model": {"name": v["model"], "encoder_name": "mit_b0", "encoder_weights": None},
+        "scale": {"name": "x", "size_px": v["size_px"], "pairs": counts, "max_epochs": 1, "mirror": True, **numbers},
+        "train": {"min_delta": 0, "patience": v["patience"], "max_epochs": 1, "dice_eps": 1e-6, **numbers},
+        "runtime": {"workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None},
+        "publish": {"force": False},
+    }  # fmt: skip
+    faults = repro.config.config_faults(values)
+    if faults:
+        assert all(fault.key.split(".")[0] in values for fault in faults)
+        return
+    config = repro.config.to_typed(values)
+    assert isinstance(config.scale, Scale)
+    assert isinstance(config.scale.pairs, PairCounts)
+    assert isinstance(config.encoding, Encoding)
+    assert isinstance(config.model, Model)
+    generator = np.random.default_rng(config.seed)
+    shape = (config.scale.pairs.train, 1, config.scale.size_px, config.scale.size_px)
+    images = torch.as_tensor(generator.integers(0, 256, shape, dtype=np.uint8))
+    encoding = create_encoding(config.encoding.name, config.encoding.parameters)
+    learn(Pairs(images, images // 128, encoding), config.train, config.model.name)
