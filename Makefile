@@ -41,7 +41,7 @@ reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|paper], pap
 	$(PY) run.py task=report scale=$$scale
 
 test: setup ## the tests, without GPU and network
-	$(PY) -m pytest -n 2 --dist loadfile
+	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope
 
 torture: setup ## an hour of kills, damage, generated configurations and processes at once
 	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/faults

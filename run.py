@@ -7,8 +7,6 @@ python run.py task=report                                              tables an
 python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
 """
 
-import dataclasses
-import itertools
 import os
 import sys
 import traceback
@@ -27,14 +25,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from repro.checks import all_faults
-from repro.config import NETWORKS, Config, Encoding, Model, Task, plain, schema, to_typed, variant, world_spec
+from repro.config import Config, Task, plain, schema, to_typed, variant
 from repro.messages import JobFailed, explain
-from repro.provenance import Status
-from repro.runs import Data, Outputs, Run, RunConfig
+from repro.runs import Outputs
+from repro.tasks import ONCE, TASKS, print_tables, warn_of_cost
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
-ROOT = Path(__file__).parent
-RESULTS = ROOT / "reproduce" / "results"
 FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a sweep, in whatever process, note their failures
 
 
@@ -89,239 +85,6 @@ def check(configs: list[DictConfig]) -> None:
         print("error: this cannot be run", *(f"  {fault}" for fault in faults), sep="\n", file=sys.stderr)
         sys.exit(2)
     warn_of_cost([to_typed(each) for each in values])
-
-
-def print_tables(outputs: Outputs) -> int:
-    """Writes the tables of whatever runs there are and prints them; returns 1 when a run had to be left out."""
-    from repro.reporting.tables import write_tables
-
-    faults: list[str] = []
-    for table in write_tables(outputs, faults).values():
-        print("\n" + table.to_markdown())
-    print(f"Tables: {outputs.tables}", flush=True)
-    for fault in faults:
-        print(f"error: left out of the tables: {fault}", file=sys.stderr)
-    return int(bool(faults))
-
-
-def outputs_of(config: Config) -> Outputs:
-    return Outputs(Path(config.outputs))
-
-
-def recordings_of(config: Config) -> Path:
-    return outputs_of(config).recordings(config.exp)
-
-
-def run_of(config: Config) -> Run:
-    return outputs_of(config).run(config.exp, config.model.name, config.encoding.variant, config.seed)
-
-
-def run_config(config: Config) -> RunConfig:
-    """Gathers what decides the result of a run; it becomes the run's config.yaml."""
-    from repro.simulation.shards import spec_fingerprint
-
-    spec = world_spec(config.world, config.exp)
-    data = Data(
-        config.scale.name,
-        config.scale.size_px,
-        float(spec["world"]["width"]),
-        config.scale.pairs,
-        spec_fingerprint(spec),
-    )
-    return RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
-
-
-def record(config: Config) -> None:
-    """Records what is missing of an experiment."""
-    from repro.simulation.store import record_experiment
-
-    pairs = dataclasses.asdict(config.scale.pairs)
-    is_new = not (recordings_of(config) / "manifest.json").is_file()
-    record_experiment(
-        recordings_of(config), world_spec(config.world, config.exp), pairs, workers=config.runtime.workers
-    )
-    if is_new or config.task is Task.record:
-        describe_recordings(config)
-
-
-def describe_recordings(config: Config) -> None:
-    """Says how the recorded worlds compare with what the paper's tables imply."""
-    from repro.evaluation.visibility import describe
-    from repro.maps.grid import Grid
-    from repro.reporting.paper import targets
-
-    data = run_config(config).data
-    found, aim = describe(recordings_of(config), "test", Grid(data.size_px, data.size_m)), targets(config.exp)
-    count = sum(dataclasses.asdict(config.scale.pairs).values())
-    print(f"exp {config.exp}: {count} recordings in {recordings_of(config)}; of the test maps:")
-    print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {aim['coverage']:.4f}" if aim else ""))
-    above = f", to be above the paper's specificity {aim['specificity']:.4f}" if aim else ""
-    print(f"  visibility {found['visibility']:.4f}{above}")
-
-
-def train(config: Config) -> Status:
-    """Trains one network, unless that is done, and measures it on the validation set."""
-    from repro.evaluation import predictions
-    from repro.evaluation.metrics import one_line
-    from repro.learning import training
-
-    run, runtime = run_of(config), config.runtime
-    run.prepare(run_config(config))
-    if not run.is_trained:
-        print(f"training {run}", flush=True)
-    status = training.train(
-        run,
-        recordings_of(config),
-        accelerator=runtime.accelerator,
-        precision=runtime.precision,
-        compile=runtime.compile,
-        max_minutes=runtime.max_minutes,
-    )
-    if status is Status.paused:
-        print(f"paused {run}: the budget is spent, the same command goes on from here")
-    elif not (run.path / "validation.csv").is_file():
-        row = predictions.validate(run, recordings_of(config), accelerator=runtime.accelerator)
-        print(f"{run}, validation: {one_line(row)}")
-    return status
-
-
-def evaluate(config: Config) -> None:
-    """Evaluates one trained network, unless that is done, and the rivals that learn nothing."""
-    from repro.evaluation import predictions
-    from repro.evaluation.metrics import one_line
-    from repro.evaluation.rivals import RIVALS
-
-    run = run_of(config)
-    run.prepare(run_config(config))
-    if run.is_evaluated:
-        print(f"done already: {run}")
-    else:
-        row = predictions.evaluate(run, recordings_of(config), accelerator=config.runtime.accelerator)
-        print(f"{run}, test: {one_line(row)}")
-    encoding = Encoding("projection", {"decay": True, "lightest": config.lightest})
-    for name in RIVALS:
-        rival = outputs_of(config).run(config.exp, name, encoding.variant, 0)
-        settings = dataclasses.replace(run_config(config), model=Model(name), encoding=encoding, seed=0, train=None)
-        rival.prepare(settings)
-        predictions.evaluate(rival, recordings_of(config))
-
-
-def all_steps(config: Config) -> None:
-    """Records what is missing, trains, evaluates."""
-    if not run_of(config).is_evaluated:
-        record(config)
-    if train(config) is not Status.paused:
-        evaluate(config)
-
-
-def report(config: Config) -> None:
-    """Rebuilds tables and figures from whatever run directories exist."""
-    from repro.evaluation.examples import load_example
-    from repro.reporting.figures import write_figures
-    from repro.simulation.shards import SPLITS
-    from repro.simulation.store import read_manifest
-    from repro.simulation.worlds import sample_world
-
-    outputs = outputs_of(config)
-    left_out = print_tables(outputs)
-    specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
-    worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
-    examples = []
-    for decay, experiment in itertools.product((True, False), specs):
-        try:
-            if outputs.run(experiment, "unet", variant("projection", decay), 0).is_evaluated:
-                examples.append(load_example(outputs, experiment, decay=decay))
-        except ValueError as error:
-            print(f"error: left out of the figures: {error}", file=sys.stderr)
-            left_out = 1
-    for path in write_figures(outputs.figures, worlds, examples):
-        print(f"Figure: {path}")
-    if left_out:
-        raise JobFailed("some runs are left out of the tables or figures")
-
-
-def publish(config: Config) -> None:
-    """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
-    from repro.reporting import publish
-
-    target = RESULTS / Path(config.outputs).name
-    print(f"{'replacing' if target.exists() else 'publishing'} {target}")
-    publish.publish(outputs_of(config), RESULTS, config.scale.name, force=config.publish.force)
-    readme(config)
-
-
-def export(config: Config) -> None:
-    """Writes the weights of one run as float16 with a model card into reproduce/results."""
-    from repro.reporting.publish import export_weights
-
-    target = RESULTS / config.scale.name / f"exp{config.exp}-{config.model.name}"
-    export_weights(run_of(config), target, force=config.publish.force)
-    print(target)
-
-
-def readme(config: Config) -> None:
-    """Makes the tables of README.md anew from reproduce/results."""
-    from repro.files import write_text
-    from repro.reporting.publish import readme_with_results
-
-    path = ROOT / "README.md"
-    write_text(path, readme_with_results(path.read_text(), RESULTS))
-
-
-def world(config: Config) -> None:
-    """Writes the world of one seed and its twin as plain IR-SIM YAML."""
-    from repro.simulation.worlds import sample_world, turn_around, write_world
-
-    sampled = sample_world(world_spec(config.world, config.exp), config.seed)
-    for name, item in (("ccw", sampled), ("cw", turn_around(sampled))):
-        path = outputs_of(config).worlds / f"exp{config.exp}-seed{config.seed}-{name}.yaml"
-        write_world(item, path)
-        print(path)
-
-
-def plan(config: Config) -> None:
-    """Says what is left of the whole study at this scale, and what it costs on this machine."""
-    print(f"looking at what is done in {config.outputs}, and measuring the networks on this machine", flush=True)
-    outputs = outputs_of(config)
-    pairs = sum(dataclasses.asdict(config.scale.pairs).values())
-    recordings = pairs * len(set(config.world["experiments"]) - set(outputs.recorded()))
-    cells = [(exp, "decay") for exp in ("1", "2", "3", "4")] + [(exp, "no-decay") for exp in ("3", "4")]
-    left = {
-        name: sum(not outputs.run(exp, name, word, config.seed).is_trained for exp, word in cells) for name in NETWORKS
-    }
-    from repro.learning.planning import plan_study
-
-    for line in plan_study(config.scale, config.runtime.precision, recordings, left):
-        print(line, flush=True)
-
-
-def warn_of_cost(configs: list[Config]) -> None:
-    """Says what the trainings of a call at paper scale cost on a machine without a GPU, and how to ask for less."""
-    trainings = [c for c in configs if c.task in (Task.all, Task.train) and c.scale.name == "paper"]
-    left = [config for config in trainings if not run_of(config).is_trained]
-    if left:
-        from repro.learning.planning import cost_warning
-
-        text = cost_warning([config.model.name for config in left], left[0].scale, left[0].runtime.precision)
-        if text:
-            print(text, file=sys.stderr, flush=True)
-
-
-TASKS = {
-    Task.all: all_steps,
-    Task.record: record,
-    Task.train: train,
-    Task.evaluate: evaluate,
-    Task.report: report,
-    Task.plan: plan,
-    Task.world: world,
-    Task.publish: publish,
-    Task.export: export,
-    Task.readme: readme,
-}
-
-
-ONCE = (Task.report, Task.plan, Task.publish, Task.readme)
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")

@@ -4,10 +4,11 @@ import time
 from pathlib import Path
 
 import pytest
-import run as entry  # registers schema and resolvers
+import run  # noqa: F401  registers schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
+from repro import tasks
 from repro.config import plain, to_typed, world_spec
 
 
@@ -61,8 +62,8 @@ def test_every_model_has_the_papers_encoder(model):
 
 def test_runs_lie_where_they_should():
     config = typed(composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop"))
-    assert entry.run_of(config).path == Path("outputs/laptop/runs/exp4/fpn/no-decay/seed2")
-    assert entry.recordings_of(config) == Path("outputs/laptop/recordings/exp4")
+    assert tasks.run_of(config).path == Path("outputs/laptop/runs/exp4/fpn/no-decay/seed2")
+    assert tasks.recordings_of(config) == Path("outputs/laptop/recordings/exp4")
 
 
 def test_decay_belongs_to_the_encoding():
@@ -71,12 +72,12 @@ def test_decay_belongs_to_the_encoding():
 
 def test_the_grid_is_as_large_as_the_world():
     config = typed(composed("world.world.width=100", "world.world.height=100"))
-    assert entry.run_config(config).data.size_m == 100
+    assert tasks.run_config(config).data.size_m == 100
 
 
 def test_runtime_does_not_make_another_run():
     def run_config(*overrides):
-        return entry.run_config(typed(composed(*overrides)))
+        return tasks.run_config(typed(composed(*overrides)))
 
     assert run_config() == run_config("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
     assert run_config() != run_config("train.batch_size=4")

@@ -5,14 +5,15 @@ from conftest import ROOT
 SOURCE = ROOT / "src" / "repro"
 ORDER = [
     *("config", "files", "scans", "devices", "provenance", "runs"),
-    *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "recording", "shards", "store")),
+    *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "recording", "shards", "store")),
     *(f"maps.{name}" for name in ("grid", "truth", "encodings", "datasets")),
     "prediction",
-    *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "training")),
+    *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "checkpoints", "training")),
     *(f"evaluation.{name}" for name in ("metrics", "rivals", "predictions", "visibility", "examples")),
     *(f"reporting.{name}" for name in ("paper", "results", "tables", "figures", "publish")),
+    *("checks", "messages", "tasks"),
 ]
-STANDALONE = ("config", "files", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")
+STANDALONE = ("config", "files", "messages", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")
 
 
 def imported(module: str) -> set[str]:

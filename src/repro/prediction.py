@@ -18,6 +18,7 @@ import segmentation_models_pytorch as smp
 import torch
 from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
+from tqdm import tqdm
 
 from repro.files import read_mapping, replacing_directory, sha256, write_json
 from repro.maps.encodings import Encoding, create_encoding
@@ -54,7 +55,8 @@ class Predictor:
     def predict_images(self, images: Tensor, batch: int = 32) -> Tensor:
         """Predicts from encoded scans (M, C, H, W), uint8: probability of free, (M, 1, H, W), on the CPU."""
         self.network.eval()
-        return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in images.split(batch)])
+        parts = tqdm(images.split(batch), desc="predicting", delay=2, leave=False, disable=None)
+        return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in parts])
 
     def to(self, device: str) -> "Predictor":
         """Moves the network to a device."""

@@ -6,13 +6,13 @@ import shutil
 from pathlib import Path
 
 import pytest
-import run as entry
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
 from repro.config import plain, to_typed
 from repro.messages import JobFailed, explain
-from repro.runs import Outputs
+from repro.runs import Outputs, RunConfig
+from repro.tasks import TASKS
 
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
 WORDS = (
@@ -30,7 +30,7 @@ def call(outputs, task, *words):
     """Does a task; returns None, or the words that the command line would say."""
     found = config(outputs, f"task={task}", *words)
     try:
-        entry.TASKS[found.task](found)
+        TASKS[found.task](found)
     except JobFailed as error:
         return str(error)
     except Exception as error:
@@ -220,5 +220,5 @@ def test_simple_predictors_do_not_stand_in_the_way_of_another_size(tmp_path):
 
 
 def test_every_field_of_the_configuration_decides_whether_it_is_the_same_run():
-    fields = {field.name for field in dataclasses.fields(entry.RunConfig)}
+    fields = {field.name for field in dataclasses.fields(RunConfig)}
     assert fields == {"experiment", "seed", "model", "encoding", "data", "train"}

@@ -23,6 +23,8 @@ TINY = (
     *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
 )
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
+KILLS = int(os.environ.get("REPRO_KILLS", "10"))  # of recording, and as many of training
+ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
 RUN = Path("runs/exp3/fpn/decay/seed0")
 
 
@@ -52,21 +54,56 @@ def whole(tmp_path_factory):
     return outputs
 
 
-def test_killed_at_random_moments_it_ends_with_the_same_bytes(whole, tmp_path):
-    kills = int(os.environ.get("REPRO_KILLS", "5"))
-    outputs, rng = tmp_path / "smoke", random.Random(0)
-    for _ in range(kills):
-        process = start(outputs)
-        time.sleep(rng.uniform(2, 14))
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-    status, text = finish(start(outputs))
-    assert status == 0, text
-    for name in KEPT:
-        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
-    for shard in (whole / "recordings/exp3").glob("*.npz"):
-        assert (outputs / "recordings/exp3" / shard.name).read_bytes() == shard.read_bytes()
-    assert not list(outputs.rglob("*.tmp"))
+def kill_at_random(code, rng, longest_s):
+    """Starts some code and kills it, and all that it started, at a random moment after its imports."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    assert process.stdout
+    process.stdout.readline()  # "ready"
+    time.sleep(rng.uniform(0, longest_s))
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
+    code = (
+        "import sys; sys.path.insert(0, 'tests')\n"
+        "from pathlib import Path; from conftest import world_spec; from repro.simulation import shards, store\n"
+        "print('ready', flush=True); shards.SHARD_WORLDS = 2\n"
+        "store.record_experiment(Path({!r}), world_spec('4'), {{'train': 40, 'val': 4, 'test': 4}}, workers=1)\n"
+    )
+    subprocess.run([sys.executable, "-c", code.format(str(tmp_path / "whole"))], cwd=ROOT, check=True, timeout=120)
+    rng = random.Random(0)
+    for _ in range(KILLS):
+        kill_at_random(code.format(str(tmp_path / "killed")), rng, 4)
+    subprocess.run([sys.executable, "-c", code.format(str(tmp_path / "killed"))], cwd=ROOT, check=True, timeout=120)
+    whole, killed = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir() if path.name != ".lock"}
+        for name in ("whole", "killed")
+    )
+    assert killed == whole
+
+
+def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
+    code = (
+        "from pathlib import Path; from repro.learning.training import train; from repro.runs import Run\n"
+        f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
+    )
+    whole, killed = (prepared(tmp_path / name, max_epochs=12, patience=50) for name in ("whole", "killed"))
+    assert train(whole, recorded, accelerator="cpu") is Status.trained
+    rng = random.Random(0)
+    for _ in range(KILLS):
+        kill_at_random(code.format(str(killed.path)), rng, 3)
+    assert train(killed, recorded, accelerator="cpu") is Status.trained
+    weights = [(run.model / "model.safetensors").read_bytes() for run in (whole, killed)]
+    assert weights[0] == weights[1]
+    assert len(killed.provenance().steps) > 2
+    assert not list(killed.path.rglob("*.tmp"))
 
 
 @pytest.mark.parametrize("moment", ["recordings/exp3/.lock", f"{RUN}/history.csv"])
@@ -84,11 +121,13 @@ def test_ctrl_c_says_that_the_same_command_goes_on(whole, tmp_path, moment):
     assert (outputs / RUN / "metrics.csv").read_text() == (whole / RUN / "metrics.csv").read_text()
 
 
-def test_two_processes_at_once_do_the_work_once(whole, tmp_path):
+@pytest.mark.parametrize("round_", range(ROUNDS))
+@pytest.mark.parametrize("count", [2, 4])
+def test_processes_at_once_do_the_work_once(whole, tmp_path, count, round_):
     outputs = tmp_path / "smoke"
-    processes = [start(outputs) for _ in range(2)]
+    processes = [start(outputs) for _ in range(count)]
     texts = [finish(process) for process in processes]
-    assert [status for status, _ in texts] == [0, 0], texts
+    assert [status for status, _ in texts] == [0] * count, texts
     assert sum("epoch   2" in text for _, text in texts) == 1
     for name in KEPT:
         assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import torch
 from torch import Tensor
+from tqdm import tqdm
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
@@ -102,7 +103,7 @@ def load_pairs(
         ValueError: a shard cannot be trusted, see `store.read_shards`.
     """
     images, maps = [], []
-    for shard in read_shards(recordings, split):
+    for shard in tqdm(read_shards(recordings, split), desc=f"drawing {split}", delay=2, leave=False, disable=None):
         images.append(encoding.encode(shard.scans.tensors(device), grid))
         outlines, states, owner = (
             torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
