@@ -14,8 +14,6 @@ import uuid
 from pathlib import Path
 from typing import Any, ClassVar
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # else torch's idle threads spin against whatever else runs
-
 import hydra
 from hydra.core.config_store import ConfigStore
 from hydra.core.override_parser.overrides_parser import OverridesParser
