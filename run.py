@@ -24,7 +24,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from repro.checks import all_faults
 from repro.config import Config, Task, plain, schema, to_typed, variant
-from repro.messages import JobFailed, explain
+from repro.messages import JobFailed, explain, stopped
 from repro.runs import Outputs
 from repro.tasks import ONCE, TASKS, print_tables, warn_of_cost
 
@@ -146,5 +146,5 @@ if __name__ == "__main__":
     try:
         sys.exit(command_line())
     except KeyboardInterrupt:
-        print("\nstopped: what is done is kept, and the same command goes on from here", file=sys.stderr)
+        print(f"\n{stopped()}", file=sys.stderr)
         sys.exit(130)

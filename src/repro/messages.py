@@ -17,6 +17,20 @@ _MENDS = {
 }
 
 
+_doing: list[str] = []
+
+
+def announce(what: str) -> None:
+    """Says what begins now, and remembers it for when it is interrupted."""
+    _doing[:] = [what]
+    print(what, flush=True)
+
+
+def stopped() -> str:
+    """Says what was interrupted and that nothing is lost."""
+    return f"stopped{' while ' if _doing else ''}{''.join(_doing)}: the same command goes on from here"
+
+
 class JobFailed(Exception):
     """A job that failed and has already said why."""
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from repro.config import NETWORKS, Config, Encoding, Model, Task, variant, world_spec
-from repro.messages import JobFailed
+from repro.messages import JobFailed, announce
 from repro.provenance import Status
 from repro.runs import Data, Outputs, Run, RunConfig
 
@@ -57,13 +57,13 @@ def run_config(config: Config) -> RunConfig:
 
 def record(config: Config) -> None:
     """Records what is missing of an experiment."""
-    from repro.simulation.store import record_experiment
+    directory = recordings_of(config)
+    is_new = not (directory / "manifest.json").is_file()
+    announce(f"{'recording' if is_new else 'checking'} {directory}")
+    from repro.simulation.store import record_experiment  # after the word, for it imports IR-SIM
 
     pairs = dataclasses.asdict(config.scale.pairs)
-    is_new = not (recordings_of(config) / "manifest.json").is_file()
-    record_experiment(
-        recordings_of(config), world_spec(config.world, config.exp), pairs, workers=config.runtime.workers
-    )
+    record_experiment(directory, world_spec(config.world, config.exp), pairs, workers=config.runtime.workers)
     if is_new or config.task is Task.record:
         describe_recordings(config)
 
@@ -85,14 +85,14 @@ def describe_recordings(config: Config) -> None:
 
 def train(config: Config) -> Status:
     """Trains one network, unless that is done, and measures it on the validation set."""
-    from repro.evaluation import predictions
-    from repro.evaluation.metrics import one_line
-    from repro.learning import training
-
     run, runtime = run_of(config), config.runtime
     run.prepare(run_config(config))
     if not run.is_trained:
-        print(f"training {run}", flush=True)
+        announce(f"training {run}")
+    from repro.evaluation import predictions  # after the word, for these import torch
+    from repro.evaluation.metrics import one_line
+    from repro.learning import training
+
     status = training.train(
         run,
         recordings_of(config),
@@ -120,6 +120,7 @@ def evaluate(config: Config) -> None:
     if run.is_evaluated:
         print(f"done already: {run}")
     else:
+        announce(f"evaluating {run}")
         row = predictions.evaluate(run, recordings_of(config), accelerator=config.runtime.accelerator)
         print(f"{run}, test: {one_line(row)}")
     encoding = Encoding("projection", {"decay": True, "lightest": config.lightest})
@@ -224,6 +225,7 @@ def warn_of_cost(configs: list[Config]) -> None:
     trainings = [c for c in configs if c.task in (Task.all, Task.train) and c.scale.name == "paper"]
     left = [config for config in trainings if not run_of(config).is_trained]
     if left:
+        announce("measuring what paper scale costs on this machine")
         from repro.learning.planning import cost_warning
 
         text = cost_warning([config.model.name for config in left], left[0].scale, left[0].runtime.precision)
