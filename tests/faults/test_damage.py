@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+import run as entry  # noqa: F401  registers the schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
