@@ -15,6 +15,7 @@ NETWORKS = ("unet", "fpn", "upernet", "segformer")  # in the paper's order
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
+Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # as Lightning names them
 MOST_WORKERS = max(8, 2 * (os.cpu_count() or 1))
@@ -65,7 +66,12 @@ class Encoding:
     @property
     def variant(self) -> str:
         """Names it in paths: `decay` and `no-decay` for the paper's, its name for any other."""
-        return variant(self.name, self.parameters.get("decay", True))
+        return variant(self.name, self.decay)
+
+    @property
+    def decay(self) -> bool:
+        """Whether its images fade with age."""
+        return self.parameters.get("decay", True)
 
 
 @dataclass(frozen=True)
@@ -88,7 +94,7 @@ class Scale:
     batch_size: Annotated[int, Field(ge=2)]
     max_epochs: Count
     mirror: bool
-    weight_average: Annotated[float, Field(gt=0, lt=1)] | None
+    weight_average: Share | None
 
 
 @dataclass(frozen=True)
@@ -102,7 +108,7 @@ class Training:
     max_epochs: Count
     dice_eps: Positive
     mirror: bool = False
-    weight_average: Annotated[float, Field(gt=0, lt=1)] | None = None
+    weight_average: Share | None = None
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,16 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 from filelock import FileLock, Timeout
+from pydantic import TypeAdapter, ValidationError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -80,6 +83,25 @@ def read_mapping(path: Path, cure: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError(f"{path} cannot be read (a mapping is expected, it holds {type(content).__name__}): {cure}")
     return content
+
+
+def read_typed(kind: type[T], path: Path, cure: str) -> T:
+    """Reads a JSON or YAML file into a dataclass, its values checked.
+
+    Args:
+        kind: the dataclass.
+        path: the file, ending in .json or .yaml.
+        cure: what to do when it cannot be read; ends the message.
+
+    Raises:
+        ValueError: the file is missing, cut, empty, or holds something else.
+    """
+    content = read_mapping(path, cure)
+    try:
+        return TypeAdapter(kind).validate_python(content)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()[:3])
+        raise ValueError(f"{path} cannot be read ({faults}): {cure}") from error
 
 
 def read_table(path: Path, columns: tuple[str, ...], cure: str) -> "pd.DataFrame":

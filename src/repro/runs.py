@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from repro.config import Encoding, Model, PairCounts, Training
-from repro.files import read_mapping, write_json, write_text
+from repro.files import read_typed, write_json, write_text
 from repro.provenance import Provenance, Status, surroundings
 
 
@@ -93,26 +93,18 @@ class Run:
         path = self.path / "config.yaml"
         if not path.is_file() and not (self.path / "provenance.json").is_file():
             raise ValueError(f"{self} is no run directory: it has no config.yaml")
-        cure = f"put it back, or delete {self} to begin the run anew"
-        content = read_mapping(path, cure)
-        try:
-            return TypeAdapter(RunConfig).validate_python(content)
-        except ValidationError as error:
-            faults = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-            raise ValueError(f"{path} cannot be read ({faults}): {cure}") from error
+        return read_typed(RunConfig, path, self._cure)
 
     def provenance(self) -> Provenance:
         """Reads where the run came from; empty when it has not got so far."""
         path = self.path / "provenance.json"
         if not path.is_file() and not self.model.exists():
             return Provenance()
-        cure = f"put it back, or delete {self} to begin the run anew"
-        try:
-            return TypeAdapter(Provenance).validate_python(read_mapping(path, cure))
-        except ValidationError as error:
-            raise ValueError(
-                f"{path} cannot be read ({error.error_count()} values of the wrong type): {cure}"
-            ) from error
+        return read_typed(Provenance, path, self._cure)
+
+    @property
+    def _cure(self) -> str:
+        return f"put it back, or delete {self} to begin the run anew"
 
     @property
     def status(self) -> Status:

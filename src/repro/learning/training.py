@@ -203,14 +203,19 @@ def _fit(
     if stop.paused:
         run.end_step(Status.paused, **facts)
         return False
+    run.end_step(Status.trained, **facts, weights_sha256=_keep_best(run, module, config))
+    return True
+
+
+def _keep_best(run: Run, module: TrainingModule, config: RunConfig) -> str:
+    """Saves the best weights with their encoding and grid; returns their checksum."""
+    checkpoints = run.path / "checkpoints"
     best = find_best(checkpoints)
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
         raise ValueError(f"the best weights in {checkpoints} are damaged: the same command trains the run anew")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=False)["state_dict"])
-    checksum = Predictor(module.network, encoding_of(config), grid_of(config)).save(run.model)
-    run.end_step(Status.trained, **facts, weights_sha256=checksum)
-    return True
+    return Predictor(module.network, encoding_of(config), grid_of(config)).save(run.model)
 
 
 def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:

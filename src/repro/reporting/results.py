@@ -58,7 +58,7 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         "experiment": config.experiment,
         "model": config.model.name,
         "encoding": config.encoding.name,
-        "decay": config.encoding.parameters.get("decay", True),
+        "decay": config.encoding.decay,
         "seed": config.seed,
         **{str(name): value for name, value in read_metrics(run).items()},
         "scale": config.data.scale,

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-from pydantic import TypeAdapter, ValidationError
 from tqdm import tqdm
 
-from repro.files import lock, read_mapping, sha256, write_json
+from repro.files import lock, read_typed, sha256, write_json
 from repro.scans import Scans
 from repro.simulation.shards import (
     FORMAT,
@@ -109,10 +108,7 @@ def read_manifest(directory: Path) -> Manifest:
     if not path.is_file():
         raise ValueError(f"no complete recordings in {directory}: give the same command with task=record first")
     cure = f"delete it and give the same command with task=record; the shards in {directory} are kept"
-    try:
-        manifest = TypeAdapter(Manifest).validate_python(read_mapping(path, cure))
-    except ValidationError as error:
-        raise ValueError(f"{path} cannot be read ({error.error_count()} wrong values): {cure}") from error
+    manifest = read_typed(Manifest, path, cure)
     for split, count in manifest.pairs.items():
         entries = [entry for entry in manifest.shards.values() if entry.split == split]
         first = SPLITS.get(split, -1)
