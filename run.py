@@ -8,6 +8,7 @@ python run.py task=world exp=3 seed=17                                 write one
 """
 
 import os
+import signal
 import sys
 import traceback
 import uuid
@@ -22,7 +23,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from repro.checks import all_faults
+from repro.checks import all_faults, remarks
 from repro.config import Config, Task, plain, schema, to_typed, variant
 from repro.messages import JobFailed, explain, stopped
 from repro.runs import Outputs
@@ -82,7 +83,10 @@ def check(configs: list[DictConfig]) -> None:
     if faults:
         print("error: this cannot be run", *(f"  {fault}" for fault in faults), sep="\n", file=sys.stderr)
         sys.exit(2)
-    warn_of_cost([to_typed(each) for each in values])
+    typed = [to_typed(each) for each in values]
+    for remark in dict.fromkeys(remark for each in typed for remark in remarks(each)):
+        print(f"note: {remark}", file=sys.stderr)
+    warn_of_cost(typed)
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
@@ -143,6 +147,7 @@ def print_failures() -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: the workers of a sweep end with it
     try:
         sys.exit(command_line())
     except KeyboardInterrupt:

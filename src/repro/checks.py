@@ -24,6 +24,22 @@ def all_faults(values: dict[str, Any]) -> list[Fault]:
     return faults or _library_faults(to_typed(values))
 
 
+def remarks(config: Config) -> list[str]:
+    """Says what is allowed and may surprise."""
+    found = []
+    if config.runtime.precision in ("16-mixed", "16-true", "bf16-true"):
+        found.append(f"runtime.precision={config.runtime.precision} keeps few digits: losses may not stay finite")
+    if config.model.encoder_name != "mit_b0":
+        found.append(f"model.encoder_name={config.model.encoder_name} is not the paper's, which is mit_b0")
+    if config.model.encoder_weights is not None:
+        found.append(
+            f"model.encoder_weights={config.model.encoder_weights} are fetched from the internet the first time"
+        )
+    if config.exp in config.world["experiments"] and not config.world["experiments"][config.exp]["clear_radius_m"]:
+        found.append(f"exp {config.exp} has no clear zone: obstacles may stand where the robot drives")
+    return found
+
+
 def _library_faults(config: Config) -> list[Fault]:
     faults = _encoder_faults(config.model.encoder_name, config.model.encoder_weights)
     if Path(config.outputs).exists() and not Path(config.outputs).is_dir():
@@ -53,6 +69,7 @@ def _encoder_faults(name: str | None, weights: str | None) -> list[Fault]:
     if name in MIT_ENCODERS:
         wrong = weights not in MIT_WEIGHTS
         return [Fault("model.encoder_weights", weights, "must be null or imagenet")] if wrong else []
+    print(f"looking up the encoder {name}", flush=True)  # some seconds, and only for one that is out of the ordinary
     from segmentation_models_pytorch.encoders import encoders
 
     if name not in encoders and not str(name).startswith("tu-"):

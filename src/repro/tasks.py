@@ -207,9 +207,15 @@ def world(config: Config) -> None:
 def plan(config: Config) -> None:
     """Says what is left of the whole study at this scale, and what it costs on this machine."""
     print(f"looking at what is done in {config.outputs}, and measuring the networks on this machine", flush=True)
+    from repro.simulation.shards import shards_of
+
     outputs = outputs_of(config)
-    pairs = sum(dataclasses.asdict(config.scale.pairs).values())
-    recordings = pairs * len(set(config.world["experiments"]) - set(outputs.recorded()))
+    recordings = sum(
+        2 * shard.worlds
+        for experiment in config.world["experiments"]
+        for shard in shards_of(dataclasses.asdict(config.scale.pairs))
+        if not (outputs.recordings(experiment) / shard.name).is_file()
+    )
     cells = [(exp, "decay") for exp in ("1", "2", "3", "4")] + [(exp, "no-decay") for exp in ("3", "4")]
     left = {
         name: sum(not outputs.run(exp, name, word, config.seed).is_trained for exp, word in cells) for name in NETWORKS

@@ -1,6 +1,7 @@
 """Kills, Ctrl-C, damaged checkpoints, a full disk, several processes at once: nothing right is lost."""
 
 import errno
+import functools
 import os
 import random
 import re
@@ -32,7 +33,9 @@ RUN = Path("runs/exp3/fpn/decay/seed0")
 def start(outputs, *words):
     command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *words]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    return subprocess.Popen(command, cwd=ROOT, start_new_session=True, **output)
+    # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
+    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, cwd=ROOT, start_new_session=True, preexec_fn=heed, **output)
 
 
 def finish(process):
@@ -122,6 +125,20 @@ def test_ctrl_c_says_that_the_same_command_goes_on(whole, tmp_path, moment):
     status, text = finish(start(outputs))
     assert status == 0, text
     assert (outputs / RUN / "metrics.csv").read_text() == (whole / RUN / "metrics.csv").read_text()
+
+
+def test_a_terminated_sweep_takes_its_workers_with_it(tmp_path):
+    outputs = tmp_path / "smoke"
+    process = start(outputs, "seed=0,1", "train.max_epochs=200", "train.patience=200", "hydra/launcher=cores", "-m")
+    wait_for("runs/exp3/fpn/decay/seed*/history.csv", outputs, process)
+    process.terminate()
+    status, text = finish(process)
+    assert status == 130, text
+    assert "the same command goes on from here" in text, text
+    deadline = time.monotonic() + 20
+    while (left := subprocess.run(["pgrep", "-s", str(process.pid)]).returncode == 0) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert not left
 
 
 @pytest.mark.parametrize("round_", range(ROUNDS))

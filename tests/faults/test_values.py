@@ -13,8 +13,8 @@ from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from repro.checks import all_faults
-from repro.config import plain
+from repro.checks import all_faults, remarks
+from repro.config import plain, to_typed
 
 MOVING = "world.obstacles.moving.behavior"
 LIDAR = "world.robot.sensors.0"
@@ -196,3 +196,17 @@ def test_a_sweep_is_split_as_hydra_splits_it():
     jobs = entry.jobs_of(["model=unet,fpn", "exp=3,4", "seed=0"])
     expected = [[f"model={m}", f"exp={e}", "seed=0"] for m, e in itertools.product(("unet", "fpn"), "34")]
     assert sorted(jobs) == sorted(expected)
+
+
+@pytest.mark.parametrize(
+    ("words", "remark"),
+    [
+        ("runtime.precision=16-true", "few digits"),
+        ("model.encoder_name=mit_b1", "not the paper's"),
+        ("world.experiments.3.clear_radius_m=0", "no clear zone"),
+    ],
+)
+def test_what_is_allowed_and_surprises_gets_a_word(words, remark):
+    surprising, usual = (to_typed(plain(compose("config", overrides=given))) for given in ([words], []))
+    assert [text for text in remarks(surprising) if remark in text]
+    assert remarks(usual) == []
