@@ -102,15 +102,44 @@ def read_metrics(run: Run) -> pd.Series:
     return read_table(run.metrics, METRICS, cure).iloc[0]
 
 
+def read_ssim(run: Run) -> np.ndarray:
+    """Reads the SSIM of every test image of an evaluated run, (M,).
+
+    Raises:
+        ValueError: per_image.csv cannot be read.
+    """
+    cure = f"delete {run.metrics} and give the same command with task=evaluate"
+    return read_table(run.path / "per_image.csv", ("ssim",), cure)["ssim"].to_numpy()
+
+
+def validation_levels(run: Run, recordings: Path, *, accelerator: str = "auto") -> tuple[np.ndarray, np.ndarray]:
+    """Predicts the validation set by the best weights of a trained run: levels as in `read_levels`, and true maps.
+
+    Raises:
+        ValueError: the run is not trained, or the recordings are not those it was trained on.
+    """
+    val, probability = _predict_split("val", run, recordings, accelerator)
+    return _levels(probability), val.maps[:, 0].cpu().numpy()
+
+
+def _levels(probability: Tensor) -> np.ndarray:
+    return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
+
+
 def write_predictions(run: Run, probability: Tensor) -> None:
     """Keeps probabilities of free (M, 1, H, W) as uint8."""
-    free = (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
+    free = _levels(probability)
     with replacing(run.path / "predictions.npz") as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, free=free)
 
 
 def read_predictions(run: Run) -> np.ndarray:
-    """Reads the kept probabilities of free, (M, H, W), float32 in [0, 1].
+    """Reads the kept probabilities of free, (M, H, W), float32 in [0, 1]; see `read_levels`."""
+    return read_levels(run).astype(np.float32) / 255
+
+
+def read_levels(run: Run) -> np.ndarray:
+    """Reads the kept probabilities of free as they are kept, (M, H, W), uint8, 255 for 1.
 
     Raises:
         ValueError: the file is missing or cannot be read.
@@ -118,7 +147,7 @@ def read_predictions(run: Run) -> np.ndarray:
     path = run.path / "predictions.npz"
     try:
         with np.load(path, allow_pickle=False) as file:
-            return file["free"].astype(np.float32) / 255
+            return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         cure = f"delete {run.metrics} and give the same command with task=evaluate"
         raise ValueError(f"{path} cannot be read ({error}): {cure}") from error

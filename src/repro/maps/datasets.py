@@ -13,6 +13,7 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.truth import rasterize
 from repro.runs import RunConfig
+from repro.simulation.shards import ShardContent
 from repro.simulation.store import read_shards
 
 
@@ -105,12 +106,17 @@ def load_pairs(
     images, maps = [], []
     for shard in tqdm(read_shards(recordings, split), desc=f"drawing {split}", delay=2, leave=False, disable=None):
         images.append(encoding.encode(shard.scans.tensors(device), grid))
-        outlines, states, owner = (
-            torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
-        )
-        maps.append(rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid))
-    twins = torch.cat(maps).repeat_interleave(2, dim=0)  # a world and its twin share the map
-    return Pairs(torch.cat(images), twins[:, None], encoding)
+        maps.append(true_maps(shard, grid, device))
+    return Pairs(torch.cat(images), torch.cat(maps)[:, None], encoding)
+
+
+def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
+    """Draws the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
+    outlines, states, owner = (
+        torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
+    )
+    maps = rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid)
+    return maps.repeat_interleave(2, dim=0)  # a world and its twin share the map
 
 
 def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:

@@ -50,6 +50,11 @@ class Grid:
         index = torch.where(inside, row * self.size_px + column, 0.0).long()
         return index, inside
 
+    def centers(self, device: torch.device | str = "cpu") -> Tensor:
+        """World coordinates of all pixel centres [m], row-major from the top, (H W, 2)."""
+        y = self.row_centers(device)
+        return torch.stack([y.flip(0).repeat(self.size_px), y.repeat_interleave(self.size_px)], dim=-1)
+
     def row_centers(self, device: torch.device | str = "cpu") -> Tensor:
         """World y of the pixel centres of each row [m], (H,), falling from top to bottom."""
         rows = torch.arange(self.size_px, dtype=torch.float32, device=device)

@@ -1,0 +1,244 @@
+"""Evidence: what run directories and recordings say beyond the tables, as tidy frames.
+
+For every cell (experiment, model, encoding with or without decay) and all of its seeds: intervals, differences, where
+and when the errors are, calibration. Recordings in, run directories in, frames out.
+"""
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from repro.config import NETWORKS
+from repro.evaluation.calibration import brier, entropy, fit_temperature, reliability, summary, tempered
+from repro.evaluation.intervals import Measured, by_world, difference, draw_weights, interval, resample
+from repro.evaluation.levels import average_precision, count_levels, pooled_scores
+from repro.evaluation.predictions import read_levels, read_ssim, validation_levels
+from repro.evaluation.rivals import RIVALS
+from repro.evaluation.strata import (
+    BIN,
+    BINS,
+    GROUPS,
+    STRATA,
+    age_bin,
+    newest_hits_of_obstacles,
+    obstacle_masks,
+    pixel_groups,
+)
+from repro.maps.datasets import grid_of, true_maps
+from repro.maps.grid import Grid
+from repro.runs import Outputs, Run
+from repro.simulation.store import read_manifest, read_shards
+
+Key = dict[str, Any]  # experiment, model, encoding, decay
+
+
+@dataclass(frozen=True)
+class TestSet:
+    """The test recordings of an experiment: what was true, when it was seen, which obstacle was hit when.
+
+    Args:
+        truth: true maps, 1 is free, (M, H, W).
+        groups: see `strata.pixel_groups`, (M, H, W).
+        masks: each obstacle by itself, (K, H, W).
+        recording: the recording of each obstacle, of either twin, (2, K).
+        newest: the newest step at which it was hit there, 0 for never, (2, K).
+        steps: steps of a recording, T.
+    """
+
+    truth: np.ndarray
+    groups: np.ndarray
+    masks: np.ndarray
+    recording: np.ndarray
+    newest: np.ndarray
+    steps: int
+
+
+@dataclass
+class Evidence:
+    """Tidy rows, by name: what becomes <name>.csv."""
+
+    rows: dict[str, list[pd.DataFrame]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, name: str, frame: pd.DataFrame, key: Key) -> None:
+        """Adds rows, with the columns of a key before theirs."""
+        self.rows[name].append(pd.DataFrame({**{k: [v] * len(frame) for k, v in key.items()}, **frame}))
+
+    def frames(self) -> dict[str, pd.DataFrame]:
+        return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
+
+
+def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
+    """Gathers the evidence of all evaluated runs below an outputs directory.
+
+    Args:
+        outputs: an outputs directory with the recordings its runs were made from.
+
+    Returns:
+        intervals, differences, strata, ages, obstacles, calibration and reliability, each a tidy frame. Empty when no
+        network has been evaluated.
+
+    Raises:
+        ValueError: a run or a recording cannot be trusted.
+    """
+    evidence, cells = Evidence(), _cells(outputs)
+    for experiment in sorted({experiment for experiment, *_ in cells}):
+        mine = {key: runs for key, runs in cells.items() if key[0] == experiment}
+        recordings, config = outputs.recordings(experiment), next(iter(mine.values()))[0].config()
+        test = load_test_set(recordings, grid_of(config))
+        weights = draw_weights(len(test.truth) // 2)
+        drawn: dict[tuple, pd.DataFrame] = {}
+        for cell, runs in tqdm(mine.items(), desc=f"evidence, exp {experiment}", leave=False, disable=None):
+            key = dict(zip(("experiment", "model", "encoding", "decay"), cell, strict=True))
+            drawn[cell] = _measure_cell(evidence, key, runs, recordings, test, weights)
+        for key, table in _averages(drawn):
+            drawn[key] = table
+            named = dict(zip(("experiment", "model", "encoding", "decay"), key, strict=True))
+            evidence.add("intervals", interval(table), named)
+        _compare_cells(evidence, drawn)
+    return evidence.frames()
+
+
+def load_test_set(recordings: Path, grid: Grid) -> TestSet:
+    """Reads the test recordings of an experiment and labels them."""
+    range_max_m = read_manifest(recordings).spec["robot"]["sensors"][0]["range_max"]
+    parts, first = [], 0
+    for shard in read_shards(recordings, "test"):
+        recording = first + 2 * shard.world + np.array([[0], [1]])
+        groups = pixel_groups(shard.scans, grid, range_max_m)
+        found = (true_maps(shard, grid).numpy(), groups, obstacle_masks(shard, grid), recording)
+        parts.append((*found, newest_hits_of_obstacles(shard)))
+        first, steps = first + len(shard.scans), shard.scans.ranges.shape[1]
+    truth, groups, masks, recording, newest = zip(*parts, strict=True)
+    pixels = (np.concatenate(each) for each in (truth, groups, masks))
+    return TestSet(*pixels, np.concatenate(recording, axis=1), np.concatenate(newest, axis=1), steps)
+
+
+def _cells(outputs: Outputs) -> dict[tuple, list[Run]]:
+    """Finds the evaluated runs of each cell, in the order of the tables."""
+    cells: dict[tuple, list[Run]] = defaultdict(list)
+    for run in outputs.runs():
+        if run.is_evaluated:
+            config = run.config()
+            cells[config.experiment, config.model.name, config.encoding.name, config.encoding.decay].append(run)
+    rank = {name: number for number, name in enumerate((*NETWORKS, *RIVALS))}
+    return dict(sorted(cells.items(), key=lambda item: (item[0][0], not item[0][3], rank.get(item[0][1], 99))))
+
+
+def _measure_cell(
+    evidence: Evidence, key: Key, runs: list[Run], recordings: Path, test: TestSet, weights: np.ndarray
+) -> pd.DataFrame:
+    """Measures all seeds of a cell; returns its metrics in every draw of the bootstrap."""
+    levels = [read_levels(run) for run in runs]
+    counts = np.stack([by_world(count_levels(free, test.truth, test.groups, GROUPS)) for free in levels])
+    ssim = np.stack([by_world(read_ssim(run)) / 2 for run in runs])
+    drawn = resample(Measured(counts.sum(2), ssim), weights)
+    evidence.add("intervals", interval(drawn).assign(seeds=len(runs)), key)
+    pooled = counts.sum((0, 1))  # (G, 2, 256)
+    strata = {name: pooled[list(groups)].sum(0) for name, groups in STRATA.items()}
+    evidence.add("strata", _by_stratum(strata), key)
+    ages = {str(BIN * bin_ + 1): pooled[bin_] for bin_ in range(BINS)}
+    evidence.add("ages", _by_stratum(ages).rename(columns={"stratum": "age"}), key)
+    evidence.add("obstacles", _by_last_hit(levels, test), key)
+    if key["model"] in NETWORKS:
+        _calibrate(evidence, key, runs, recordings, strata, levels, test)
+    return drawn
+
+
+def _by_stratum(strata: dict[str, np.ndarray]) -> pd.DataFrame:
+    """Measures each stratum from its counts (2, 256); a row each, nan where it has no pixel or no obstacle."""
+    total = sum(int(counts.sum()) for counts in strata.values())
+    rows = []
+    for name, counts in strata.items():
+        pixels, obstacles = int(counts.sum()), int(counts[0].sum())
+        scored = pooled_scores(counts)
+        measured = {
+            "obstacle_recall": scored["specificity"] if obstacles else np.nan,  # the paper's specificity
+            "free_recall": scored["recall"] if pixels > obstacles else np.nan,
+            "obstacle_iou": scored["obstacle_iou"] if obstacles else np.nan,
+            "pr_auc": average_precision(counts),
+            "brier": brier(counts),
+            "entropy": entropy(counts),
+        }
+        share = {"pixel_share": pixels / total, "obstacle_share": obstacles / pixels if pixels else np.nan}
+        rows.append({"stratum": name, **share, **{name: float(value) for name, value in measured.items()}})
+    return pd.DataFrame(rows)
+
+
+def _by_last_hit(levels: list[np.ndarray], test: TestSet) -> pd.DataFrame:
+    """Says how much of each obstacle is predicted, and how many at least half, by when it was last hit."""
+    area = test.masks.sum((1, 2))
+    group = np.where(test.newest > 0, age_bin(test.steps - test.newest + 1), BINS)
+    found = np.zeros_like(test.newest, dtype=float)
+    for free, twin in itertools.product(levels, (0, 1)):
+        for number in np.flatnonzero(area):
+            predicted = free[test.recording[twin, number]][test.masks[number]] < 128
+            found[twin, number] += predicted.mean() / len(levels)
+    rows = []
+    for name, bins in {**dict(list(STRATA.items())[:4]), "never": range(BINS, BINS + 1)}.items():
+        chosen = np.isin(group, list(bins)) & (area > 0)
+        shares = found[chosen]
+        whole = {"recall": shares.mean(), "detected": (shares >= 0.5).mean()} if len(shares) else {}
+        rows.append({"last_hit": name, "obstacles": int(chosen.sum()), **whole})
+    return pd.DataFrame(rows)
+
+
+def _calibrate(
+    evidence: Evidence, key: Key, runs: list[Run], recordings: Path, strata: dict, levels: list, test: TestSet
+) -> None:
+    """Measures calibration as it is, after temperature scaling fitted on validation data, and of the seeds' mean."""
+    validation = [validation_levels(run, recordings) for run in runs]
+    temperatures = [fit_temperature(count_levels(free, true)[:, 0].sum(0)) for free, true in validation]
+    each = [count_levels(free, test.truth)[:, 0].sum(0) for free in levels]
+    rows = [{"what": "as it is", "stratum": "all", **_mean([summary(counts) for counts in each])}]
+    scaled = [summary(c, tempered(t)) for c, t in zip(each, temperatures, strict=True)]
+    rows.append({"what": "tempered", "stratum": "all", **_mean(scaled), "temperature": float(np.mean(temperatures))})
+    if len(levels) > 1:
+        mean = np.mean(levels, axis=0).round().astype(np.uint8)
+        counts = count_levels(mean, test.truth)[:, 0].sum(0)
+        score = {name: float(value) for name, value in pooled_scores(counts).items()}
+        kept = {name: score[name] for name in ("accuracy", "specificity", "obstacle_iou")}
+        rows.append({"what": f"mean of {len(levels)} seeds", "stratum": "all", **summary(counts), **kept})
+    rows += [{"what": "as it is", "stratum": n, **summary(c)} for n, c in strata.items() if c[0].sum()]
+    evidence.add("calibration", pd.DataFrame(rows), key)
+    pooled = {"all": sum(each), **{name: counts for name, counts in strata.items() if counts.sum()}}
+    for name, counts in pooled.items():
+        evidence.add("reliability", reliability(counts).assign(stratum=name), key)
+
+
+def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
+    return pd.DataFrame(rows).mean().to_dict()
+
+
+def _averages(drawn: dict[tuple, pd.DataFrame]) -> Iterator[tuple[tuple, pd.DataFrame]]:
+    """Yields the mean of the four networks of each encoding that has them all, in every draw."""
+    for experiment, encoding, decay in dict.fromkeys((key[0], key[2], key[3]) for key in drawn):
+        networks = [drawn.get((experiment, name, encoding, decay)) for name in NETWORKS]
+        whole = [table for table in networks if table is not None]
+        if len(whole) == len(NETWORKS):
+            yield (experiment, "average", encoding, decay), sum(whole[1:], whole[0]) / len(whole)
+
+
+def _compare_cells(evidence: Evidence, drawn: dict[tuple, pd.DataFrame]) -> None:
+    """Compares networks with one another, decay with none, and other encodings with the paper's."""
+    for one, other in itertools.combinations(drawn, 2):
+        (experiment, model, encoding, decay), (_, model2, encoding2, decay2) = one, other
+        what = {
+            (True, False, False): "networks",
+            (False, True, False): "decay",
+            (False, False, True): "encodings",
+        }.get((model != model2, decay != decay2, encoding != encoding2))
+        if what:
+            key = {"experiment": experiment, "what": what, "one": _name(one, what), "other": _name(other, what)}
+            same = {"model": model if what != "networks" else "", "encoding": encoding, "decay": decay}
+            evidence.add("differences", difference(drawn[one], drawn[other]), key | same)
+
+
+def _name(cell: tuple, what: str) -> str:
+    return {"networks": cell[1], "decay": "decay" if cell[3] else "no decay", "encodings": cell[2]}[what]
