@@ -96,8 +96,8 @@ def bench_recording(worlds: int = 12) -> None:
 
 def bench_projection(runs: int = 10_000) -> None:
     """10,000 runs to 256 px, against one point at a time."""
-    from repro.maps.encodings import Projection
     from repro.maps.grid import Grid
+    from repro.maps.projection import Projection
     from repro.scans import Scans
     from repro.simulation.recording import simulate
     from repro.simulation.worlds import sample_world

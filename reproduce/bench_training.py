@@ -16,7 +16,7 @@ from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.datasets import Pairs
-from repro.maps.encodings import Projection
+from repro.maps.projection import Projection
 
 TRAINING_COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 ROUNDS = 3  # the ways take turns, so that a noisy machine is noisy for all of them

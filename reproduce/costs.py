@@ -24,8 +24,8 @@ from repro.devices import clock
 from repro.learning.models import create_model
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Pairs
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.reporting.tables import Table, costs_to_markdown
 from repro.scans import Scans
 

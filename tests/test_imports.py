@@ -6,10 +6,11 @@ SOURCE = ROOT / "src" / "repro"
 ORDER = [
     *("config", "files", "scans", "devices", "provenance", "runs"),
     *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "recording", "shards", "store")),
-    *(f"maps.{name}" for name in ("grid", "truth", "encodings", "datasets")),
+    *(f"maps.{name}" for name in ("grid", "truth", "visible", "projection", "encodings", "datasets")),
     "prediction",
     *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "checkpoints", "training")),
-    *(f"evaluation.{name}" for name in ("metrics", "rivals", "predictions", "visibility", "examples")),
+    *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
+    *(f"evaluation.{name}" for name in ("rivals", "predictions", "visibility", "examples", "strata", "evidence")),
     *(f"reporting.{name}" for name in ("paper", "results", "tables", "figures", "publish")),
     *("checks", "messages", "tasks"),
 ]

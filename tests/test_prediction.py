@@ -7,8 +7,8 @@ import torch
 from conftest import ROOT, world_spec
 
 from repro.learning.models import create_model
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.prediction import Predictor, load_predictor
 from repro.scans import Scans
 from repro.simulation.recording import simulate

@@ -195,6 +195,8 @@ def config_faults(values: dict[str, Any]) -> list[Fault]:
     if config.train.batch_size > config.scale.pairs.train:
         allowed = f"at most the {config.scale.pairs.train} training pairs"
         faults.append(Fault("train.batch_size", config.train.batch_size, allowed))
+    if not config.decay and "decay" not in config.encoding.parameters:
+        faults.append(Fault("decay", "false", f"the encoding {config.encoding.name} has no decay to be left out"))
     if config.model.name not in NETWORKS:
         faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(NETWORKS)}"))
     return faults

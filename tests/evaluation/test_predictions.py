@@ -9,8 +9,8 @@ from repro.evaluation.predictions import evaluate, read_predictions, validate
 from repro.evaluation.rivals import RIVALS, best_radius, discs_around_hits
 from repro.learning.training import train
 from repro.maps.datasets import Pairs, load_pairs
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.prediction import load_predictor
 from repro.provenance import Status
 from repro.simulation.store import recordings_hash

@@ -3,8 +3,8 @@ import torch
 
 from repro.evaluation.visibility import describe
 from repro.maps.datasets import load_pairs
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.maps.truth import rasterize
 from repro.simulation.store import read_shards
 

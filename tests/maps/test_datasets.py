@@ -3,8 +3,8 @@ import torch
 from conftest import world_spec
 
 from repro.maps.datasets import Batches, Pairs, load_pairs
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.scans import Scans
 from repro.simulation.recording import scan, simulate
 from repro.simulation.worlds import sample_world, turn_around

@@ -1,114 +1,76 @@
-import math
-
-import numpy as np
 import pytest
 import torch
+import yaml
+from conftest import ROOT
 
-from repro.maps.encodings import Projection, create_encoding, newest_hits
+from repro.maps.encodings import ENCODINGS, Ages, Exponential, SeenFree, Stack, create_encoding
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection, newest_hits
+from repro.maps.visible import newest_visible
 from repro.scans import Scans
 from repro.simulation.store import read_shards
 
-
-def slow_projection(ranges, angles, poses, size_px, decay, lightest):
-    """The projection as one would explain it: oldest scan first, every hit painted over what is there."""
-    image = np.full((size_px, size_px), 255, dtype=np.uint8)
-    steps = len(ranges)
-    for step in range(steps):
-        x, y, heading = poses[step]
-        gray = lightest * (1 - step / (steps - 1)) if decay else 0.0
-        for distance, angle in zip(ranges[step], angles, strict=True):
-            if not np.isfinite(distance):
-                continue
-            column = math.floor((x + distance * math.cos(heading + angle)) / 50 * size_px)
-            row = size_px - 1 - math.floor((y + distance * math.sin(heading + angle)) / 50 * size_px)
-            if 0 <= row < size_px and 0 <= column < size_px:
-                image[row, column] = round(255 * gray)
-    return image
+GRID = Grid(64, 50.0)
+ALL = [Projection(), Exponential(), Ages(), SeenFree(), Stack(4), Stack(10)]
 
 
 @pytest.fixture(scope="module")
-def shard(recorded):
-    return next(read_shards(recorded, "test"))
+def scans(recorded):
+    return next(read_shards(recorded, "test")).scans.tensors()
 
 
-def project(scans, grid, **parameters):
-    """The projection (B, H, W) of scans."""
-    return Projection(**parameters).encode(scans, grid)[:, 0]
+def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding():
+    files = {path.stem: yaml.safe_load(path.read_text()) for path in (ROOT / "conf" / "encoding").glob("*.yaml")}
+    assert set(files) == set(ENCODINGS) == {encoding.name for encoding in ALL}
+    assert all(content["name"] == name for name, content in files.items())
 
 
-@pytest.mark.parametrize("decay", [True, False])
-@pytest.mark.parametrize("size_px", [32, 100])
-def test_agrees_with_the_slow_reference(shard, size_px, decay):
-    images = project(shard.scans.tensors(dtype=torch.float64), Grid(size_px, 50.0), decay=decay)
-    for image, ranges, poses in zip(images, shard.scans.ranges, shard.scans.poses, strict=True):
-        reference = slow_projection(ranges.astype(float), shard.scans.angles, poses, size_px, decay, 0.8)
-        assert np.abs(image.numpy().astype(int) - reference).max() <= 1
+@pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
+def test_images_are_what_a_network_is_made_for(scans, encoding):
+    images = encoding.encode(scans, GRID)
+    assert images.shape == (len(scans), encoding.channels, 64, 64)
+    assert images.dtype == torch.uint8
+    inputs = encoding.to_input(images)
+    assert inputs.shape == images.shape
+    assert 0 <= inputs.min() <= inputs.max() <= 1
+    assert torch.equal(encoding.hits(images), newest_hits(scans, GRID) > 0)
 
 
-def test_float32_moves_hardly_a_pixel(shard):
-    exact = project(shard.scans.tensors(dtype=torch.float64), Grid(64, 50.0))
-    single = project(shard.scans.tensors(), Grid(64, 50.0))
-    assert (exact != single).float().mean() < 1e-4
+@pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
+def test_a_window_is_drawn_alike_alone_and_in_a_batch(scans, encoding):
+    assert torch.equal(encoding.encode(scans[1:2], GRID)[0], encoding.encode(scans, GRID)[1])
 
 
-def one_beam(hits):
-    """Scans of one beam straight ahead from the map's centre."""
-    ranges = torch.tensor(hits, dtype=torch.float32)[None, :, None]
-    poses = torch.tensor([[25.0, 25.0, 0.0]]).expand(1, len(hits), 3)
-    return Scans(ranges, torch.zeros(1), poses)
+def test_an_exponential_gray_is_half_way_after_its_half_life():
+    law = Exponential(half_life=10, lightest=0.8)._law(100)
+    assert law[-1] == 0
+    assert law[-11].item() == pytest.approx(0.4)
+    assert law[-21].item() == pytest.approx(0.6)
+    assert (law.diff() < 0).all()
 
 
-def test_the_newest_reading_wins():
-    image = project(one_beam([10.0, 20.0, 10.0]), Grid(50, 50.0), lightest=0.8)[0]
-    row = 24
-    assert image[row, 35] == 0  # hit first and last
-    assert image[row, 45] == round(255 * 0.4)  # hit in the middle
-    assert (image < 255).sum() == 2
+def test_ages_keep_hit_and_age_apart(scans):
+    images = Ages(lightest=0.5).encode(scans, GRID)
+    assert torch.equal(images[:, :1], Projection(decay=False).encode(scans, GRID))
+    assert torch.equal(images[:, 1:], Projection(lightest=0.5).encode(scans, GRID))
 
 
-def test_gray_falls_linearly_from_the_oldest_to_the_newest():
-    scans = one_beam([2.0 * step for step in range(1, 11)])
-    shades = project(scans, Grid(50, 50.0), lightest=0.9)[0, 24, 27::2][:10]
-    assert shades.tolist() == pytest.approx([255 * 0.9 * (1 - k / 9) for k in range(10)], abs=0.51)
+def test_where_a_beam_passed_last_is_the_second_image_of_seen_free(scans):
+    images = SeenFree().encode(scans, GRID)
+    assert torch.equal(images[:, :1], Projection().encode(scans, GRID))
+    passed, _ = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
+    assert torch.equal(images[:, 1] < 255, passed > 0)
+    assert (images[:, 1][passed == 100] == 0).all()
+    just_hit = (newest_hits(scans, GRID) == 100) & (passed == 100)
+    assert just_hit.float().mean() < 0.002  # half a pixel short of its range, a beam hardly passes over what it hits
 
 
-def test_without_decay_every_hit_is_black():
-    image = project(one_beam([5.0, 10.0, torch.inf, 20.0]), Grid(50, 50.0), decay=False)
-    assert sorted(image.unique().tolist()) == [0, 255]
-    assert (image == 0).sum() == 3
-
-
-def test_misses_and_hits_off_the_map_leave_no_trace():
-    assert (project(one_beam([torch.inf, 26.0, 40.0]), Grid(50, 50.0)) == 255).all()
-
-
-def test_turning_the_poses_turns_the_image(shard):
-    scans = shard.scans.tensors(dtype=torch.float64)
-    turned = scans.poses.clone()
-    centred = scans.poses[..., :2] - 25
-    turned[..., 0], turned[..., 1] = 25 - centred[..., 1], 25 + centred[..., 0]
-    turned[..., 2] += math.pi / 2
-    image = project(scans, Grid(64, 50.0))
-    again = project(Scans(scans.ranges, scans.angles, turned), Grid(64, 50.0))
-    assert (again != torch.rot90(image, 1, dims=(1, 2))).float().mean() < 1e-3
-
-
-def test_bad_grays_are_refused():
-    with pytest.raises(ValueError, match=r"lightest must be in \[0, 1\)"):
-        Projection(lightest=1.0)
-
-
-def test_where_a_hit_was_can_be_read_back(shard):
-    scans, grid = shard.scans.tensors(), Grid(64, 50.0)
-    for encoding in (Projection(), Projection(decay=False), Projection(lightest=0.99)):
-        hits = encoding.hits(encoding.encode(scans, grid))
-        assert torch.equal(hits, newest_hits(scans, grid) > 0)
-
-
-def test_a_network_is_fed_with_numbers_from_0_to_1():
-    images = torch.tensor([[[[0, 51], [204, 255]]]], dtype=torch.uint8)
-    assert Projection().to_input(images).flatten().tolist() == pytest.approx([0, 0.2, 0.8, 1])
+def test_a_stack_cuts_the_window_into_its_parts(scans):
+    images = Stack(4).encode(scans, GRID)
+    for part in range(4):
+        window = slice(25 * part, 25 * part + 25)
+        alone = Scans(scans.ranges[:, window], scans.angles, scans.poses[:, window])
+        assert torch.equal(images[:, part : part + 1], Projection(decay=False).encode(alone, GRID))
 
 
 def test_an_encoding_is_made_from_its_name_and_parameters():
@@ -117,3 +79,20 @@ def test_an_encoding_is_made_from_its_name_and_parameters():
         create_encoding("stack", {})
     with pytest.raises(ValueError, match="encoding projection takes decay, lightest, got dark"):
         create_encoding("projection", {"dark": 1})
+    assert create_encoding("stack4", {"frames": 4}) == Stack(4)
+    with pytest.raises(ValueError, match=r"stack4 is not what its parameters .* make, which is stack5"):
+        create_encoding("stack4", {"frames": 5})
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "message"),
+    [
+        ("exponential", {"half_life": 0}, "half_life must be positive, got 0"),
+        ("seen_free", {"range_max_m": -1}, "range_max_m must be positive, got -1"),
+        ("stack4", {"frames": 0}, "frames must be at least 1, got 0"),
+        ("ages", {"lightest": 1}, "lightest must be in"),
+    ],
+)
+def test_parameters_without_meaning_are_refused(name, parameters, message):
+    with pytest.raises(ValueError, match=message):
+        create_encoding(name, parameters)

@@ -6,8 +6,8 @@ from conftest import run_config, world_spec
 
 from repro.evaluation.examples import Example, load_example
 from repro.evaluation.predictions import write_predictions
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.reporting.figures import (
     data_collection,
     data_representation,

@@ -12,8 +12,8 @@ from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import evaluate
 from repro.learning.models import create_model
 from repro.learning.training import train
-from repro.maps.encodings import Projection
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection
 from repro.prediction import Predictor
 from repro.provenance import Status
 from repro.reporting.publish import export_weights, publish, readme_with_results

@@ -95,29 +95,34 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
         weights = draw_weights(len(test.truth) // 2)
         drawn: dict[tuple, pd.DataFrame] = {}
         for cell, runs in tqdm(mine.items(), desc=f"evidence, exp {experiment}", leave=False, disable=None):
-            key = dict(zip(("experiment", "model", "encoding", "decay"), cell, strict=True))
-            drawn[cell] = _measure_cell(evidence, key, runs, recordings, test, weights)
-        for key, table in _averages(drawn):
-            drawn[key] = table
-            named = dict(zip(("experiment", "model", "encoding", "decay"), key, strict=True))
-            evidence.add("intervals", interval(table), named)
+            drawn[cell] = _measure_cell(evidence, _key(cell), runs, recordings, test, weights)
+        for cell, table in _averages(drawn):
+            drawn[cell] = table
+            evidence.add("intervals", interval(table), _key(cell))
         _compare_cells(evidence, drawn)
     return evidence.frames()
+
+
+def _key(cell: tuple) -> Key:
+    return dict(zip(("experiment", "model", "encoding", "decay"), cell, strict=True))
 
 
 def load_test_set(recordings: Path, grid: Grid) -> TestSet:
     """Reads the test recordings of an experiment and labels them."""
     range_max_m = read_manifest(recordings).spec["robot"]["sensors"][0]["range_max"]
-    parts, first = [], 0
+    parts: dict[str, list[np.ndarray]] = defaultdict(list)
+    first = 0
     for shard in read_shards(recordings, "test"):
         recording = first + 2 * shard.world + np.array([[0], [1]])
-        groups = pixel_groups(shard.scans, grid, range_max_m)
-        found = (true_maps(shard, grid).numpy(), groups, obstacle_masks(shard, grid), recording)
-        parts.append((*found, newest_hits_of_obstacles(shard)))
+        parts["truth"].append(true_maps(shard, grid).numpy())
+        parts["groups"].append(pixel_groups(shard.scans, grid, range_max_m))
+        parts["masks"].append(obstacle_masks(shard, grid))
+        parts["recording"].append(recording)
+        parts["newest"].append(newest_hits_of_obstacles(shard))
         first, steps = first + len(shard.scans), shard.scans.ranges.shape[1]
-    truth, groups, masks, recording, newest = zip(*parts, strict=True)
-    pixels = (np.concatenate(each) for each in (truth, groups, masks))
-    return TestSet(*pixels, np.concatenate(recording, axis=1), np.concatenate(newest, axis=1), steps)
+    of_obstacles = ("recording", "newest")
+    whole = {name: np.concatenate(found, axis=int(name in of_obstacles)) for name, found in parts.items()}
+    return TestSet(**whole, steps=steps)
 
 
 def _cells(outputs: Outputs) -> dict[tuple, list[Run]]:
@@ -213,7 +218,7 @@ def _calibrate(
 
 
 def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
-    return pd.DataFrame(rows).mean().to_dict()
+    return {str(name): value for name, value in pd.DataFrame(rows).mean().items()}
 
 
 def _averages(drawn: dict[tuple, pd.DataFrame]) -> Iterator[tuple[tuple, pd.DataFrame]]:

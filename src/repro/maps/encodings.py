@@ -2,7 +2,7 @@
 
 An encoding is a frozen dataclass of its parameters. It draws uint8 images, many windows at once, at any resolution,
 on the CPU or a GPU; it says what a network is to be fed with, and answers what can be read back from its images. A new
-one is a class here, a line in `ENCODINGS` and a file in conf/encoding.
+one is a class here, a line in `ENCODINGS` and a file in conf/encoding. The paper's own is `projection.Projection`.
 """
 
 import dataclasses
@@ -13,13 +13,17 @@ import torch
 from torch import Tensor
 
 from repro.maps.grid import Grid
+from repro.maps.projection import Projection, newest_hits
+from repro.maps.visible import newest_visible
 from repro.scans import Scans
 
 
 class Encoding(Protocol):
     """What every encoding has."""
 
-    name: ClassVar[str]
+    @property
+    def name(self) -> str:
+        """What conf/encoding calls it."""
 
     @property
     def channels(self) -> int:
@@ -36,63 +40,122 @@ class Encoding(Protocol):
 
 
 @dataclass(frozen=True)
-class Projection:
-    """The cumulative dynamic sensor projection: one gray-scale image, 0 black to 255 white.
-
-    Every hit is placed in the global frame by pose and beam angle. The newest hit of a pixel wins. Of T steps, a hit of
-    the last is black (0), one of the first has the gray `lightest`, those between lie on a straight line; the
-    background is white.
-
-    Paper: "Cumulative Dynamic Sensor Projection" and, for `decay=False`, "Ablation Study". The decay law is not
-    stated: DEVIATIONS D7.
+class Exponential(Projection):
+    """The projection with a gray that fades by halves: after `half_life` steps half way from black to `lightest`.
 
     Args:
-        decay: False makes every hit equally black.
-        lightest: gray of the oldest hit, in [0, 1), where 1 is white.
+        half_life: steps.
 
     Raises:
-        ValueError: `lightest` is not in [0, 1).
+        ValueError: `half_life` is not positive, or see `Projection`.
     """
 
-    name: ClassVar[str] = "projection"
-    channels: ClassVar[int] = 1
+    name: ClassVar[str] = "exponential"
 
-    decay: bool = True
-    lightest: float = 0.8
+    half_life: float = 15.0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.lightest < 1:
-            raise ValueError(f"lightest must be in [0, 1), got {self.lightest}")
+        super().__post_init__()
+        if self.half_life <= 0:
+            raise ValueError(f"half_life must be positive, got {self.half_life}")
+
+    def _law(self, steps: int) -> Tensor:
+        return self.lightest * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
+
+
+@dataclass(frozen=True)
+class Ages(Projection):
+    """The projection's ages apart from its hits: where a beam ever ended (black), and how long ago (gray).
+
+    The projection says both by one gray, so that an old hit is nearly the white of no hit. Here the second image has
+    the gray of the projection, and the first is the projection without decay.
+    """
+
+    name: ClassVar[str] = "ages"
+    channels: ClassVar[int] = 2
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        """Draws the projection of each window.
+        faded = super().encode(scans, grid)
+        return torch.cat([torch.where(faded < 255, 0, 255).to(torch.uint8), faded], dim=1)
 
-        Args:
-            scans: a batch of windows, as tensors.
-            grid: where the pixels are.
 
-        Returns:
-            gray images, uint8, (B, 1, H, W); darker is more recent.
-        """
-        newest = newest_hits(scans, grid)
-        return self._shades(scans.ranges.shape[1]).to(newest.device)[newest][:, None]
+@dataclass(frozen=True)
+class SeenFree(Projection):
+    """The projection, and a second image of when each pixel was last seen to be free.
+
+    A beam that passed over a pixel says that it was free then, which the projection throws away. The second image has
+    the gray of the last step at which that happened, by the projection's own law, white where it never did.
+
+    Args:
+        range_max_m: how far a beam reaches that hits nothing [m].
+
+    Raises:
+        ValueError: `range_max_m` is not positive, or see `Projection`.
+    """
+
+    name: ClassVar[str] = "seen_free"
+    channels: ClassVar[int] = 2
+
+    range_max_m: float = 30.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.range_max_m <= 0:
+            raise ValueError(f"range_max_m must be positive, got {self.range_max_m}")
+
+    def encode(self, scans: Scans, grid: Grid) -> Tensor:
+        passed, _ = newest_visible(scans, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
+        shades = self._shades(scans.ranges.shape[1]).to(passed.device)
+        return torch.cat([super().encode(scans, grid), shades[passed.long()][:, None]], dim=1)
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Several images in a row: the hits of each part of the window by themselves, oldest part first, equally black.
+
+    The multi-image input that the paper argues against ("Cumulative Dynamic Sensor Projection") and did not try.
+
+    Args:
+        frames: images, the parts into which the window is cut.
+
+    Raises:
+        ValueError: `frames` is below 1.
+    """
+
+    frames: int
+
+    def __post_init__(self) -> None:
+        if self.frames < 1:
+            raise ValueError(f"frames must be at least 1, got {self.frames}")
+
+    @property
+    def name(self) -> str:
+        return f"stack{self.frames}"
+
+    @property
+    def channels(self) -> int:
+        return self.frames
+
+    def encode(self, scans: Scans, grid: Grid) -> Tensor:
+        parts = torch.arange(scans.ranges.shape[1], device=scans.ranges.device).tensor_split(self.frames)
+        drawn = [newest_hits(Scans(scans.ranges[:, p], scans.angles, scans.poses[:, p]), grid) == 0 for p in parts]
+        return 255 * torch.stack(drawn, dim=1).to(torch.uint8)
 
     def to_input(self, images: Tensor) -> Tensor:
         return images.float() / 255
 
     def hits(self, images: Tensor) -> Tensor:
-        return images[:, 0] < 255
-
-    def _shades(self, steps: int) -> Tensor:
-        """Gray of a pixel by its newest step: white for none, then from the oldest to the newest, (T + 1,)."""
-        shades = torch.zeros(steps + 1)
-        if self.decay:
-            shades[1:] = torch.linspace(self.lightest, 0, steps)
-        shades[0] = 1
-        return (255 * shades).round().to(torch.uint8)
+        return (images < 255).any(1)
 
 
-ENCODINGS: dict[str, type[Encoding]] = {"projection": Projection}
+ENCODINGS: dict[str, type[Encoding]] = {
+    "projection": Projection,
+    "exponential": Exponential,
+    "ages": Ages,
+    "seen_free": SeenFree,
+    "stack4": Stack,
+    "stack10": Stack,
+}
 
 
 def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
@@ -107,30 +170,7 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
     unknown = sorted(set(parameters) - set(known))
     if unknown:
         raise ValueError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
-    return ENCODINGS[name](**parameters)
-
-
-def newest_hits(scans: Scans, grid: Grid) -> Tensor:
-    """Finds the newest step at which each pixel was hit.
-
-    Args:
-        scans: a batch of windows, as tensors.
-        grid: where the pixels are.
-
-    Returns:
-        the step, counted from 1; 0 where there was no hit, int64, (B, H, W).
-    """
-    ranges, poses = scans.ranges, scans.poses
-    batch, steps, _ = ranges.shape
-
-    # Points in the global frame, (B, T, N, 2); misses are left out below
-    heading = poses[..., 2:] + scans.angles
-    directions = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
-    hit = torch.isfinite(ranges)
-    points = poses[..., None, :2] + torch.where(hit, ranges, 0)[..., None] * directions
-    index, inside = grid.pixels(points)
-
-    step = torch.arange(1, steps + 1, device=ranges.device)[:, None].expand_as(ranges)
-    newest = torch.zeros(batch, grid.size_px**2, dtype=torch.long, device=ranges.device)
-    newest.scatter_reduce_(1, index.flatten(1), torch.where(hit & inside, step, 0).flatten(1), reduce="amax")
-    return newest.view(batch, grid.size_px, grid.size_px)
+    encoding = ENCODINGS[name](**parameters)
+    if encoding.name != name:
+        raise ValueError(f"encoding {name} is not what its parameters {parameters} make, which is {encoding.name}")
+    return encoding

@@ -1,0 +1,97 @@
+"""The paper's encoding: the cumulative dynamic sensor projection."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from repro.maps.grid import Grid
+from repro.scans import Scans
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The cumulative dynamic sensor projection: one gray-scale image, 0 black to 255 white.
+
+    Every hit is placed in the global frame by pose and beam angle. The newest hit of a pixel wins. Of T steps, a hit of
+    the last is black (0), one of the first has the gray `lightest`, those between lie on a straight line; the
+    background is white.
+
+    Paper: "Cumulative Dynamic Sensor Projection" and, for `decay=False`, "Ablation Study". The decay law is not
+    stated: DEVIATIONS D7.
+
+    Args:
+        decay: False makes every hit equally black.
+        lightest: gray of the oldest hit, in [0, 1), where 1 is white.
+
+    Raises:
+        ValueError: `lightest` is not in [0, 1).
+    """
+
+    name: ClassVar[str] = "projection"
+    channels: ClassVar[int] = 1
+
+    decay: bool = True
+    lightest: float = 0.8
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.lightest < 1:
+            raise ValueError(f"lightest must be in [0, 1), got {self.lightest}")
+
+    def encode(self, scans: Scans, grid: Grid) -> Tensor:
+        """Draws the projection of each window.
+
+        Args:
+            scans: a batch of windows, as tensors.
+            grid: where the pixels are.
+
+        Returns:
+            gray images, uint8, (B, 1, H, W); darker is more recent.
+        """
+        newest = newest_hits(scans, grid)
+        return self._shades(scans.ranges.shape[1]).to(newest.device)[newest][:, None]
+
+    def to_input(self, images: Tensor) -> Tensor:
+        return images.float() / 255
+
+    def hits(self, images: Tensor) -> Tensor:
+        return images[:, 0] < 255
+
+    def _shades(self, steps: int) -> Tensor:
+        """Gray of a pixel by its newest step: white for none, then from the oldest to the newest, (T + 1,)."""
+        shades = torch.zeros(steps + 1)
+        if self.decay:
+            shades[1:] = self._law(steps)
+        shades[0] = 1
+        return (255 * shades).round().to(torch.uint8)
+
+    def _law(self, steps: int) -> Tensor:
+        """Gray of each step, from the oldest to the newest, (T,)."""
+        return torch.linspace(self.lightest, 0, steps)
+
+
+def newest_hits(scans: Scans, grid: Grid) -> Tensor:
+    """Finds the newest step at which each pixel was hit.
+
+    Args:
+        scans: a batch of windows, as tensors.
+        grid: where the pixels are.
+
+    Returns:
+        the step, counted from 1; 0 where there was no hit, int64, (B, H, W).
+    """
+    ranges, poses = scans.ranges, scans.poses
+    batch, steps, _ = ranges.shape
+
+    # Points in the global frame, (B, T, N, 2); misses are left out below
+    heading = poses[..., 2:] + scans.angles
+    directions = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
+    hit = torch.isfinite(ranges)
+    points = poses[..., None, :2] + torch.where(hit, ranges, 0)[..., None] * directions
+    index, inside = grid.pixels(points)
+
+    step = torch.arange(1, steps + 1, device=ranges.device)[:, None].expand_as(ranges)
+    newest = torch.zeros(batch, grid.size_px**2, dtype=torch.long, device=ranges.device)
+    newest.scatter_reduce_(1, index.flatten(1), torch.where(hit & inside, step, 0).flatten(1), reduce="amax")
+    return newest.view(batch, grid.size_px, grid.size_px)

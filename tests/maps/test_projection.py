@@ -1,0 +1,111 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from repro.maps.grid import Grid
+from repro.maps.projection import Projection, newest_hits
+from repro.scans import Scans
+from repro.simulation.store import read_shards
+
+
+def slow_projection(ranges, angles, poses, size_px, decay, lightest):
+    """The projection as one would explain it: oldest scan first, every hit painted over what is there."""
+    image = np.full((size_px, size_px), 255, dtype=np.uint8)
+    steps = len(ranges)
+    for step in range(steps):
+        x, y, heading = poses[step]
+        gray = lightest * (1 - step / (steps - 1)) if decay else 0.0
+        for distance, angle in zip(ranges[step], angles, strict=True):
+            if not np.isfinite(distance):
+                continue
+            column = math.floor((x + distance * math.cos(heading + angle)) / 50 * size_px)
+            row = size_px - 1 - math.floor((y + distance * math.sin(heading + angle)) / 50 * size_px)
+            if 0 <= row < size_px and 0 <= column < size_px:
+                image[row, column] = round(255 * gray)
+    return image
+
+
+@pytest.fixture(scope="module")
+def shard(recorded):
+    return next(read_shards(recorded, "test"))
+
+
+def project(scans, grid, **parameters):
+    """The projection (B, H, W) of scans."""
+    return Projection(**parameters).encode(scans, grid)[:, 0]
+
+
+@pytest.mark.parametrize("decay", [True, False])
+@pytest.mark.parametrize("size_px", [32, 100])
+def test_agrees_with_the_slow_reference(shard, size_px, decay):
+    images = project(shard.scans.tensors(dtype=torch.float64), Grid(size_px, 50.0), decay=decay)
+    for image, ranges, poses in zip(images, shard.scans.ranges, shard.scans.poses, strict=True):
+        reference = slow_projection(ranges.astype(float), shard.scans.angles, poses, size_px, decay, 0.8)
+        assert np.abs(image.numpy().astype(int) - reference).max() <= 1
+
+
+def test_float32_moves_hardly_a_pixel(shard):
+    exact = project(shard.scans.tensors(dtype=torch.float64), Grid(64, 50.0))
+    single = project(shard.scans.tensors(), Grid(64, 50.0))
+    assert (exact != single).float().mean() < 1e-4
+
+
+def one_beam(hits):
+    """Scans of one beam straight ahead from the map's centre."""
+    ranges = torch.tensor(hits, dtype=torch.float32)[None, :, None]
+    poses = torch.tensor([[25.0, 25.0, 0.0]]).expand(1, len(hits), 3)
+    return Scans(ranges, torch.zeros(1), poses)
+
+
+def test_the_newest_reading_wins():
+    image = project(one_beam([10.0, 20.0, 10.0]), Grid(50, 50.0), lightest=0.8)[0]
+    row = 24
+    assert image[row, 35] == 0  # hit first and last
+    assert image[row, 45] == round(255 * 0.4)  # hit in the middle
+    assert (image < 255).sum() == 2
+
+
+def test_gray_falls_linearly_from_the_oldest_to_the_newest():
+    scans = one_beam([2.0 * step for step in range(1, 11)])
+    shades = project(scans, Grid(50, 50.0), lightest=0.9)[0, 24, 27::2][:10]
+    assert shades.tolist() == pytest.approx([255 * 0.9 * (1 - k / 9) for k in range(10)], abs=0.51)
+
+
+def test_without_decay_every_hit_is_black():
+    image = project(one_beam([5.0, 10.0, torch.inf, 20.0]), Grid(50, 50.0), decay=False)
+    assert sorted(image.unique().tolist()) == [0, 255]
+    assert (image == 0).sum() == 3
+
+
+def test_misses_and_hits_off_the_map_leave_no_trace():
+    assert (project(one_beam([torch.inf, 26.0, 40.0]), Grid(50, 50.0)) == 255).all()
+
+
+def test_turning_the_poses_turns_the_image(shard):
+    scans = shard.scans.tensors(dtype=torch.float64)
+    turned = scans.poses.clone()
+    centred = scans.poses[..., :2] - 25
+    turned[..., 0], turned[..., 1] = 25 - centred[..., 1], 25 + centred[..., 0]
+    turned[..., 2] += math.pi / 2
+    image = project(scans, Grid(64, 50.0))
+    again = project(Scans(scans.ranges, scans.angles, turned), Grid(64, 50.0))
+    assert (again != torch.rot90(image, 1, dims=(1, 2))).float().mean() < 1e-3
+
+
+def test_bad_grays_are_refused():
+    with pytest.raises(ValueError, match=r"lightest must be in \[0, 1\)"):
+        Projection(lightest=1.0)
+
+
+def test_where_a_hit_was_can_be_read_back(shard):
+    scans, grid = shard.scans.tensors(), Grid(64, 50.0)
+    for encoding in (Projection(), Projection(decay=False), Projection(lightest=0.99)):
+        hits = encoding.hits(encoding.encode(scans, grid))
+        assert torch.equal(hits, newest_hits(scans, grid) > 0)
+
+
+def test_a_network_is_fed_with_numbers_from_0_to_1():
+    images = torch.tensor([[[[0, 51], [204, 255]]]], dtype=torch.uint8)
+    assert Projection().to_input(images).flatten().tolist() == pytest.approx([0, 0.2, 0.8, 1])
