@@ -16,48 +16,19 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.config import NETWORKS
-from repro.evaluation.calibration import brier, entropy, fit_temperature, reliability, summary, tempered
+from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_stratum, load_test_set
+from repro.evaluation.calibration import fit_temperature, reliability, summary, tempered
 from repro.evaluation.intervals import Measured, by_world, difference, draw_weights, interval, resample
-from repro.evaluation.levels import average_precision, count_levels, pooled_scores
+from repro.evaluation.levels import count_levels, pooled_scores
 from repro.evaluation.predictions import read_levels, read_ssim, validation_levels
 from repro.evaluation.rivals import RIVALS
-from repro.evaluation.strata import (
-    BIN,
-    BINS,
-    GROUPS,
-    STRATA,
-    age_bin,
-    newest_hits_of_obstacles,
-    obstacle_masks,
-    pixel_groups,
-)
-from repro.maps.datasets import grid_of, true_maps
-from repro.maps.grid import Grid
+from repro.evaluation.strata import GROUPS, STRATA
+from repro.maps.datasets import grid_of
+from repro.prediction import load_predictor
 from repro.runs import Outputs, Run
-from repro.simulation.store import read_manifest, read_shards
 
+FEWER_DRAWS = 501  # for what is measured stratum by stratum
 Key = dict[str, Any]  # experiment, model, encoding, decay
-
-
-@dataclass(frozen=True)
-class TestSet:
-    """The test recordings of an experiment: what was true, when it was seen, which obstacle was hit when.
-
-    Args:
-        truth: true maps, 1 is free, (M, H, W).
-        groups: see `strata.pixel_groups`, (M, H, W).
-        masks: each obstacle by itself, (K, H, W).
-        recording: the recording of each obstacle, of either twin, (2, K).
-        newest: the newest step at which it was hit there, 0 for never, (2, K).
-        steps: steps of a recording, T.
-    """
-
-    truth: np.ndarray
-    groups: np.ndarray
-    masks: np.ndarray
-    recording: np.ndarray
-    newest: np.ndarray
-    steps: int
 
 
 @dataclass
@@ -81,7 +52,7 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
         outputs: an outputs directory with the recordings its runs were made from.
 
     Returns:
-        intervals, differences, strata, ages, obstacles, calibration and reliability, each a tidy frame. Empty when no
+        intervals, differences, strata, ages, obstacles, calibration, reliability and cost, each a tidy frame. Empty when no
         network has been evaluated.
 
     Raises:
@@ -107,24 +78,6 @@ def _key(cell: tuple) -> Key:
     return dict(zip(("experiment", "model", "encoding", "decay"), cell, strict=True))
 
 
-def load_test_set(recordings: Path, grid: Grid) -> TestSet:
-    """Reads the test recordings of an experiment and labels them."""
-    range_max_m = read_manifest(recordings).spec["robot"]["sensors"][0]["range_max"]
-    parts: dict[str, list[np.ndarray]] = defaultdict(list)
-    first = 0
-    for shard in read_shards(recordings, "test"):
-        recording = first + 2 * shard.world + np.array([[0], [1]])
-        parts["truth"].append(true_maps(shard, grid).numpy())
-        parts["groups"].append(pixel_groups(shard.scans, grid, range_max_m))
-        parts["masks"].append(obstacle_masks(shard, grid))
-        parts["recording"].append(recording)
-        parts["newest"].append(newest_hits_of_obstacles(shard))
-        first, steps = first + len(shard.scans), shard.scans.ranges.shape[1]
-    of_obstacles = ("recording", "newest")
-    whole = {name: np.concatenate(found, axis=int(name in of_obstacles)) for name, found in parts.items()}
-    return TestSet(**whole, steps=steps)
-
-
 def _cells(outputs: Outputs) -> dict[tuple, list[Run]]:
     """Finds the evaluated runs of each cell, in the order of the tables."""
     cells: dict[tuple, list[Run]] = defaultdict(list)
@@ -147,51 +100,25 @@ def _measure_cell(
     evidence.add("intervals", interval(drawn).assign(seeds=len(runs)), key)
     pooled = counts.sum((0, 1))  # (G, 2, 256)
     strata = {name: pooled[list(groups)].sum(0) for name, groups in STRATA.items()}
-    evidence.add("strata", _by_stratum(strata), key)
-    ages = {str(BIN * bin_ + 1): pooled[bin_] for bin_ in range(BINS)}
-    evidence.add("ages", _by_stratum(ages).rename(columns={"stratum": "age"}), key)
-    evidence.add("obstacles", _by_last_hit(levels, test), key)
-    if key["model"] in NETWORKS:
+    evidence.add("strata", by_stratum(counts.sum(0), weights[:FEWER_DRAWS]), key)
+    evidence.add("ages", by_age(pooled), key)
+    evidence.add("obstacles", by_last_hit(levels, test, weights[:FEWER_DRAWS]), key)
+    if runs[0].model.is_dir():
+        evidence.add("cost", _cost(runs), key)
         _calibrate(evidence, key, runs, recordings, strata, levels, test)
     return drawn
 
 
-def _by_stratum(strata: dict[str, np.ndarray]) -> pd.DataFrame:
-    """Measures each stratum from its counts (2, 256); a row each, nan where it has no pixel or no obstacle."""
-    total = sum(int(counts.sum()) for counts in strata.values())
-    rows = []
-    for name, counts in strata.items():
-        pixels, obstacles = int(counts.sum()), int(counts[0].sum())
-        scored = pooled_scores(counts)
-        measured = {
-            "obstacle_recall": scored["specificity"] if obstacles else np.nan,  # the paper's specificity
-            "free_recall": scored["recall"] if pixels > obstacles else np.nan,
-            "obstacle_iou": scored["obstacle_iou"] if obstacles else np.nan,
-            "pr_auc": average_precision(counts),
-            "brier": brier(counts),
-            "entropy": entropy(counts),
-        }
-        share = {"pixel_share": pixels / total, "obstacle_share": obstacles / pixels if pixels else np.nan}
-        rows.append({"stratum": name, **share, **{name: float(value) for name, value in measured.items()}})
-    return pd.DataFrame(rows)
-
-
-def _by_last_hit(levels: list[np.ndarray], test: TestSet) -> pd.DataFrame:
-    """Says how much of each obstacle is predicted, and how many at least half, by when it was last hit."""
-    area = test.masks.sum((1, 2))
-    group = np.where(test.newest > 0, age_bin(test.steps - test.newest + 1), BINS)
-    found = np.zeros_like(test.newest, dtype=float)
-    for free, twin in itertools.product(levels, (0, 1)):
-        for number in np.flatnonzero(area):
-            predicted = free[test.recording[twin, number]][test.masks[number]] < 128
-            found[twin, number] += predicted.mean() / len(levels)
-    rows = []
-    for name, bins in {**dict(list(STRATA.items())[:4]), "never": range(BINS, BINS + 1)}.items():
-        chosen = np.isin(group, list(bins)) & (area > 0)
-        shares = found[chosen]
-        whole = {"recall": shares.mean(), "detected": (shares >= 0.5).mean()} if len(shares) else {}
-        rows.append({"last_hit": name, "obstacles": int(chosen.sum()), **whole})
-    return pd.DataFrame(rows)
+def _cost(runs: list[Run]) -> pd.DataFrame:
+    """Says what a cell costs: parameters of its network, channels of its input, seconds of a training."""
+    predictor = load_predictor(runs[0].model)
+    seconds = [run.provenance().fact("training_seconds") for run in runs]
+    row = {
+        "parameters": sum(each.numel() for each in predictor.network.parameters()),
+        "channels": predictor.encoding.channels,
+        "training_seconds": float(np.mean(seconds)),
+    }
+    return pd.DataFrame([row])
 
 
 def _calibrate(
