@@ -10,8 +10,10 @@ ORDER = [
     "prediction",
     *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "checkpoints", "training")),
     *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
-    *(f"evaluation.{name}" for name in ("rivals", "predictions", "visibility", "examples", "strata", "evidence")),
-    *(f"reporting.{name}" for name in ("paper", "results", "tables", "figures", "publish")),
+    *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
+    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence")),
+    *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
+    *(f"reporting.{name}" for name in ("results", "tables", "figures", "publish")),
     *("checks", "messages", "tasks"),
 ]
 STANDALONE = ("config", "files", "messages", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")

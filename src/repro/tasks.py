@@ -110,10 +110,10 @@ def train(config: Config) -> Status:
 
 
 def evaluate(config: Config) -> None:
-    """Evaluates one trained network, unless that is done, and the rivals that learn nothing."""
+    """Evaluates one trained network, unless that is done, and the quick rivals that stand beside it in the tables."""
     from repro.evaluation import predictions
     from repro.evaluation.metrics import one_line
-    from repro.evaluation.rivals import RIVALS
+    from repro.evaluation.rivals import QUICK
 
     run = run_of(config)
     run.prepare(run_config(config))
@@ -123,12 +123,20 @@ def evaluate(config: Config) -> None:
         announce(f"evaluating {run}")
         row = predictions.evaluate(run, recordings_of(config), accelerator=config.runtime.accelerator)
         print(f"{run}, test: {one_line(row)}")
-    encoding = Encoding("projection", {"decay": True, "lightest": config.lightest})
-    for name in RIVALS:
-        rival = outputs_of(config).run(config.exp, name, encoding.variant, 0)
-        settings = dataclasses.replace(run_config(config), model=Model(name), encoding=encoding, seed=0, train=None)
-        rival.prepare(settings)
-        predictions.evaluate(rival, recordings_of(config))
+    for name in QUICK:
+        evaluate_rival(outputs_of(config), run_config(config), name)
+
+
+def evaluate_rival(outputs: Outputs, settings: RunConfig, name: str) -> None:
+    """Evaluates a rival, unless that is done, on the worlds and the grid of some run."""
+    from repro.evaluation import predictions
+
+    encoding = Encoding("projection", {"decay": True, "lightest": 0.8})  # a rival draws no images
+    rival = outputs.run(settings.experiment, name, encoding.variant, 0)
+    rival.prepare(dataclasses.replace(settings, model=Model(name), encoding=encoding, seed=0, train=None))
+    if not rival.is_evaluated:
+        announce(f"evaluating {rival}")
+    predictions.evaluate(rival, outputs.recordings(settings.experiment))
 
 
 def all_steps(config: Config) -> None:

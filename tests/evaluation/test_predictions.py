@@ -1,4 +1,3 @@
-import numpy as np
 import pandas as pd
 import pytest
 import torch
@@ -6,9 +5,8 @@ from conftest import prepared
 
 from repro.evaluation.metrics import METRICS, confusion, scores
 from repro.evaluation.predictions import evaluate, read_predictions, validate
-from repro.evaluation.rivals import RIVALS, best_radius, discs_around_hits
 from repro.learning.training import train
-from repro.maps.datasets import Pairs, load_pairs
+from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.prediction import load_predictor
@@ -76,35 +74,8 @@ def test_all_free_scores_the_free_share(recorded, tmp_path):
     assert row["specificity"] == pytest.approx(0, abs=1e-6)
 
 
-def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
-    run = prepared(tmp_path, model="last_seen")
-    row = evaluate(run, recorded)
-    assert 0.1 < row["obstacle_iou"] < 1
-    val = load_pairs(recorded, "val", Grid(32, 50.0), Projection())
-    iou = [scores(confusion(discs_around_hits(val, r), val.maps.float()).sum(0))["obstacle_iou"] for r in range(9)]
-    assert run.provenance().fact("radius_px") == int(np.argmax(iou)) == best_radius(val)
-
-
-def test_last_seen_draws_discs_around_hits():
-    images = torch.full((1, 1, 9, 9), 255, dtype=torch.uint8)
-    images[0, 0, 4, 4] = 100
-    pairs = Pairs(images, torch.ones(1, 1, 9, 9, dtype=torch.uint8), Projection())
-    assert (discs_around_hits(pairs, 0) == 0).sum() == 1
-    disc = discs_around_hits(pairs, 2)[0, 0] == 0
-    assert disc.sum() == 13
-    assert torch.equal(disc, disc.T)
-
-
 def test_lost_metrics_are_made_again(evaluated, recorded):
     before = evaluated.metrics.read_text()
     evaluated.metrics.unlink()
     evaluate(evaluated, recorded, accelerator="cpu")
     assert evaluated.metrics.read_text() == before
-
-
-@pytest.mark.parametrize("name", RIVALS)
-def test_rivals_predict_every_pixel_of_the_test_set(name, recorded):
-    val, test = (load_pairs(recorded, split, Grid(32, 50.0), Projection()) for split in ("val", "test"))
-    free, _ = RIVALS[name](val, test)
-    assert free.shape == test.maps.shape
-    assert set(free.unique().tolist()) <= {0.0, 1.0}

@@ -33,7 +33,6 @@ def test_images_are_what_a_network_is_made_for(scans, encoding):
     inputs = encoding.to_input(images)
     assert inputs.shape == images.shape
     assert 0 <= inputs.min() <= inputs.max() <= 1
-    assert torch.equal(encoding.hits(images), newest_hits(scans, GRID) > 0)
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)

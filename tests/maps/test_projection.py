@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection, newest_hits
+from repro.maps.projection import Projection
 from repro.scans import Scans
 from repro.simulation.store import read_shards
 
@@ -97,13 +97,6 @@ def test_turning_the_poses_turns_the_image(shard):
 def test_bad_grays_are_refused():
     with pytest.raises(ValueError, match=r"lightest must be in \[0, 1\)"):
         Projection(lightest=1.0)
-
-
-def test_where_a_hit_was_can_be_read_back(shard):
-    scans, grid = shard.scans.tensors(), Grid(64, 50.0)
-    for encoding in (Projection(), Projection(decay=False), Projection(lightest=0.99)):
-        hits = encoding.hits(encoding.encode(scans, grid))
-        assert torch.equal(hits, newest_hits(scans, grid) > 0)
 
 
 def test_a_network_is_fed_with_numbers_from_0_to_1():

@@ -52,8 +52,8 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
         outputs: an outputs directory with the recordings its runs were made from.
 
     Returns:
-        intervals, differences, strata, ages, obstacles, calibration, reliability and cost, each a tidy frame. Empty when no
-        network has been evaluated.
+        intervals, differences, strata, ages, obstacles, calibration, reliability and cost, each a tidy frame. Empty
+        when no network has been evaluated.
 
     Raises:
         ValueError: a run or a recording cannot be trusted.

@@ -6,6 +6,7 @@ wanted later is computed from the predictions kept there.
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ from repro.devices import resolve_device
 from repro.evaluation.metrics import METRICS, confusion, scores, ssim
 from repro.evaluation.rivals import RIVALS
 from repro.files import lock, read_table, replacing, write_text
-from repro.maps.datasets import Pairs, load_pairs_of_run
+from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
 from repro.prediction import load_predictor
 from repro.provenance import Status
 from repro.runs import Run
@@ -41,18 +42,19 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         if run.is_evaluated:
             return read_metrics(run)
         config = run.config()
+        facts: dict[str, Any] = {}
         if config.model.name in RIVALS:
             run.use_recordings(recordings_hash(recordings))
-            test, val = (load_pairs_of_run(recordings, split, config, "cpu") for split in ("test", "val"))
-            probability, facts = RIVALS[config.model.name](val, test)
+            val, recorded = (load_recorded(recordings, split, grid_of(config)) for split in ("val", "test"))
+            maps, (probability, facts) = recorded.maps, RIVALS[config.model.name](val, recorded)
         else:
-            test, probability = _predict_split("test", run, recordings, accelerator)
-            facts = {}
-        row, per_image = measure(probability, test)
+            pairs, probability = _predict_split("test", run, recordings, accelerator)
+            maps = pairs.maps
+        row, per_image = measure(probability, maps)
         write_predictions(run, probability)
         write_text(run.path / "per_image.csv", per_image.rename_axis("image").to_csv(float_format="%.6f"))
         _write_row(row, run.metrics)
-        run.begin_step("evaluated", Status.evaluated, test_pairs=len(test), **facts)
+        run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts)
         return row
 
 
@@ -74,14 +76,14 @@ def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
     """
     with lock(run.path):
         val, probability = _predict_split("val", run, recordings, accelerator)
-        row, _ = measure(probability, val)
+        row, _ = measure(probability, val.maps)
         _write_row(row, run.path / "validation.csv")
         return row
 
 
-def measure(probability: Tensor, pairs: Pairs) -> tuple[pd.Series, pd.DataFrame]:
-    """Measures predictions (M, 1, H, W): the pooled metrics, and one row an image."""
-    truth = pairs.maps.cpu().float()
+def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
+    """Measures predictions (M, 1, H, W) against true maps: the pooled metrics, and one row an image."""
+    truth = maps.cpu().float()
     counts = confusion(probability, truth)
     similarity = ssim(probability, truth)
     binary = ssim((probability > 0.5).float(), truth)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 from tqdm import tqdm
@@ -13,8 +14,9 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.truth import rasterize
 from repro.runs import RunConfig
+from repro.scans import Scans
 from repro.simulation.shards import ShardContent
-from repro.simulation.store import read_shards
+from repro.simulation.store import read_manifest, read_shards
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,27 @@ class Pairs:
         """Pairs are never changed, so a copied training module shares them."""
         return self
 
-    def hits(self) -> Tensor:
-        """Says of each pixel whether a beam ended there, bool, (M, H, W)."""
-        return self.encoding.hits(self.images)
+
+@dataclass(frozen=True)
+class Recorded:
+    """All recordings of one split beside their true maps: what a rival is given, which draws no images.
+
+    Args:
+        scans: as tensors, ranges (M, T, N).
+        maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free.
+        grid: of the maps.
+        range_max_m: how far a beam reaches that hits nothing [m].
+        step_s: time from a step to the next [s].
+    """
+
+    scans: Scans
+    maps: Tensor
+    grid: Grid
+    range_max_m: float
+    step_s: float
+
+    def __len__(self) -> int:
+        return len(self.scans)
 
 
 class Batches:
@@ -108,6 +128,20 @@ def load_pairs(
         images.append(encoding.encode(shard.scans.tensors(device), grid))
         maps.append(true_maps(shard, grid, device))
     return Pairs(torch.cat(images), torch.cat(maps)[:, None], encoding)
+
+
+def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
+    """Reads the recordings of a split with their true maps.
+
+    Raises:
+        ValueError: a shard cannot be trusted, see `store.read_shards`.
+    """
+    shards = list(read_shards(recordings, split))
+    ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
+    maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
+    spec = read_manifest(recordings).spec
+    range_max_m, step_s = spec["robot"]["sensors"][0]["range_max"], spec["world"]["step_time"]
+    return Recorded(Scans(ranges, shards[0].scans.angles, poses).tensors(), maps, grid, range_max_m, step_s)
 
 
 def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:

@@ -1,8 +1,8 @@
 """Encodings: how a window of scans becomes the network's input. Chosen by conf/encoding, made by `create_encoding`.
 
 An encoding is a frozen dataclass of its parameters. It draws uint8 images, many windows at once, at any resolution,
-on the CPU or a GPU; it says what a network is to be fed with, and answers what can be read back from its images. A new
-one is a class here, a line in `ENCODINGS` and a file in conf/encoding. The paper's own is `projection.Projection`.
+on the CPU or a GPU; it says what a network is to be fed with. The paper's own is `projection.Projection`; a new one is
+a class here, a line in `ENCODINGS` and a file in conf/encoding.
 """
 
 import dataclasses
@@ -34,9 +34,6 @@ class Encoding(Protocol):
 
     def to_input(self, images: Tensor) -> Tensor:
         """Turns images into what a network takes, float32 in [0, 1], of the same shape."""
-
-    def hits(self, images: Tensor) -> Tensor:
-        """Says of each pixel whether a beam ended there, bool, (B, H, W), from images (B, C, H, W)."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +140,6 @@ class Stack:
 
     def to_input(self, images: Tensor) -> Tensor:
         return images.float() / 255
-
-    def hits(self, images: Tensor) -> Tensor:
-        return (images < 255).any(1)
 
 
 ENCODINGS: dict[str, type[Encoding]] = {

@@ -55,9 +55,6 @@ class Projection:
     def to_input(self, images: Tensor) -> Tensor:
         return images.float() / 255
 
-    def hits(self, images: Tensor) -> Tensor:
-        return images[:, 0] < 255
-
     def _shades(self, steps: int) -> Tensor:
         """Gray of a pixel by its newest step: white for none, then from the oldest to the newest, (T + 1,)."""
         shades = torch.zeros(steps + 1)

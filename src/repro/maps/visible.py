@@ -1,5 +1,7 @@
 """What a lidar has seen: the newest step at which each pixel lay in its field of view, and was not hidden there."""
 
+from collections.abc import Iterator
+
 import torch
 from torch import Tensor
 
@@ -28,22 +30,37 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     Raises:
         ValueError: the beam angles are not evenly spaced and rising.
     """
-    spacing = beam_spacing(scans.angles)
-    device, (batch, steps, beams) = scans.ranges.device, scans.ranges.shape
-    centers = grid.centers(device)
+    shape = (len(scans), grid.size_px, grid.size_px)
+    visible, in_view = (torch.zeros(shape, dtype=torch.int16, device=scans.ranges.device) for _ in range(2))
+    for step, (clear, within) in enumerate(step_by_step(scans, grid, range_max_m, margin_m=margin_m)):
+        visible.masked_fill_(clear, step + 1)
+        in_view.masked_fill_(within, step + 1)
+    return visible, in_view
+
+
+def step_by_step(
+    scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yields for every step which pixels were visible and which lay in the field of view, see `newest_visible`.
+
+    Yields:
+        visible, in the field of view, bool, (B, H, W).
+
+    Raises:
+        ValueError: the beam angles are not evenly spaced and rising.
+    """
+    spacing, beams = beam_spacing(scans.angles), len(scans.angles)
+    centers = grid.centers(scans.ranges.device)
     reach = scans.ranges.clamp(max=range_max_m) + margin_m  # a miss, inf, reaches range_max_m
-    visible, in_view = (torch.zeros(batch, len(centers), dtype=torch.int16, device=device) for _ in range(2))
-    for step in range(steps):
+    for step in range(scans.ranges.shape[1]):
         offset = centers - scans.poses[:, step, None, :2]  # (B, H W, 2)
         distance = offset.square().sum(-1).sqrt()
         bearing = torch.atan2(offset[..., 1], offset[..., 0]) - scans.poses[:, step, 2:]
         beam = ((bearing - scans.angles[0] + spacing / 2).remainder(2 * torch.pi) / spacing).long()
         within = (beam < beams) & (distance <= range_max_m)
         clear = within & (distance <= reach[:, step].gather(1, beam.clamp(max=beams - 1)))
-        in_view.masked_fill_(within, step + 1)
-        visible.masked_fill_(clear, step + 1)
-    shape = (batch, grid.size_px, grid.size_px)
-    return visible.view(shape), in_view.view(shape)
+        shape = (len(scans), grid.size_px, grid.size_px)
+        yield clear.view(shape), within.view(shape)
 
 
 def beam_spacing(angles: Tensor) -> float:

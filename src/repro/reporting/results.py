@@ -80,6 +80,7 @@ def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
         when all four are. Simple predictors come last, with nothing of the paper beside them.
     """
     results = results[(results["decay"] == decay) & (results["encoding"] == "projection")]
+    results = results[results["model"].isin([*NETWORKS, *RIVALS])]
     networks = results[results["model"].isin(NETWORKS)]
     complete = networks.groupby(["experiment", "seed"]).filter(lambda rows: len(rows) == len(NETWORKS))
     averages = complete.groupby(["experiment", "decay", "seed"], as_index=False)[list(METRICS)].mean()

@@ -18,6 +18,9 @@ NAMES = {
     "average": "Average",
     "all_free": "All free",
     "last_seen": "Last seen",
+    "occupancy": "Occupancy grid",
+    "transitional": "Transitional grid",
+    "tracker": "Tracker",
 }
 HEADS = dict(zip(METRICS, ("SSIM", "Acc.", "Dice", "Prec.", "Recall", "Spec."), strict=True))
 TITLES = {

@@ -1,0 +1,120 @@
+"""A tracker by hand: clusters of hits, assigned to tracks, filtered with constant velocity, drawn at the last step.
+
+Clusters by scikit-learn's DBSCAN, assignment by SciPy, the Kalman filter by Stone Soup.
+"""
+
+import datetime
+from dataclasses import dataclass
+
+import joblib
+import numpy as np
+import torch
+from scipy.optimize import linear_sum_assignment
+from sklearn.cluster import DBSCAN
+from stonesoup.models.measurement.linear import LinearGaussian
+from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
+from stonesoup.predictor.kalman import KalmanPredictor
+from stonesoup.types.detection import Detection
+from stonesoup.types.hypothesis import SingleHypothesis
+from stonesoup.types.state import GaussianState
+from stonesoup.updater.kalman import KalmanUpdater
+from torch import Tensor
+
+from repro.maps.datasets import Recorded
+from repro.maps.grid import Grid
+
+NEAR_M = 1.5  # hits nearer than this are of one cluster
+GATE_M = 3.0  # a cluster farther from every track than this begins a new one
+NOISE_M = 0.5  # standard deviation of a cluster's centre
+SPEED_M_S = 0.5  # standard deviation of a speed before it is measured
+START = datetime.datetime(2000, 1, 1)
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Hits of one step that lie together: where their obstacle's centre may be [m], and whether the view cut them."""
+
+    center: np.ndarray
+    is_cut: bool
+
+
+def track(recorded: Recorded, depth_m: float, workers: int = 2) -> list[np.ndarray]:
+    """Tracks what was hit to the last step.
+
+    Args:
+        recorded: recordings, (M, T, N).
+        depth_m: how far behind the mean of its hits, seen from the robot, the centre of an obstacle lies [m].
+        workers: processes.
+
+    Returns:
+        for each recording the positions of its tracks at the last step [m], (tracks, 2).
+    """
+    scans, step_s = recorded.scans, recorded.step_s
+    ranges, poses, angles = scans.ranges.numpy(), scans.poses.numpy(), scans.angles.numpy()
+    jobs = (joblib.delayed(_track_one)(r, angles, p, depth_m, step_s) for r, p in zip(ranges, poses, strict=True))
+    return joblib.Parallel(n_jobs=workers, batch_size=16)(jobs)
+
+
+def draw(tracks: list[np.ndarray], grid: Grid, radius_m: float) -> Tensor:
+    """Draws a disc around every track: probability of free, (M, 1, H, W)."""
+    centers = grid.centers().numpy()
+    free = np.ones((len(tracks), len(centers)), dtype=np.float32)
+    for image, positions in zip(free, tracks, strict=True):
+        for position in positions:
+            image[np.square(centers - position).sum(-1) <= radius_m**2] = 0
+    return torch.as_tensor(free).view(len(tracks), 1, grid.size_px, grid.size_px)
+
+
+def clusters(ranges: np.ndarray, angles: np.ndarray, pose: np.ndarray, depth_m: float) -> list[Cluster]:
+    """Finds the clusters of one scan: ranges (N,), angles (N,), pose x, y, heading (3,)."""
+    hit = np.flatnonzero(np.isfinite(ranges))
+    if not len(hit):
+        return []
+    heading = pose[2] + angles[hit]
+    points = pose[:2] + ranges[hit, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    label = DBSCAN(eps=NEAR_M, min_samples=2).fit_predict(points)
+    found = []
+    for number in range(label.max() + 1):
+        beams, mean = hit[label == number], points[label == number].mean(0)
+        away = (mean - pose[:2]) / max(np.linalg.norm(mean - pose[:2]), 1e-9)
+        found.append(Cluster(mean + depth_m * away, bool({0, len(ranges) - 1} & set(beams.tolist()))))
+    return found
+
+
+def _track_one(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_m: float, step_s: float) -> np.ndarray:
+    """Tracks one recording, (T, N); a cluster that the view cuts begins a track and moves none."""
+    predictor = KalmanPredictor(CombinedLinearGaussianTransitionModel([ConstantVelocity(0.01)] * 2))
+    measured = LinearGaussian(ndim_state=4, mapping=(0, 2), noise_covar=np.eye(2) * NOISE_M**2)
+    updater = KalmanUpdater(measured)
+    tracks: list[GaussianState] = []
+    for step, (scan, pose) in enumerate(zip(ranges, poses, strict=True)):
+        now = START + datetime.timedelta(seconds=step * step_s)
+        found = clusters(scan, angles, pose, depth_m)
+        pairs = _assign(np.array([each.center for each in found]), np.array([_position(t, now) for t in tracks]))
+        for index, cluster in enumerate(found):
+            detection = Detection(cluster.center[:, None], timestamp=now, measurement_model=measured)
+            if index not in pairs:
+                mean = [cluster.center[0], 0, cluster.center[1], 0]
+                spread = np.diag([NOISE_M**2, SPEED_M_S**2] * 2)
+                tracks.append(GaussianState(np.array(mean)[:, None], spread, timestamp=now))
+            elif not cluster.is_cut:
+                prior = predictor.predict(tracks[pairs[index]], timestamp=now)
+                tracks[pairs[index]] = updater.update(SingleHypothesis(prior, detection))
+    end = START + datetime.timedelta(seconds=(len(ranges) - 1) * step_s)
+    return np.array([_position(each, end) for each in tracks]).reshape(-1, 2)
+
+
+def _assign(centers: np.ndarray, positions: np.ndarray) -> dict[int, int]:
+    """Assigns clusters to tracks, each to at most one, the sum of distances smallest, none beyond the gate."""
+    if not len(centers) or not len(positions):
+        return {}
+    distance = np.linalg.norm(centers[:, None] - positions, axis=-1)
+    rows, columns = linear_sum_assignment(np.minimum(distance, 10 * GATE_M))
+    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= GATE_M}
+
+
+def _position(state: GaussianState, now: datetime.datetime) -> np.ndarray:
+    """Where a track is now, by its velocity [m], (2,)."""
+    x, vx, y, vy = np.asarray(state.state_vector, dtype=float).ravel()
+    passed = (now - state.timestamp).total_seconds()
+    return np.array([x + vx * passed, y + vy * passed])

@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+import torch
+from conftest import prepared
+
+from repro.evaluation import tracking
+from repro.evaluation.grids import log_odds, transitional
+from repro.evaluation.metrics import confusion, scores
+from repro.evaluation.predictions import evaluate
+from repro.evaluation.rivals import RIVALS, grow
+from repro.maps.datasets import Recorded, load_recorded
+from repro.maps.grid import Grid
+from repro.maps.projection import newest_hits
+from repro.scans import Scans
+
+GRID = Grid(50, 50.0)
+ANGLES = torch.linspace(-0.2, 0.2, 41)
+
+
+def one_recording(ranges, poses=None):
+    """A recording (1, T, N) of a robot at (5, 25) that looks along x, or as `poses` say."""
+    ranges = torch.as_tensor(ranges, dtype=torch.float32)[None]
+    if poses is None:
+        poses = torch.tensor([5.0, 25.0, 0.0]).expand(ranges.shape[1], 3)
+    return Recorded(Scans(ranges, ANGLES, poses[None]), torch.ones(1, 1, 50, 50), GRID, 30.0, 0.1)
+
+
+def disc_ranges(x, y=25.0, radius=2.0):
+    """Ranges of the beams from (5, 25) to a disc."""
+    along = (x - 5) * torch.cos(ANGLES) + (y - 25) * torch.sin(ANGLES)
+    gap = (x - 5) ** 2 + (y - 25) ** 2 - along**2
+    return torch.where(gap < radius**2, along - (radius**2 - gap).clamp(min=0).sqrt(), torch.inf)
+
+
+@pytest.mark.parametrize("name", RIVALS)
+def test_rivals_predict_every_pixel_of_the_test_set(name, recorded):
+    val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
+    free, tuned = RIVALS[name](val, test)
+    assert free.shape == test.maps.shape
+    assert 0 <= free.min() <= free.max() <= 1
+    assert bool(tuned) == (name != "all_free")
+    if name != "all_free":
+        assert scores(confusion(free, test.maps.float()).sum(0))["obstacle_iou"] > 0.15
+
+
+def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
+    run = prepared(tmp_path, model="last_seen")
+    assert 0.1 < evaluate(run, recorded)["obstacle_iou"] < 1
+    val = load_recorded(recorded, "val", Grid(32, 50.0))
+    hits = newest_hits(val.scans, val.grid) > 0
+    iou = [scores(confusion(grow(hits, r), val.maps.float()).sum(0))["obstacle_iou"] for r in range(9)]
+    assert run.provenance().fact("radius_px") == int(np.argmax(iou))
+
+
+def test_growing_draws_discs():
+    occupied = torch.zeros(1, 9, 9)
+    occupied[0, 4, 4] = 0.7
+    assert (grow(occupied, 0) < 1).sum() == 1
+    disc = grow(occupied, 2)[0, 0]
+    assert (disc < 1).sum() == 13
+    assert disc.min().item() == pytest.approx(0.3)
+    assert torch.equal(disc, disc.T)
+
+
+@pytest.mark.parametrize("filtered", [log_odds, transitional])
+def test_a_grid_knows_what_it_sees_and_forgets_what_it_does_not(filtered):
+    seen = disc_ranges(15.0)
+    recorded = one_recording(torch.stack([seen] * 20))
+    wall, before = (24, 13), (24, 9)  # where the middle beam ends, and on its way; row 24 is just above y = 25
+    still = filtered(recorded, 0.0)[0]
+    assert still[wall] > 0.9
+    assert still[before] < 0.01
+    turned = torch.tensor([[5.0, 25.0, 0.0]] * 2 + [[5.0, 25.0, 3.0]] * 40)
+    away = one_recording(torch.cat([torch.stack([seen] * 2), torch.full((40, 41), torch.inf)]), turned)
+    kept, faded = (filtered(away, rate)[0][wall] for rate in (0.0, 0.2))
+    assert kept > 0.9
+    assert faded < kept - 0.2
+
+
+def test_a_pixel_never_seen_keeps_the_prior():
+    known = log_odds(one_recording(torch.stack([disc_ranges(15.0)] * 3)), 0.1)[0]
+    assert known[0, 0].item() == pytest.approx(0.08, abs=1e-3)
+
+
+def test_clusters_are_found_behind_what_was_hit():
+    both = torch.minimum(disc_ranges(15.0, 26.5, 1.0), disc_ranges(20.0, 22.5, 1.0)).numpy()
+    found = tracking.clusters(both, ANGLES.numpy(), np.array([5.0, 25.0, 0.0]), 0.7)
+    centers = sorted(each.center.tolist() for each in found)
+    assert np.allclose(centers, [[15, 26.5], [20, 22.5]], atol=0.3)
+    assert tracking.clusters(np.full(41, np.inf), ANGLES.numpy(), np.zeros(3), 1.0) == []
+
+
+def test_a_cluster_at_the_edge_of_the_view_is_cut():
+    wide = disc_ranges(10.0, 25.0, 3.0).numpy()
+    found = tracking.clusters(wide, ANGLES.numpy(), np.array([5.0, 25.0, 0.0]), 1.0)
+    assert [each.is_cut for each in found] == [True]
+
+
+def test_a_track_moves_on_with_its_speed_when_nothing_is_seen():
+    steps = 60  # at 1 m/s: from x = 17 to 23, seen for the first 40 steps
+    ranges = [disc_ranges(17 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
+    (positions,) = tracking.track(one_recording(torch.stack(ranges)), 1.3, workers=1)
+    assert positions.shape == (1, 2)
+    assert positions[0] == pytest.approx([22.9, 25], abs=0.6)
+    free = tracking.draw([positions], GRID, 2.0)
+    assert (free == 0).sum() == pytest.approx(4 * np.pi, abs=2)

@@ -1,0 +1,97 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+from shapely import LineString, Point, Polygon
+from shapely.ops import unary_union
+
+from repro.maps.grid import Grid
+from repro.maps.visible import newest_visible
+from repro.scans import Scans
+from repro.simulation.store import read_shards
+
+
+def march(shard, recording, step, grid):
+    """Looks from the robot to every pixel centre past the true obstacles: visible where nothing is on the way."""
+    world = recording // 2
+    cos = [(math.cos(h), math.sin(h)) for h in shard.states[:, step, 2]]
+    outlines = [
+        Polygon([(x * c - y * s + state[0], x * s + y * c + state[1]) for x, y in outline])
+        for outline, state, (c, s), owner in zip(shard.outlines, shard.states[:, step], cos, shard.world, strict=True)
+        if owner == world
+    ]
+    obstacles = unary_union([outline.buffer(0) for outline in outlines])
+    x, y, heading = shard.scans.poses[recording, step]
+    visible = np.zeros(grid.size_px**2, dtype=bool)
+    near_edge = np.zeros_like(visible)
+    for index, (px, py) in enumerate(grid.centers().numpy()):
+        distance, bearing = math.hypot(px - x, py - y), math.atan2(py - y, px - x) - heading
+        off = abs((bearing + math.pi) % (2 * math.pi) - math.pi)
+        ray = LineString([(x, y), (px, py)])
+        visible[index] = distance <= 30 and off <= math.pi / 4 and not obstacles.intersects(ray)
+        # where a beam passes an edge by less than the gap between beams, the two may differ
+        reach = 0.5 * 0.0159 * distance + 0.05
+        grazed = obstacles.boundary.distance(ray) < reach
+        near_edge[index] = grazed or abs(off - math.pi / 4) < 0.01 or abs(distance - 30) < 0.05
+        near_edge[index] |= obstacles.distance(Point(px, py)) < reach
+    return visible, near_edge
+
+
+@pytest.mark.parametrize("step", [0, 37, 99])
+def test_agrees_with_rays_marched_past_the_true_obstacles(recorded, step):
+    grid = Grid(40, 50.0)
+    shard = next(read_shards(recorded, "test"))
+    scans = shard.scans.tensors()
+    for recording in (0, 3):
+        one = Scans(
+            scans.ranges[recording : recording + 1, step : step + 1],
+            scans.angles,
+            scans.poses[recording : recording + 1, step : step + 1],
+        )
+        found = newest_visible(one, grid, 30.0)[0].flatten().numpy() > 0
+        truth, near_edge = march(shard, recording, step, grid)
+        assert (found == truth)[~near_edge].all()
+        assert (found == truth).mean() > 0.97
+        assert 0.03 < truth.mean() < 0.3
+
+
+def look(*headings, ranges=torch.inf):
+    """Scans of a robot in the middle of the map that looks along each heading in turn."""
+    poses = torch.tensor([[25.0, 25.0, heading] for heading in headings])[None]
+    angles = torch.linspace(-math.pi / 4, math.pi / 4, 91)
+    return Scans(torch.full((1, len(headings), 91), ranges), angles, poses)
+
+
+def test_the_newest_step_counts_and_never_is_0():
+    visible, in_view = newest_visible(look(0.0, math.pi / 2, 0.0), Grid(50, 50.0), 20.0)
+    assert torch.equal(visible, in_view)
+    assert visible[0, 25, 40] == 3
+    assert visible[0, 10, 25] == 2
+    assert visible[0, 25, 5] == 0
+    assert visible[0, 25, 46] == 0  # beyond the range
+
+
+def test_a_wall_hides_what_is_behind_it():
+    visible, in_view = newest_visible(look(0.0, ranges=10.0), Grid(50, 50.0), 20.0)
+    assert visible[0, 25, 33] == 1
+    assert visible[0, 25, 37] == 0
+    assert in_view[0, 25, 37] == 1
+    nearer, _ = newest_visible(look(0.0, ranges=10.0), Grid(50, 50.0), 20.0, margin_m=-3.0)
+    assert nearer[0, 25, 33] == 0
+
+
+def test_a_lidar_all_around_sees_all_around():
+    angles = torch.arange(360) * math.pi / 180 - math.pi
+    scans = Scans(torch.full((1, 1, 360), torch.inf), angles, torch.tensor([[[25.0, 25.0, 1.0]]]))
+    grid = Grid(64, 50.0)
+    visible, _ = newest_visible(scans, grid, 20.0)
+    distance = (grid.centers() - 25).norm(dim=-1).view(64, 64)
+    assert torch.equal(visible[0] > 0, distance <= 20)
+
+
+@pytest.mark.parametrize("angles", [[0.0, 0.1, 0.3], [0.3, 0.2, 0.1], [0.0]])
+def test_uneven_beams_are_refused(angles):
+    scans = Scans(torch.ones(1, 1, len(angles)), torch.tensor(angles), torch.zeros(1, 1, 3))
+    with pytest.raises(ValueError, match="beam angles must rise evenly"):
+        newest_visible(scans, Grid(8, 50.0), 30.0)
