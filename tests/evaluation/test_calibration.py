@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from sklearn.metrics import average_precision_score, brier_score_loss, log_loss
+
+from repro.evaluation import calibration
+from repro.evaluation.levels import PROBABILITY, average_precision, count_levels, pooled_scores
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Levels and truth of four small images, and the counts of all together."""
+    rng = np.random.default_rng(0)
+    free = rng.integers(0, 256, (4, 16, 16)).astype(np.uint8)
+    truth = (rng.random((4, 16, 16)) < free / 255).astype(np.uint8)
+    return free, truth, count_levels(free, truth)[:, 0].sum(0)
+
+
+def test_counts_add_up_by_image_group_truth_and_level(drawn):
+    free, truth, _ = drawn
+    groups = np.arange(4)[:, None, None] % 3 + np.zeros((4, 16, 16), dtype=np.uint8)
+    counts = count_levels(free, truth, groups, 3)
+    assert counts.shape == (4, 3, 2, 256)
+    assert counts[1].sum() == counts[1, 1].sum() == 256
+    assert counts[2, 2, 1, 17] == ((free[2] == 17) & (truth[2] == 1)).sum()
+
+
+def test_scores_are_those_of_the_thresholded_images(drawn):
+    free, truth, counts = drawn
+    found = pooled_scores(counts)
+    assert found["accuracy"] == pytest.approx(((free > 127) == truth).mean())
+    assert found["specificity"] == pytest.approx((free[truth == 0] < 128).mean(), abs=1e-6)
+
+
+def test_losses_and_curves_agree_with_scikit_learn(drawn):
+    free, truth, counts = drawn
+    probability, truth = free.ravel() / 255, truth.ravel()
+    assert calibration.brier(counts) == pytest.approx(brier_score_loss(truth, probability))
+    assert calibration.log_loss(counts) == pytest.approx(log_loss(truth, probability.clip(1 / 510, 1 - 1 / 510)))
+    assert average_precision(counts) == pytest.approx(average_precision_score(1 - truth, 1 - probability))
+
+
+def test_what_comes_true_as_often_as_predicted_is_calibrated():
+    pixels = np.full(256, 51_000)
+    counts = np.stack([pixels * (1 - PROBABILITY), pixels * PROBABILITY]).round().astype(np.int64)
+    assert calibration.calibration_error(counts) < 1e-4
+    assert calibration.decompose_brier(counts)["reliability"] < 1e-6
+    assert calibration.fit_temperature(counts) == pytest.approx(1, abs=0.02)
+
+
+def test_temperature_scaling_mends_overconfidence():
+    true = PROBABILITY
+    shown = calibration.tempered(0.5)  # logits twice as large as they should be
+    level = (255 * shown).round().astype(int)
+    counts = np.zeros((2, 256))
+    np.add.at(counts[1], level, 1000 * true)
+    np.add.at(counts[0], level, 1000 * (1 - true))
+    assert calibration.fit_temperature(counts) == pytest.approx(2, abs=0.15)
+    before, after = calibration.summary(counts), calibration.summary(counts, calibration.tempered(2))
+    assert after["calibration_error"] < 0.3 * before["calibration_error"]
+    assert after["log_loss"] < before["log_loss"]
+
+
+def test_the_parts_of_the_brier_score_add_up(drawn):
+    *_, counts = drawn
+    parts = calibration.decompose_brier(counts)
+    assert parts["reliability"] - parts["resolution"] + parts["uncertainty"] == pytest.approx(calibration.brier(counts))
+
+
+def test_a_reliability_diagram_has_all_pixels(drawn):
+    *_, counts = drawn
+    table = calibration.reliability(counts, bins=10)
+    assert table["pixels"].sum() == counts.sum()
+    assert ((table["low"] <= table["predicted"]) & (table["predicted"] <= table["high"] + 1e-9)).all()
+    mean = (table["found"] * table["pixels"]).sum() / counts.sum()
+    assert mean == pytest.approx(counts[0].sum() / counts.sum())
+
+
+def test_entropy_is_highest_at_one_half():
+    sure, unsure = np.zeros((2, 256)), np.zeros((2, 256))
+    sure[1, 255] = unsure[1, 127] = unsure[0, 128] = 10
+    assert calibration.entropy(sure) == pytest.approx(0, abs=1e-9)
+    assert calibration.entropy(unsure) == pytest.approx(np.log(2), abs=1e-4)

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from repro.evaluation.intervals import Measured, by_world, difference, draw_weights, interval, resample
+
+
+def measured(shares, worlds=200, pixels=400, seed=0):
+    """Networks that call a share of the free pixels free in each world, a seed each."""
+    rng = np.random.default_rng(seed)
+    counts = np.zeros((len(shares), worlds, 2, 256), dtype=np.int64)
+    hard = rng.normal(0, 0.05, worlds)  # some worlds are harder, for all seeds alike
+    for number, share in enumerate(shares):
+        right = rng.binomial(pixels, (share + hard).clip(0, 1))
+        counts[number, :, 1, 255], counts[number, :, 1, 0] = right, pixels - right
+        counts[number, :, 0, 0] = 50
+    return Measured(counts, np.full((len(shares), worlds), 0.5))
+
+
+def value_of(table, metric):
+    return table.set_index("metric").loc[metric]
+
+
+def test_the_first_row_is_what_was_measured():
+    one = measured([0.8])
+    drawn = resample(one, draw_weights(200))
+    assert drawn["recall"][0] == pytest.approx(one.counts[0, :, 1, 255].sum() / one.counts[0, :, 1].sum(), abs=1e-6)
+    assert drawn["specificity"][0] == pytest.approx(1)
+    assert len(drawn) == 2001
+
+
+def test_an_interval_is_as_wide_as_worlds_differ():
+    row = value_of(interval(resample(measured([0.8]), draw_weights(200))), "recall")
+    expected = 1.96 * 0.054 / np.sqrt(200)
+    assert row["low"] < row["value"] < row["high"]
+    assert (row["high"] - row["low"]) / 2 == pytest.approx(expected, rel=0.25)
+    fewer = value_of(interval(resample(measured([0.8], worlds=50), draw_weights(50))), "recall")
+    assert (fewer["high"] - fewer["low"]) == pytest.approx(2 * (row["high"] - row["low"]), rel=0.35)
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    covered = 0
+    for trial in range(200):
+        row = value_of(
+            interval(resample(measured([0.8], worlds=60, seed=trial), draw_weights(60, draws=400))), "recall"
+        )
+        covered += row["low"] <= 0.8 <= row["high"]
+    assert 0.88 <= covered / 200 <= 0.99
+
+
+def test_a_paired_difference_is_narrower_than_its_parts():
+    weights = draw_weights(200)
+    one, other = (resample(measured([share]), weights) for share in (0.80, 0.79))
+    row = value_of(difference(one, other), "recall")
+    alone = value_of(interval(one), "recall")
+    assert row["is_clear"]
+    assert row["high"] - row["low"] < 0.6 * (alone["high"] - alone["low"])
+    assert not value_of(difference(one, one), "recall")["is_clear"]
+
+
+def test_seeds_that_differ_widen_the_interval():
+    weights = draw_weights(200)
+    same, apart = (value_of(interval(resample(measured(s), weights)), "recall") for s in ([0.8] * 3, [0.7, 0.8, 0.9]))
+    assert apart["value"] == pytest.approx(same["value"], abs=0.01)
+    assert apart["high"] - apart["low"] > 2 * (same["high"] - same["low"])
+
+
+def test_a_world_and_its_twin_stay_together():
+    values = np.arange(12).reshape(6, 2)
+    assert by_world(values).tolist() == [[2, 4], [10, 12], [18, 20]]

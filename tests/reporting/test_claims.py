@@ -1,0 +1,177 @@
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT
+
+from repro.evaluation.metrics import METRICS
+from repro.reporting.audit import audit, audit_averages
+from repro.reporting.claims import Verdict, judge, read_claims
+from repro.reporting.numbers import Numbers, paper_rows
+from repro.reporting.paper import read_paper
+
+LEDGER = ROOT / "reproduce" / "claims.yaml"
+KEYS = {"of": "tables", "encoding": "projection", "stratum": "all", "decay": True, "low": np.nan, "high": np.nan}
+
+
+def ledger_of(tmp_path, **claim):
+    content = {
+        "tolerances": {"seeds": {"accuracy": 0.01}},
+        "claims": [{"id": "one", "quote": "", "place": "", **claim}],
+    }
+    (tmp_path / "claims.yaml").write_text(yaml.safe_dump(content))
+    return read_claims(tmp_path / "claims.yaml")
+
+
+def rows_of(**accuracy):
+    """Rows of the average's accuracy by experiment (e3=0.9), or with an interval (e3=(0.9, 0.8, 1.0))."""
+    rows = []
+    for name, found in accuracy.items():
+        value, low, high = found if isinstance(found, tuple) else (found, np.nan, np.nan)
+        place = {"experiment": name[1:], "model": "average", "metric": "accuracy"}
+        rows.append({**KEYS, **place, "value": value, "low": low, "high": high})
+    return pd.DataFrame(rows)
+
+
+def verdict(ledger, ours, paper=None):
+    return judge(ledger, ours, paper if paper is not None else rows_of(e3=0.95, e4=0.9)).iloc[0]
+
+
+ABOVE = {"test": "m('accuracy', '3') - m('accuracy', '4')", "tolerance": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("ours", "expected"),
+    [
+        (rows_of(e3=0.95, e4=0.90), Verdict.reproduced),
+        (rows_of(e3=0.91, e4=0.90), Verdict.in_direction),
+        (rows_of(e3=0.89, e4=0.90), Verdict.not_reproduced),
+        (rows_of(e3=(0.95, 0.85, 1.05), e4=0.90), Verdict.in_direction),  # its interval does not leave out zero
+        (rows_of(e3=(0.95, 0.94, 0.96), e4=(0.9, 0.89, 0.91)), Verdict.reproduced),
+        (rows_of(e3=0.95), Verdict.untested),
+    ],
+)
+def test_a_claim_of_more_needs_more_than_the_tolerance_and_its_interval(tmp_path, ours, expected):
+    assert verdict(ledger_of(tmp_path, **ABOVE), ours)["verdict"] is expected
+
+
+def test_the_verdict_at_half_and_double_the_tolerance_stands_beside_it(tmp_path):
+    row = verdict(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.93, e4=0.90))
+    assert [row["at_half"], row["verdict"], row["at_double"]] == [
+        Verdict.reproduced,
+        Verdict.reproduced,
+        Verdict.in_direction,
+    ]
+    assert row["margin"] == pytest.approx(0.01)
+
+
+def test_a_claim_that_the_papers_own_numbers_fail_contradicts_itself(tmp_path):
+    row = verdict(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.95, e4=0.90), rows_of(e3=0.9, e4=0.95))
+    assert row["verdict"] is Verdict.contradicts
+    assert row["ours"] is Verdict.reproduced
+
+
+def test_a_level_has_no_direction_but_a_difference_does(tmp_path):
+    level = {"test": "m('accuracy', '3')", "claimed": "paper", "expect": "near", "tolerance": 0.01}
+    assert verdict(ledger_of(tmp_path, **level), rows_of(e3=0.955))["verdict"] is Verdict.reproduced
+    assert verdict(ledger_of(tmp_path, **level), rows_of(e3=0.97))["verdict"] is Verdict.not_reproduced
+    drop = {"test": "m('accuracy', '3') - m('accuracy', '4')", "claimed": 0.05, "expect": "near", "tolerance": 0.01}
+    assert verdict(ledger_of(tmp_path, **drop), rows_of(e3=0.92, e4=0.9))["verdict"] is Verdict.in_direction
+
+
+def test_all_combinations_must_hold_or_most_where_it_says_so(tmp_path):
+    ours, paper = rows_of(e1=0.9, e2=0.9, e3=0.5), rows_of(e1=0.9, e2=0.9, e3=0.9)
+    claim = {
+        "for": {"exp": ["1", "2", "3"], "metric": ["accuracy"]},
+        "test": "m(metric, exp) - 0.8",
+        "tolerance": "seeds",
+    }
+    row = verdict(ledger_of(tmp_path, **claim), ours, paper)
+    assert (row["verdict"], row["held"], row["combinations"]) == (Verdict.not_reproduced, 2, 3)
+    assert row["value"] == pytest.approx(-0.3)
+    assert verdict(ledger_of(tmp_path, **claim, most=True), ours, paper)["verdict"] is Verdict.reproduced
+
+
+def test_a_claim_needs_a_test_or_a_reason(tmp_path):
+    with pytest.raises(ValueError, match="one needs either a test or a reason"):
+        ledger_of(tmp_path)
+    with pytest.raises(ValueError, match=r"claims\.yaml cannot be read \(claims.*expect"):
+        ledger_of(tmp_path, test="1", expect="equal")
+
+
+def test_every_claim_of_the_ledger_can_be_computed():
+    """Whatever numbers there are: each test of the ledger finds its names and gives a number."""
+
+    class Anything(dict):
+        def __missing__(self, key):
+            return 0.5 + 0.01 * (hash(key) % 10)
+
+    ledger = read_claims(LEDGER)
+    known = Numbers(paper_rows())
+    known.numbers = Anything()
+    for claim in ledger.claims:
+        if claim.test:
+            names = {name: values[0] for name, values in claim.over.items()}
+            eval(claim.test.strip(), {"__builtins__": {}, "m": known.m, "networks": 4, **names})
+        assert claim.quote
+        assert claim.place
+        assert claim.untestable or (claim.means and claim.tolerance_from)
+        if isinstance(claim.tolerance, str):
+            assert set(claim.over["metric"]) <= set(ledger.tolerances[claim.tolerance])
+
+
+def test_the_papers_slips_are_found_on_its_own_numbers():
+    """What DEVIATIONS lists under "The paper's slips", from its tables alone."""
+    table = judge(read_claims(LEDGER), paper_rows()).set_index("id")
+    slips = table.index[table["paper"] == "fails"].tolist()
+    assert slips == [
+        "square-beats-rotation",  # not in SSIM
+        "rotation-beats-square",  # not in precision and specificity
+        "unet-best-everywhere",
+        "decay-costs-one-or-two-percent",
+        "decay-costs-nine-percent",
+        "decay-costs-twelve-percent",
+        "eight-variations",
+    ]
+    assert table.loc["decay-costs-nine-percent", "paper_value"] == pytest.approx(8.17)
+    assert table.loc["decay-costs-twelve-percent", "paper_value"] == pytest.approx(13.98)
+    assert table.loc["rotation-beats-square", "paper_value"] == pytest.approx(0.5485 - 0.5707)
+    assert (table.loc[table["paper"] == "holds", "ours"] == Verdict.reproduced).sum() >= 6
+
+
+def test_the_papers_tables_agree_with_themselves():
+    rows = audit(read_paper())
+    assert len(rows) == 30
+    assert rows["free_agrees"].all()
+    assert rows["dice_agrees"].all()
+    assert audit_averages(read_paper())["agrees"].all()
+    average = rows[rows["model"] == "average"].set_index(["experiment", "decay"])
+    assert average.loc[("3", True), "obstacle_iou"] == pytest.approx(0.472, abs=1e-3)
+    assert average.loc[("4", False), "obstacle_iou"] == pytest.approx(0.352, abs=1e-3)
+    assert average.loc[("3", True), "all_free_accuracy"] == pytest.approx(0.9164, abs=1e-3)
+    assert average.loc[("3", True), "gain"] == pytest.approx(0.0323, abs=1e-3)
+
+
+@pytest.mark.parametrize(("metric", "column"), [("specificity", "free_agrees"), ("dice", "dice_agrees")])
+def test_a_wrong_number_is_found(metric, column):
+    table = read_paper().copy()
+    table.loc[4, metric] += 0.01
+    rows = audit(table)
+    assert rows.index[~rows[column]].tolist() == [4]
+
+
+def test_averages_that_are_none_are_found():
+    table = read_paper().copy()
+    table.loc[table.index[-1], "recall"] += 0.001
+    wrong = audit_averages(table).query("not agrees")
+    assert wrong[["experiment", "metric"]].to_numpy().tolist() == [["4", "recall"]]
+
+
+def test_the_papers_rows_have_what_calling_everything_free_scores():
+    rows = Numbers(paper_rows())
+    assert rows.m("accuracy", "3", model="all_free") == pytest.approx(0.9164, abs=1e-3)
+    assert rows.m("accuracy", ["1", "3"]) == pytest.approx((0.9755 + 0.9487) / 2)
+    assert rows.networks == 4
+    with pytest.raises(KeyError):
+        rows.m("accuracy", "7")
+    assert set(paper_rows()["metric"]) == set(METRICS)
