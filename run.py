@@ -26,8 +26,9 @@ from omegaconf.errors import OmegaConfBaseException
 from repro.checks import all_faults, remarks
 from repro.config import Config, Task, plain, schema, to_typed, variant
 from repro.messages import JobFailed, explain, stopped
+from repro.outcomes import print_tables
 from repro.runs import Outputs
-from repro.tasks import ONCE, TASKS, print_tables, warn_of_cost
+from repro.tasks import ONCE, TASKS, warn_of_cost
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a sweep, in whatever process, note their failures

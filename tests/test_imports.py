@@ -11,10 +11,13 @@ ORDER = [
     *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "checkpoints", "training")),
     *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
     *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
-    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence")),
+    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "samples")),
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
-    *(f"reporting.{name}" for name in ("results", "tables", "figures", "publish")),
-    *("checks", "messages", "tasks"),
+    *(
+        f"reporting.{name}"
+        for name in ("results", "tables", "figures", "evidence_figures", "sections", "page", "publish")
+    ),
+    *("checks", "messages", "calls", "outcomes", "tasks"),
 ]
 STANDALONE = ("config", "files", "messages", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")
 

@@ -40,6 +40,7 @@ class Task(enum.Enum):
     train = "train"
     evaluate = "evaluate"
     report = "report"
+    evidence = "evidence"
     plan = "plan"
     world = "world"
     publish = "publish"

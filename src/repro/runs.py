@@ -10,7 +10,8 @@ outputs/<scale>/
         predictions.npz  probabilities of free on the test set, uint8
         metrics.csv      the pooled metrics, one row; validation.csv the same on the validation set
         per_image.csv    the metrics of every test image
-    tables/ figures/ worlds/
+    tables/ figures/ evidence/ worlds/
+    report.html
 """
 
 import dataclasses
@@ -153,6 +154,10 @@ class Outputs:
     """An outputs directory: the results of one scale, or of a variant of it."""
 
     path: Path
+
+    @property
+    def evidence(self) -> Path:
+        return self.path / "evidence"
 
     @property
     def tables(self) -> Path:

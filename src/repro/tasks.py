@@ -1,58 +1,15 @@
-"""What a call does: one function a task. The only module that takes the whole configuration; run.py calls it."""
+"""What a call does: one function a task. This, `calls` and `outcomes` alone take the whole configuration."""
 
 import dataclasses
-import itertools
 import sys
-from pathlib import Path
 
-from repro.config import NETWORKS, Config, Encoding, Model, Task, variant, world_spec
-from repro.messages import JobFailed, announce
+from repro.calls import outputs_of, recordings_of, run_config, run_of
+from repro.config import NETWORKS, Config, Task, world_spec
+from repro.messages import announce
+from repro.outcomes import evaluate_rival, evidence, export, publish, readme, report
 from repro.provenance import Status
-from repro.runs import Data, Outputs, Run, RunConfig
 
-ROOT = Path(__file__).parents[2]
-RESULTS = ROOT / "reproduce" / "results"
-ONCE = (Task.report, Task.plan, Task.publish, Task.readme)  # done for all runs together
-
-
-def print_tables(outputs: Outputs) -> int:
-    """Writes the tables of whatever runs there are and prints them; returns 1 when a run had to be left out."""
-    from repro.reporting.tables import write_tables
-
-    faults: list[str] = []
-    for table in write_tables(outputs, faults).values():
-        print("\n" + table.to_markdown())
-    print(f"Tables: {outputs.tables}", flush=True)
-    for fault in faults:
-        print(f"error: left out of the tables: {fault}", file=sys.stderr)
-    return int(bool(faults))
-
-
-def outputs_of(config: Config) -> Outputs:
-    return Outputs(Path(config.outputs))
-
-
-def recordings_of(config: Config) -> Path:
-    return outputs_of(config).recordings(config.exp)
-
-
-def run_of(config: Config) -> Run:
-    return outputs_of(config).run(config.exp, config.model.name, config.encoding.variant, config.seed)
-
-
-def run_config(config: Config) -> RunConfig:
-    """Gathers what decides the result of a run; it becomes the run's config.yaml."""
-    from repro.simulation.shards import spec_fingerprint
-
-    spec = world_spec(config.world, config.exp)
-    data = Data(
-        config.scale.name,
-        config.scale.size_px,
-        float(spec["world"]["width"]),
-        config.scale.pairs,
-        spec_fingerprint(spec),
-    )
-    return RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
+ONCE = (Task.report, Task.evidence, Task.plan, Task.publish, Task.readme)  # done for all runs together
 
 
 def record(config: Config) -> None:
@@ -127,78 +84,12 @@ def evaluate(config: Config) -> None:
         evaluate_rival(outputs_of(config), run_config(config), name)
 
 
-def evaluate_rival(outputs: Outputs, settings: RunConfig, name: str) -> None:
-    """Evaluates a rival, unless that is done, on the worlds and the grid of some run."""
-    from repro.evaluation import predictions
-
-    encoding = Encoding("projection", {"decay": True, "lightest": 0.8})  # a rival draws no images
-    rival = outputs.run(settings.experiment, name, encoding.variant, 0)
-    rival.prepare(dataclasses.replace(settings, model=Model(name), encoding=encoding, seed=0, train=None))
-    if not rival.is_evaluated:
-        announce(f"evaluating {rival}")
-    predictions.evaluate(rival, outputs.recordings(settings.experiment))
-
-
 def all_steps(config: Config) -> None:
     """Records what is missing, trains, evaluates."""
     if not run_of(config).is_evaluated:
         record(config)
     if train(config) is not Status.paused:
         evaluate(config)
-
-
-def report(config: Config) -> None:
-    """Rebuilds tables and figures from whatever run directories exist."""
-    from repro.evaluation.examples import load_example
-    from repro.reporting.figures import write_figures
-    from repro.simulation.shards import SPLITS
-    from repro.simulation.store import read_manifest
-    from repro.simulation.worlds import sample_world
-
-    outputs = outputs_of(config)
-    left_out = print_tables(outputs)
-    specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
-    worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
-    examples = []
-    for decay, experiment in itertools.product((True, False), specs):
-        try:
-            if outputs.run(experiment, "unet", variant("projection", decay), 0).is_evaluated:
-                examples.append(load_example(outputs, experiment, decay=decay))
-        except ValueError as error:
-            print(f"error: left out of the figures: {error}", file=sys.stderr)
-            left_out = 1
-    for path in write_figures(outputs.figures, worlds, examples):
-        print(f"Figure: {path}")
-    if left_out:
-        raise JobFailed("some runs are left out of the tables or figures")
-
-
-def publish(config: Config) -> None:
-    """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
-    from repro.reporting import publish
-
-    target = RESULTS / Path(config.outputs).name
-    print(f"{'replacing' if target.exists() else 'publishing'} {target}")
-    publish.publish(outputs_of(config), RESULTS, config.scale.name, force=config.publish.force)
-    readme(config)
-
-
-def export(config: Config) -> None:
-    """Writes the weights of one run as float16 with a model card into reproduce/results."""
-    from repro.reporting.publish import export_weights
-
-    target = RESULTS / config.scale.name / f"exp{config.exp}-{config.model.name}"
-    export_weights(run_of(config), target, force=config.publish.force)
-    print(target)
-
-
-def readme(config: Config) -> None:
-    """Makes the tables of README.md anew from reproduce/results."""
-    from repro.files import write_text
-    from repro.reporting.publish import readme_with_results
-
-    path = ROOT / "README.md"
-    write_text(path, readme_with_results(path.read_text(), RESULTS))
 
 
 def world(config: Config) -> None:
@@ -253,6 +144,7 @@ TASKS = {
     Task.train: train,
     Task.evaluate: evaluate,
     Task.report: report,
+    Task.evidence: evidence,
     Task.plan: plan,
     Task.world: world,
     Task.publish: publish,

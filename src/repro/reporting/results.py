@@ -9,6 +9,7 @@ from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
 from repro.evaluation.rivals import RIVALS
 from repro.provenance import Status
+from repro.reporting.audit import audit
 from repro.reporting.paper import KEYS, read_paper
 from repro.runs import Outputs, Run
 
@@ -81,10 +82,7 @@ def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
     """
     results = results[(results["decay"] == decay) & (results["encoding"] == "projection")]
     results = results[results["model"].isin([*NETWORKS, *RIVALS])]
-    networks = results[results["model"].isin(NETWORKS)]
-    complete = networks.groupby(["experiment", "seed"]).filter(lambda rows: len(rows) == len(NETWORKS))
-    averages = complete.groupby(["experiment", "decay", "seed"], as_index=False)[list(METRICS)].mean()
-    rows = pd.concat([results, averages.assign(model="average")])
+    rows = pd.concat([results, averages_of(results)])
     groups = rows.groupby(KEYS)
     table = groups[list(METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
     several = table["seeds"].max() > 1
@@ -100,6 +98,22 @@ def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
             columns[f"std_{metric}"] = spread[metric]
     order = table["model"].map({name: rank for rank, name in enumerate(ORDER)})
     return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
+
+
+def averages_of(results: pd.DataFrame) -> pd.DataFrame:
+    """Makes the rows `average`, the mean of the four networks, of each seed that has them all."""
+    keys = [key for key in ("experiment", "decay", "seed") if key in results]
+    networks = results[results["model"].isin(NETWORKS)]
+    complete = networks.groupby(keys).filter(lambda rows: len(rows) == len(NETWORKS))
+    return complete.groupby(keys, as_index=False)[list(METRICS)].mean().assign(model="average")
+
+
+def audits(results: pd.DataFrame) -> pd.DataFrame:
+    """Audits the paper's tables and ours, see `audit.audit`; `whose` tells them apart."""
+    rows = results[(results["encoding"] == "projection") & results["model"].isin(NETWORKS)]
+    ours = rows.groupby(KEYS, as_index=False)[list(METRICS)].mean()
+    tables = {"paper": read_paper(), "ours": pd.concat([ours, averages_of(ours)])}
+    return pd.concat([audit(table[[*KEYS, *METRICS]]).assign(whose=whose) for whose, table in tables.items()])
 
 
 def caption(results: pd.DataFrame) -> str:

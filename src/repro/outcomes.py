@@ -1,0 +1,153 @@
+"""The tasks that read what has been evaluated: tables, figures, evidence, what is published."""
+
+import dataclasses
+import itertools
+import sys
+from pathlib import Path
+
+from repro.calls import RESULTS, ROOT, outputs_of, run_of
+from repro.config import NETWORKS, Config, Encoding, Model, variant
+from repro.messages import JobFailed, announce
+from repro.runs import Outputs, RunConfig
+
+
+def print_tables(outputs: Outputs) -> int:
+    """Writes the tables of whatever runs there are and prints them; returns 1 when a run had to be left out."""
+    from repro.reporting.tables import write_tables
+
+    faults: list[str] = []
+    for table in write_tables(outputs, faults).values():
+        print("\n" + table.to_markdown())
+    print(f"Tables: {outputs.tables}", flush=True)
+    for fault in faults:
+        print(f"error: left out of the tables: {fault}", file=sys.stderr)
+    return int(bool(faults))
+
+
+def report(config: Config) -> None:
+    """Rebuilds tables and figures from whatever run directories exist."""
+    from repro.evaluation.examples import load_example
+    from repro.reporting.figures import write_figures
+    from repro.simulation.shards import SPLITS
+    from repro.simulation.store import read_manifest
+    from repro.simulation.worlds import sample_world
+
+    outputs = outputs_of(config)
+    left_out = print_tables(outputs)
+    specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
+    worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
+    examples = []
+    for decay, experiment in itertools.product((True, False), specs):
+        try:
+            if outputs.run(experiment, "unet", variant("projection", decay), 0).is_evaluated:
+                examples.append(load_example(outputs, experiment, decay=decay))
+        except ValueError as error:
+            print(f"error: left out of the figures: {error}", file=sys.stderr)
+            left_out = 1
+    for path in write_figures(outputs.figures, worlds, examples):
+        print(f"Figure: {path}")
+    if left_out:
+        raise JobFailed("some runs are left out of the tables or figures")
+
+
+def evidence(config: Config) -> None:
+    """Measures what the tables do not say, judges the paper's claims, and writes the page."""
+    from repro.evaluation.evidence import gather
+    from repro.evaluation.rivals import RIVALS
+    from repro.files import write_text
+    from repro.reporting.claims import judge, read_claims
+    from repro.reporting.evidence_figures import write_evidence_figures
+    from repro.reporting.numbers import evidence_rows
+    from repro.reporting.results import audits, read_results
+    from repro.reporting.tables import write_tables
+
+    outputs = outputs_of(config)
+    results = read_results(outputs)
+    if results.empty or not results["model"].isin(NETWORKS).any():
+        raise ValueError(f"no network has been evaluated in {outputs.path}: train some first")
+    settings = {run.config().experiment: run.config() for run in outputs.runs() if run.config().train}
+    for experiment, name in itertools.product(sorted(settings), RIVALS):
+        evaluate_rival(outputs, settings[experiment], name)
+    write_tables(outputs)
+    announce(f"measuring {len(results)} runs, about {3 * len(results)} s")
+    frames = gather(outputs)
+    frames["audit"] = audits(results)
+    frames["claims"] = judge(read_claims(ROOT / "reproduce" / "claims.yaml"), evidence_rows(frames))
+    outputs.evidence.mkdir(parents=True, exist_ok=True)
+    for name, frame in frames.items():
+        write_text(outputs.evidence / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+    write_evidence_figures(outputs.evidence, frames)
+    verdicts = frames["claims"]["verdict"].value_counts()
+    print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
+    write_page(config, frames)
+
+
+def write_page(config: Config, frames: dict) -> None:
+    """Writes outputs/<scale>/report.html."""
+    from repro.evaluation.samples import load_samples
+    from repro.files import write_text
+    from repro.reporting.page import Study, render
+    from repro.reporting.results import caption, read_results
+    from repro.reporting.tables import make_tables
+
+    outputs = outputs_of(config)
+    results, runs = read_results(outputs), [run for run in outputs.runs() if run.is_evaluated]
+    shown: dict[str, list] = {}
+    for run in runs:
+        settings = run.config()
+        if settings.seed == 0 and settings.model.name != "all_free":
+            shown.setdefault(settings.experiment, []).append(run)
+    study = Study(
+        scale=config.scale.name,
+        place=config.outputs,
+        command=f"python run.py task=evidence scale={config.scale.name}",
+        caption=caption(results),
+        tables=make_tables(results),
+        frames=frames,
+        claims=frames["claims"],
+        figures={path.stem: path for folder in (outputs.figures, outputs.evidence) for path in folder.glob("*.png")},
+        samples={experiment: load_samples(outputs, experiment, mine) for experiment, mine in shown.items()},
+        origins={str(run.path.relative_to(outputs.path)): run.provenance() for run in runs},
+    )
+    write_text(outputs.path / "report.html", render(study))
+    print(f"Page: {outputs.path / 'report.html'}", flush=True)
+
+
+def publish(config: Config) -> None:
+    """Copies what this scale has measured into reproduce/results, and its tables into README.md."""
+    from repro.reporting import publish
+
+    target = RESULTS / Path(config.outputs).name
+    print(f"{'replacing' if target.exists() else 'publishing'} {target}")
+    publish.publish(outputs_of(config), RESULTS, config.scale.name, force=config.publish.force)
+    readme(config)
+
+
+def export(config: Config) -> None:
+    """Writes the weights of one run as float16 with a model card into reproduce/results."""
+    from repro.reporting.publish import export_weights
+
+    target = RESULTS / config.scale.name / f"exp{config.exp}-{config.model.name}"
+    export_weights(run_of(config), target, force=config.publish.force)
+    print(target)
+
+
+def readme(config: Config) -> None:
+    """Makes the tables of README.md anew from reproduce/results."""
+    from repro.files import write_text
+    from repro.reporting.publish import readme_with_results
+
+    path = ROOT / "README.md"
+    write_text(path, readme_with_results(path.read_text(), RESULTS))
+
+
+def evaluate_rival(outputs: Outputs, settings: RunConfig, name: str) -> None:
+    """Evaluates a rival, unless that is done, on the worlds and the grid of some run."""
+    from repro.evaluation import predictions
+
+    encoding = Encoding("projection", {"decay": True, "lightest": 0.8})  # a rival draws no images
+    rival = outputs.run(settings.experiment, name, encoding.variant, 0)
+    rival.prepare(dataclasses.replace(settings, model=Model(name), encoding=encoding, seed=0, train=None))
+    if not rival.is_evaluated:
+        announce(f"evaluating {rival}")
+    predictions.evaluate(rival, outputs.recordings(settings.experiment))

@@ -1,0 +1,165 @@
+"""Figures of the evidence: frames in, `Figure` out. Each can be read in gray, and has its rows beside it as CSV."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from repro.config import NETWORKS
+from repro.reporting.figures import ACCENT, INK, STYLE
+from repro.reporting.tables import NAMES, experiment_title
+
+Frames = dict[str, pd.DataFrame]
+LOOKS: list[dict[str, Any]] = [  # told apart by mark and line, not by colour alone
+    {"color": ACCENT, "marker": "o", "linestyle": "-"},
+    {"color": "#d1711a", "marker": "s", "linestyle": "--"},
+    {"color": "#777777", "marker": "^", "linestyle": ":"},
+    {"color": INK, "marker": "v", "linestyle": "-."},
+]
+HITS = ("1-10", "11-25", "26-50", "51-100", "never")
+
+
+def write_evidence_figures(directory: Path, frames: Frames) -> list[Path]:
+    """Draws every figure for which there are rows, as PNG and PDF; returns the PNG files."""
+    written = []
+    with plt.rc_context(STYLE):
+        for name, draw in FIGURES.items():
+            figure = draw(frames)
+            if figure is None:
+                continue
+            for suffix in ("png", "pdf"):
+                figure.savefig(directory / f"{name}.{suffix}", bbox_inches="tight", pad_inches=0.05)
+            plt.close(figure)
+            written.append(directory / f"{name}.png")
+    return written
+
+
+def ages(frames: Frames) -> Figure | None:
+    """Shows what U-Net finds, and how sure it is, by how long ago the lidar last saw a pixel."""
+    rows = _unet(frames["ages"])
+    if rows.empty:
+        return None
+    measures = {"obstacle_recall": "obstacle pixels found", "entropy": "entropy [nat]"}
+    figure, axes = _columns(rows, len(measures), sharey="row")
+    for column, (experiment, mine) in zip(axes.T, rows.groupby("experiment"), strict=True):
+        for ax, metric in zip(column, measures, strict=True):
+            for decay, line in mine[mine["metric"] == metric].groupby("decay", sort=False):
+                look, label = (LOOKS[0], "with time decay") if decay else (LOOKS[1], "without")
+                ax.plot(line["age"], line["value"], markersize=3, label=label, **look)
+        column[0].set_title(experiment_title(str(experiment), "\n{}"))
+        column[-1].set_xlabel("last seen before the end [steps]")
+    for ax, label in zip(axes[:, 0], measures.values(), strict=True):
+        ax.set_ylim(bottom=0)  # for all of its row
+        ax.set_ylabel(label)
+    _one_legend(figure, axes[0])
+    return figure
+
+
+def obstacles(frames: Frames) -> Figure | None:
+    """Shows how much of an obstacle is found, by when it was last hit: U-Net, without decay, and the tracker."""
+    table = frames["obstacles"]
+    rows = table[(table["metric"] == "recall") & (table["encoding"] == "projection")]
+    kinds = {
+        "U-Net": rows[(rows["model"] == "unet") & rows["decay"]],
+        "U-Net, no decay": rows[(rows["model"] == "unet") & ~rows["decay"]],
+        "Tracker": rows[rows["model"] == "tracker"],
+        "Last seen": rows[rows["model"] == "last_seen"],
+    }
+    if kinds["U-Net"].empty:
+        return None
+    figure, axes = _columns(kinds["U-Net"], 1, sharey=True)
+    for ax, experiment in zip(axes[0], sorted(kinds["U-Net"]["experiment"].unique()), strict=True):
+        for number, (look, (label, kind)) in enumerate(zip(LOOKS, kinds.items(), strict=True)):
+            mine = kind[kind["experiment"] == experiment].set_index("last_hit").reindex(HITS).dropna(subset=["value"])
+            place = [HITS.index(name) + 0.16 * (number - 1.5) for name in mine.index]
+            spread = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
+            form = {"color": look["color"], "marker": look["marker"], "linestyle": "none", "markersize": 4}
+            ax.errorbar(place, mine["value"], yerr=spread, label=label, capsize=2, **form)
+        ax.set(title=experiment_title(str(experiment), "\n{}"), ylim=(0, 1), xlabel="last hit before the end [steps]")
+        ax.set_xticks(range(len(HITS)), HITS)
+    axes[0, 0].set_ylabel("share of the obstacle found")
+    _one_legend(figure, axes[0])
+    return figure
+
+
+def reliability(frames: Frames) -> Figure | None:
+    """Shows how often what U-Net predicts comes true."""
+    rows = _unet(frames["reliability"])
+    rows = rows[rows["stratum"] == "all"] if len(rows) else rows
+    if rows.empty:
+        return None
+    figure, axes = _columns(rows, 1, sharey=True)
+    for ax, (experiment, mine) in zip(axes[0], rows.groupby("experiment"), strict=True):
+        ax.plot([0, 1], [0, 1], color="#bbbbbb", linewidth=1)
+        for decay, line in mine.groupby("decay", sort=False):
+            look, label = (LOOKS[0], "with time decay") if decay else (LOOKS[1], "without")
+            ax.plot(line["predicted"], line["found"], markersize=3, label=label, **look)
+        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="predicted probability", aspect="equal")
+    axes[0, 0].set_ylabel("share that are obstacles")
+    _one_legend(figure, axes[0])
+    return figure
+
+
+def rivals(frames: Frames) -> Figure | None:
+    """Shows the obstacle IoU of every network and every rival, with intervals."""
+    table = frames["intervals"]
+    rows = table[(table["metric"] == "obstacle_iou") & table["decay"] & (table["encoding"] == "projection")]
+    names = [name for name in reversed(NAMES) if name in set(rows["model"]) and name not in ("average", "all_free")]
+    return _dots(rows, "model", names, {name: NAMES[name] for name in names}) if len(names) > 1 else None
+
+
+def encodings(frames: Frames) -> Figure | None:
+    """Shows the obstacle IoU of U-Net from every encoding, with intervals."""
+    table = frames["intervals"]
+    rows = table[(table["metric"] == "obstacle_iou") & table["decay"] & (table["model"] == "unet")]
+    names = sorted(set(rows["encoding"]), key=lambda name: (name != "projection", name), reverse=True)
+    rows = rows[rows["experiment"].isin(rows.loc[rows["encoding"] != "projection", "experiment"])]
+    labels = {name: "projection (the paper's)" if name == "projection" else name for name in names}
+    return _dots(rows, "encoding", names, labels) if len(names) > 1 else None
+
+
+FIGURES: dict[str, Callable[[Frames], Figure | None]] = {
+    "ages": ages,
+    "obstacles": obstacles,
+    "reliability": reliability,
+    "rivals": rivals,
+    "encodings": encodings,
+}
+
+
+def _unet(table: pd.DataFrame) -> pd.DataFrame:
+    return table[(table["model"] == "unet") & (table["encoding"] == "projection")]
+
+
+def _columns(rows: pd.DataFrame, number: int, **options: Any) -> tuple[Figure, Any]:
+    """Makes a column of axes for each experiment, (number, experiments)."""
+    experiments = rows["experiment"].nunique()
+    size = (0.6 + 2.4 * experiments, 0.7 + 2.1 * number)
+    return plt.subplots(number, experiments, figsize=size, layout="constrained", squeeze=False, **options)
+
+
+def _dots(rows: pd.DataFrame, column: str, names: list[str], labels: dict[str, str]) -> Figure:
+    """Draws a dot and its interval for each name, a column an experiment."""
+    experiments = sorted(rows["experiment"].unique())
+    size = (1.6 + 2.3 * len(experiments), 0.9 + 0.26 * len(names))
+    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
+    for ax, experiment in zip(axes[0], experiments, strict=True):
+        mine = rows[rows["experiment"] == experiment].set_index(column).reindex(names)
+        spread = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
+        learned = [name in NETWORKS or column == "encoding" for name in names]
+        for place, (value, low, high, own) in enumerate(zip(mine["value"], *spread, learned, strict=True)):
+            form = {"color": ACCENT if own else INK, "marker": "o" if own else "s", "markersize": 4, "capsize": 2}
+            ax.errorbar(value, place, xerr=[[low], [high]], markerfacecolor=None if own else "white", **form)
+        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="obstacle IoU")
+        ax.grid(axis="x", color="#dddddd", linewidth=0.5)
+        ax.set_yticks(range(len(names)), [labels[name] for name in names])
+    return figure
+
+
+def _one_legend(figure: Figure, axes: Any) -> None:
+    """Puts one legend under the figure, of the axes with most to show."""
+    handles, labels = max((ax.get_legend_handles_labels() for ax in axes), key=lambda found: len(found[1]))
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)

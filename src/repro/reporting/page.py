@@ -1,0 +1,163 @@
+"""The page: one HTML file with tables, claims, figures, samples and provenance, that needs nothing but a browser."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from repro.evaluation.metrics import METRICS
+from repro.evaluation.samples import Sample
+from repro.provenance import Provenance
+from repro.reporting.claims import Verdict
+from repro.reporting.sections import sections
+from repro.reporting.tables import HEADS, NAMES, Table, experiment_title
+
+Frames = dict[str, pd.DataFrame]
+LOOKS = {
+    Verdict.reproduced: "reproduced",
+    Verdict.in_direction: "direction",
+    Verdict.not_reproduced: "not",
+    Verdict.contradicts: "contradicts",
+    Verdict.untested: "cannot",
+}
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that the page shows of an outputs directory.
+
+    Args:
+        scale: its name.
+        place: where it lies, as the reader would type it.
+        command: what makes the page.
+        caption: scale, resolution, pairs, epochs, seeds.
+        tables: the main table and the ablation.
+        frames: see `evaluation.evidence.gather`, and `audit`.
+        claims: see `claims.judge`.
+        figures: PNG files, by name.
+        samples: of each experiment, see `evaluation.samples.load_samples`.
+        origins: where each run came from, by its place.
+    """
+
+    scale: str
+    place: str
+    command: str
+    caption: str
+    tables: dict[str, Table]
+    frames: Frames
+    claims: pd.DataFrame
+    figures: dict[str, Path]
+    samples: dict[str, list[Sample]]
+    origins: dict[str, Provenance]
+
+
+def render(study: Study) -> str:
+    """Writes the page as one string of HTML."""
+    environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
+    parts = sections(study.frames, study.figures, study.origins)
+    places = [("summary", "In short"), ("tables", "Tables"), ("claims", "Claims")]
+    places += [("samples", "Samples")] if study.samples else []
+    intervals = study.frames["intervals"].set_index(["experiment", "model", "encoding", "decay", "metric"])
+    free = study.frames["intervals"].query("model == 'all_free' and metric in ['accuracy', 'dice']")
+    scored = [f"{row.value:.3f} {row.metric} in experiment {row.experiment}" for row in free.itertuples()]
+    counted = Counter(study.claims["verdict"])
+    return environment.get_template("report.html").render(
+        scale=study.scale,
+        place=study.place,
+        command=study.command,
+        caption=study.caption,
+        sections=places + [(part["id"], part["nav"]) for part in parts],
+        verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in LOOKS.items()],
+        all_free=", ".join(scored) or "high as well",
+        seeds=int(study.frames["intervals"]["seeds"].max()),
+        heads=list(HEADS.values()),
+        tables=[_table(table, intervals) for table in study.tables.values() if len(table.frame)],
+        audit=study.frames["audit"].query("model == 'average'").to_dict("records"),
+        claims=[_claim(row) for row in study.claims.to_dict("records")],
+        browser=_browser(study.samples),
+        parts=parts,
+    )
+
+
+def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
+    """One row a network: our number, its interval, the difference to the paper, and how strongly to colour it."""
+    rows = []
+    for _, row in table.frame.iterrows():
+        cells = []
+        for metric in METRICS:
+            cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
+            place = (row["experiment"], row["model"], "projection", row["decay"], metric)
+            if place in intervals.index:
+                low, high = intervals.loc[place, ["low", "high"]]
+                cell["interval"] = f"[{low:.3f}, {high:.3f}]"
+            delta = row[f"delta_{metric}"]
+            if pd.notna(delta):
+                cell |= {"delta": f"{100 * delta:+.1f}", "side": "above" if delta > 0 else "below"}
+                cell["tint"] = round(min(abs(delta) / 0.1, 1) * 0.45, 3)
+            cells.append(cell)
+        model = row["model"]
+        rows.append(
+            {"experiment": row["experiment"], "model": NAMES[model], "strong": model == "average", "cells": cells}
+        )
+    return {"caption": table.caption, "rows": rows}
+
+
+def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
+    """One claim: its verdict, its words, and the facts behind it as pairs of name and text."""
+    facts = [("Where", row["place"]), ("Tested as", row["means"])]
+    if pd.notna(row.get("reason")):
+        facts.append(("Not tested", row["reason"]))
+    if pd.notna(row.get("value")):
+        bound = f"{row['claimed']:.4g} needed, tolerance {row['tolerance']:.4g}"
+        facts += [
+            (
+                "Ours",
+                f"{row['value']:.4g} [{row['low']:.4g}, {row['high']:.4g}] where it is nearest to failing; {bound}",
+            ),
+            (
+                "Holds",
+                f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}",
+            ),
+            ("Tolerance", f"{row['tolerance_from']}; at half of it {row['at_half']}, at double {row['at_double']}"),
+        ]
+    elif pd.isna(row.get("reason")):
+        facts.append(("Not tested", "a number that the test needs has not been measured here"))
+    if row.get("paper") in ("holds", "fails"):
+        facts.append(("The paper's tables", f"{row['paper']}, {row['paper_value']:.4g}"))
+    return {"quote": row["quote"], "verdict": str(row["verdict"]), "look": LOOKS[row["verdict"]], "facts": facts}
+
+
+def _browser(samples: dict[str, list[Sample]]) -> str:
+    """Makes the samples' JSON; it stands in a script element, so nothing in it may close one."""
+    experiments = []
+    for experiment, found in samples.items():
+        shown = [
+            {
+                "name": f"test recording {sample['index']}",
+                "truth": sample["truth"],
+                "inputs": sample["inputs"],
+                "predictions": {
+                    place: {"name": _run_name(place), "input": _input_of(place, sample["inputs"]), "image": image}
+                    for place, image in sample["predictions"].items()
+                },
+            }
+            for sample in found
+        ]
+        experiments.append({"name": experiment_title(experiment, ": {}"), "samples": shown})
+    return json.dumps({"experiments": experiments}).replace("</", "<\\/") if experiments else ""
+
+
+def _run_name(place: str) -> str:
+    _, _, model, variant, seed = place.split("/")
+    words = {"decay": "", "no-decay": ", no decay"}.get(variant, f", {variant}")
+    return f"{NAMES.get(model, model)}{words}" + (f", {seed}" if seed != "seed0" else "")
+
+
+def _input_of(place: str, inputs: dict[str, str]) -> str:
+    variant = place.split("/")[3]
+    return variant if variant in inputs else next(iter(inputs))

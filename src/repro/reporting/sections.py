@@ -1,0 +1,120 @@
+"""The sections of the page below tables and claims: figures and small tables with the words around them."""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from repro.config import NETWORKS
+from repro.provenance import Provenance
+from repro.reporting.tables import NAMES
+
+CAPTIONS = {
+    "results": "Sensor input, prediction and truth of U-Net in the experiments and their ablations.",
+    "data_representation": "The cumulative dynamic sensor projection of one recording of each experiment.",
+    "ages": "By how long ago the lidar last saw a pixel: the share of obstacle pixels found, and how unsure the "
+    "prediction is. An obstacle's inside is never seen, so these are edges, and what has moved in since.",
+    "obstacles": "Share of each obstacle that is found, by when a beam last hit it; intervals of 95 % over worlds.",
+    "reliability": "Predicted probability of an obstacle against how often there is one.",
+    "rivals": "Obstacle IoU of the networks (filled) and of methods made by hand (open), with intervals of 95 %.",
+    "encodings": "Obstacle IoU of U-Net from other inputs than the paper's, same budget, with intervals of 95 %.",
+}
+CALIBRATION = {
+    "brier": "Brier",
+    "reliability": "reliability",
+    "resolution": "resolution",
+    "log_loss": "log-loss",
+    "calibration_error": "calibration error",
+    "temperature": "temperature",
+}
+DIFFERENCE = {"value": "IoU, one - other", "low": "low", "high": "high"}
+
+
+def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins: dict[str, Provenance]) -> list[dict]:
+    """Makes the sections for which there is something to show.
+
+    Args:
+        frames: see `evaluation.evidence.gather`.
+        figures: PNG files, by name.
+        origins: where each run came from, by its place.
+
+    Returns:
+        id, nav (its short name), title, text, images (alt, caption, data) and tables (caption, heads, rows, words: how
+        many columns hold words) of each.
+    """
+
+    def images(*names: str) -> list[dict[str, str]]:
+        shown = [(CAPTIONS[name], figures[name].read_bytes()) for name in names if name in figures]
+        return [{"alt": words, "caption": words, "data": base64.b64encode(png).decode()} for words, png in shown]
+
+    calibration = frames["calibration"][frames["calibration"]["stratum"] == "all"]
+    calibration = calibration[calibration["model"].isin(NETWORKS)]
+    differences = frames["differences"]
+    clear = differences[(differences["metric"] == "obstacle_iou") & differences["what"].isin(["decay", "encodings"])]
+    made: list[dict[str, Any]] = [
+        {
+            "id": "figures",
+            "nav": "Figures",
+            "title": "What goes in and what comes out",
+            "text": "Test recordings that no network was trained or tuned on.",
+            "images": images("results", "data_representation"),
+        },
+        {
+            "id": "where",
+            "nav": "Where and when",
+            "title": "Where and when it is right",
+            "text": "From the recording alone it is known when each pixel was last in view and each obstacle last hit. "
+            "Without the time decay a network cannot tell old from new, and loses most at what was seen last.",
+            "images": images("ages", "obstacles"),
+        },
+        {
+            "id": "calibration",
+            "nav": "Calibration",
+            "title": "Can the probabilities be believed?",
+            "text": "The paper calls the blurry predictions probabilistic. The expected calibration error is the mean "
+            "gap between what is predicted and what comes true; the Brier score is reliability - resolution + "
+            "uncertainty. Tempered: logits divided by a temperature fitted on validation data.",
+            "images": images("reliability"),
+            "tables": [_table(calibration, ["experiment", "model", "encoding", "decay", "what"], CALIBRATION)],
+        },
+        {
+            "id": "rivals",
+            "nav": "Rivals",
+            "title": "Against methods made by hand, and other inputs",
+            "text": "Made by hand and tuned on validation data: last seen (a disc around every hit), an occupancy grid "
+            "that forgets, a grid of static and dynamic occupancy, a tracker of clusters with constant velocity.",
+            "images": images("rivals", "encodings"),
+            "tables": [_table(clear, ["experiment", "model", "one", "other"], DIFFERENCE)],
+        },
+        {
+            "id": "provenance",
+            "nav": "Provenance",
+            "title": "Where every number comes from",
+            "text": "The last step of each run directory; all steps are in its provenance.json.",
+            "tables": [_origins(origins)],
+        },
+    ]
+    whole = [{"images": [], "tables": [], **section} for section in made]
+    return [section for section in whole if section["images"] or any(table["rows"] for table in section["tables"])]
+
+
+def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> dict[str, Any]:
+    """A plain table of some columns of a frame."""
+    kept = {column: head for column, head in numbers.items() if column in frame}
+    rows = []
+    for _, row in frame.iterrows():
+        words = [NAMES.get(str(row[name]), str(row[name])) for name in names]
+        rows.append([*words, *("" if pd.isna(row[column]) else f"{row[column]:.4f}" for column in kept)])
+    heads = [*(name.capitalize() for name in names), *kept.values()]
+    return {"caption": "", "heads": heads, "rows": rows, "words": len(names)}
+
+
+def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
+    rows = []
+    for place, origin in origins.items():
+        if origin.steps:
+            step = origin.steps[-1]
+            machine = step["hardware"]["gpu"] or f"{step['hardware']['cpu_cores']} cores, {step['hardware']['machine']}"
+            rows.append([place, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
+    return {"caption": "", "heads": ["Run", "Commit", "Day", "Hardware", "torch"], "rows": rows, "words": 5}
