@@ -3,10 +3,11 @@ PYTHON ?= python3
 ARGS ?= # more words for the sweeps of `make reproduce`
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
+ENCODINGS := projection,seen_free,stack4,stack10,exponential,ages
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test torture check bench readme clean
+.PHONY: help setup reproduce evidence test torture check bench readme clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
@@ -38,7 +39,13 @@ reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|paper], pap
 	$(PY) run.py task=plan scale=$$scale; \
 	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 scale=$$scale $(ARGS); \
 	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false scale=$$scale $(ARGS); \
-	$(PY) run.py task=report scale=$$scale
+	$(PY) run.py task=report scale=$$scale; \
+	$(PY) run.py task=evidence scale=$$scale
+
+evidence: setup ## what needs more training than the paper's study: other inputs, three seeds; other worlds: [SCALE=laptop]
+	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
+	$(PY) run.py task=transfer exp=4 scale=$(or $(SCALE),laptop)
+	$(PY) run.py task=evidence scale=$(or $(SCALE),laptop)
 
 test: setup ## the tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope

@@ -11,7 +11,7 @@ ORDER = [
     *(f"learning.{name}" for name in ("models", "losses", "planning", "callbacks", "checkpoints", "training")),
     *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
     *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
-    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "samples")),
+    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "transfer", "samples")),
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
     *(
         f"reporting.{name}"

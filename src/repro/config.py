@@ -41,6 +41,7 @@ class Task(enum.Enum):
     evaluate = "evaluate"
     report = "report"
     evidence = "evidence"
+    transfer = "transfer"
     plan = "plan"
     world = "world"
     publish = "publish"

@@ -52,6 +52,8 @@ def report(config: Config) -> None:
 
 def evidence(config: Config) -> None:
     """Measures what the tables do not say, judges the paper's claims, and writes the page."""
+    import pandas as pd
+
     from repro.evaluation.evidence import gather
     from repro.evaluation.rivals import RIVALS
     from repro.files import write_text
@@ -71,6 +73,9 @@ def evidence(config: Config) -> None:
     write_tables(outputs)
     announce(f"measuring {len(results)} runs, about {3 * len(results)} s")
     frames = gather(outputs)
+    transferred = outputs.evidence / "transfer.csv"
+    if transferred.is_file():
+        frames["transfer"] = pd.read_csv(transferred, dtype={"trained": str, "tested": str})
     frames["audit"] = audits(results)
     frames["claims"] = judge(read_claims(ROOT / "reproduce" / "claims.yaml"), evidence_rows(frames))
     outputs.evidence.mkdir(parents=True, exist_ok=True)
@@ -80,6 +85,33 @@ def evidence(config: Config) -> None:
     verdicts = frames["claims"]["verdict"].value_counts()
     print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
     write_page(config, frames)
+
+
+def transfer(config: Config) -> None:
+    """Tests U-Net on other experiments than its own, and on changed sensors, poses and speeds."""
+    import pandas as pd
+
+    from repro.evaluation.transfer import across_experiments, under_changes
+    from repro.files import write_text
+    from repro.prediction import load_predictor
+    from repro.simulation.store import read_manifest
+
+    outputs = outputs_of(config)
+    runs = {name: outputs.run(name, "unet", "decay", config.seed) for name in sorted(outputs.recorded())}
+    predictors = {name: load_predictor(run.model) for name, run in runs.items() if run.is_trained}
+    if not predictors:
+        raise ValueError(f"no U-Net with seed {config.seed} has been trained in {outputs.path}: train some first")
+    announce(f"testing U-Net of experiments {', '.join(predictors)} on one another's recordings")
+    rows = [across_experiments(predictors, {name: outputs.recordings(name) for name in predictors})]
+    if config.exp in predictors:
+        announce(f"testing U-Net of experiment {config.exp} on changed sensors, poses and speeds")
+        spec, pairs = read_manifest(outputs.recordings(config.exp)).spec, min(config.scale.pairs.test, 100)
+        where = outputs.path / "transfer" / f"exp{config.exp}"
+        rows.append(under_changes(predictors[config.exp], config.exp, spec, where, pairs))
+    outputs.evidence.mkdir(parents=True, exist_ok=True)
+    table = pd.concat(rows, ignore_index=True).assign(seed=config.seed)
+    write_text(outputs.evidence / "transfer.csv", table.to_csv(index=False, float_format="%.6g"))
+    print(f"{outputs.evidence / 'transfer.csv'}: task=evidence shows it")
 
 
 def write_page(config: Config, frames: dict) -> None:

@@ -121,12 +121,37 @@ def encodings(frames: Frames) -> Figure | None:
     return _dots(rows, "encoding", names, labels) if len(names) > 1 else None
 
 
+def transfer(frames: Frames) -> Figure | None:
+    """Shows what U-Net loses on sensors, poses and speeds that it has not learned."""
+    if "transfer" not in frames:
+        return None
+    rows = frames["transfer"]
+    rows = rows[(rows["what"] != "experiment") & rows["metric"].isin(["obstacle_iou", "accuracy"])]
+    if rows.empty:
+        return None
+    whats = list(dict.fromkeys(rows["what"]))
+    size = (0.6 + 2.2 * len(whats), 4.2)
+    figure, axes = plt.subplots(2, len(whats), figsize=size, layout="constrained", sharey="row", squeeze=False)
+    for column, what in zip(axes.T, whats, strict=True):
+        for ax, (metric, label) in zip(
+            column, {"obstacle_iou": "obstacle IoU", "accuracy": "accuracy"}.items(), strict=True
+        ):
+            line = rows[(rows["what"] == what) & (rows["metric"] == metric)]
+            amount = line["tested"].astype(float)
+            spread = [line["value"] - line["low"], line["high"] - line["value"]]
+            ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, **LOOKS[0])
+            ax.set_ylabel(label if what == whats[0] else "")
+        column[-1].set_xlabel(what)
+    return figure
+
+
 FIGURES: dict[str, Callable[[Frames], Figure | None]] = {
     "ages": ages,
     "obstacles": obstacles,
     "reliability": reliability,
     "rivals": rivals,
     "encodings": encodings,
+    "transfer": transfer,
 }
 
 

@@ -18,6 +18,7 @@ CAPTIONS = {
     "obstacles": "Share of each obstacle that is found, by when a beam last hit it; intervals of 95 % over worlds.",
     "reliability": "Predicted probability of an obstacle against how often there is one.",
     "rivals": "Obstacle IoU of the networks (filled) and of methods made by hand (open), with intervals of 95 %.",
+    "transfer": "U-Net with changed worlds; intervals of 95 % over test worlds.",
     "encodings": "Obstacle IoU of U-Net from other inputs than the paper's, same budget, with intervals of 95 %.",
 }
 CALIBRATION = {
@@ -88,6 +89,15 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
             "tables": [_table(clear, ["experiment", "model", "one", "other"], DIFFERENCE)],
         },
         {
+            "id": "transfer",
+            "nav": "Transfer",
+            "title": "Does it travel?",
+            "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it has "
+            "not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
+            "images": images("transfer"),
+            "tables": [_across(frames.get("transfer"))],
+        },
+        {
             "id": "provenance",
             "nav": "Provenance",
             "title": "Where every number comes from",
@@ -108,6 +118,20 @@ def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> di
         rows.append([*words, *("" if pd.isna(row[column]) else f"{row[column]:.4f}" for column in kept)])
     heads = [*(name.capitalize() for name in names), *kept.values()]
     return {"caption": "", "heads": heads, "rows": rows, "words": len(names)}
+
+
+def _across(frame: pd.DataFrame | None) -> dict[str, Any]:
+    """Obstacle IoU and accuracy of the network of each experiment (row) on each experiment (column)."""
+    if frame is None:
+        return {"caption": "", "heads": [], "rows": [], "words": 1}
+    rows = frame[frame["what"] == "experiment"].set_index(["trained", "tested", "metric"])["value"]
+    names = list(dict.fromkeys(trained for trained, *_ in rows.index))
+    table = [
+        [name, *(f"{rows[name, on, 'obstacle_iou']:.3f} / {rows[name, on, 'accuracy']:.3f}" for on in names)]
+        for name in names
+    ]
+    heads = ["Trained on", *(f"tested on {name}" for name in names)]
+    return {"caption": "Obstacle IoU / accuracy.", "heads": heads, "rows": table, "words": 1}
 
 
 def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
