@@ -143,13 +143,19 @@ def _browser(samples: dict[str, list[Sample]]) -> str:
                 "inputs": sample["inputs"],
                 "predictions": {
                     place: {"name": _run_name(place), "input": _input_of(place, sample["inputs"]), "image": image}
-                    for place, image in sample["predictions"].items()
+                    for place, image in sorted(sample["predictions"].items(), key=_rank)
                 },
             }
             for sample in found
         ]
         experiments.append({"name": experiment_title(experiment, ": {}"), "samples": shown})
     return json.dumps({"experiments": experiments}).replace("</", "<\\/") if experiments else ""
+
+
+def _rank(item: tuple[str, str]) -> tuple[int, str]:
+    """Orders runs as the tables do."""
+    model = item[0].split("/")[2]
+    return (list(NAMES).index(model) if model in NAMES else len(NAMES), item[0])
 
 
 def _run_name(place: str) -> str:

@@ -92,8 +92,8 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
             "id": "transfer",
             "nav": "Transfer",
             "title": "Does it travel?",
-            "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it has "
-            "not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
+            "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it "
+            "has not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
             "images": images("transfer"),
             "tables": [_across(frames.get("transfer"))],
         },

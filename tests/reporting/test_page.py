@@ -1,0 +1,147 @@
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+from conftest import ROOT
+
+from repro.reporting.claims import read_claims
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+TINY = (
+    *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=8", "scale.max_epochs=1"),
+    *("runtime.accelerator=cpu", "exp=3"),
+)
+
+
+def call(outputs, *words):
+    command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=500)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory):
+    """A small study with its evidence: U-Net with and without decay and with another input."""
+    outputs = tmp_path_factory.mktemp("page") / "smoke"
+    call(outputs, "decay=true,false", "-m")
+    call(outputs, "encoding=seen_free")
+    for task in ("transfer", "report", "evidence"):
+        call(outputs, f"task={task}")
+    return outputs
+
+
+@pytest.fixture(scope="module")
+def page(outputs):
+    return (outputs / "report.html").read_text()
+
+
+def test_every_part_has_its_rows_beside_it(outputs):
+    names = {path.stem for path in outputs.glob("evidence/*.csv")}
+    assert names == {
+        *("intervals", "differences", "strata", "ages", "obstacles", "calibration", "reliability", "cost"),
+        *("audit", "claims", "transfer"),
+    }
+    figures = {path.stem for path in outputs.glob("evidence/*.png")}
+    assert figures == {"ages", "obstacles", "reliability", "rivals", "encodings", "transfer"}
+    claims = pd.read_csv(outputs / "evidence" / "claims.csv")
+    assert claims["id"].tolist() == [claim.id for claim in read_claims(ROOT / "reproduce" / "claims.yaml").claims]
+    assert claims["verdict"].notna().all()
+    table = pd.read_csv(outputs / "tables" / "main.csv")
+    assert table["model"].tolist() == ["unet", "all_free", "last_seen", "occupancy", "transitional", "tracker"]
+
+
+class Outline(HTMLParser):
+    """Collects what a page is made of."""
+
+    def __init__(self):
+        super().__init__()
+        self.ids, self.links, self.sources, self.open = [], [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.ids += [given["id"]] if "id" in given else []
+        self.links += [given["href"]] if "href" in given else []
+        self.sources += [given["src"]] if "src" in given else []
+        if tag not in ("meta", "link", "img", "input", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_asks_for_nothing(page):
+    outline = Outline()
+    outline.feed(page)
+    assert not outline.open
+    assert len(set(outline.ids)) == len(outline.ids)
+    assert all(link.startswith(("#", "data:")) for link in outline.links)
+    assert {link[1:] for link in outline.links if link.startswith("#")} <= set(outline.ids)
+    assert all(source.startswith("data:image/png;base64,") for source in outline.sources)
+    assert not re.search(r"https?://", page)
+    assert len(page) < 15_000_000
+
+
+def test_the_page_has_every_claim_and_says_what_it_is_from(page):
+    assert page.count("<details>") == len(read_claims(ROOT / "reproduce" / "claims.yaml").claims)
+    assert "Scale smoke: 64 x 64 px, 16 training and 8 test pairs" in page
+    assert "its numbers mean nothing" in page
+    for section in (
+        "summary",
+        "tables",
+        "claims",
+        "samples",
+        "where",
+        "calibration",
+        "rivals",
+        "transfer",
+        "provenance",
+    ):
+        assert f'<section id="{section}">' in page
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if not CHROMIUM:
+        pytest.skip("no Chromium on this machine (Debian: apt install chromium)")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright drives the browser: pip install -e .[dev]"
+    )
+    with playwright.sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
+def test_in_a_browser_it_works_at_any_width_and_alone(browser, outputs, width, scheme):
+    tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    faults, requests = [], []
+    tab.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+    tab.on("pageerror", lambda error: faults.append(str(error)))
+    tab.on("request", lambda request: requests.append(request.url))
+    tab.goto((outputs / "report.html").as_uri())
+    tab.wait_for_function("document.getElementById('score').textContent.length > 0")
+    assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+    picture = "document.getElementById('error').toDataURL()"
+    before, words = tab.evaluate(picture), tab.inner_text("#score")
+    tab.focus("#threshold")
+    for _ in range(8):
+        tab.keyboard.press("ArrowRight")  # a little surer before free is believed
+    tab.wait_for_function("document.getElementById('shown').value === '0.66'")
+    tab.wait_for_function(f"{picture} !== {before!r}")
+    assert tab.inner_text("#score") != words
+    kinds = tab.locator("#model option").all_inner_texts()
+    assert {"U-Net", "U-Net, no decay", "U-Net, seen_free", "Tracker"} <= set(kinds)
+    seen = tab.evaluate("document.getElementById('input').toDataURL()")
+    tab.select_option("#model", label="U-Net, no decay")
+    tab.wait_for_function(f"document.getElementById('input').toDataURL() !== {seen!r}")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("document.activeElement !== document.body")
+    assert not faults
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in requests)
+    tab.close()
