@@ -15,7 +15,7 @@ ORDER = [
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
     *(
         f"reporting.{name}"
-        for name in ("results", "tables", "figures", "evidence_figures", "sections", "page", "publish")
+        for name in ("results", "tables", "figures", "evidence_figures", "sections", "page", "animation", "publish")
     ),
     *("checks", "messages", "calls", "outcomes", "tasks"),
 ]

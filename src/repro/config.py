@@ -42,6 +42,7 @@ class Task(enum.Enum):
     report = "report"
     evidence = "evidence"
     transfer = "transfer"
+    animate = "animate"
     plan = "plan"
     world = "world"
     publish = "publish"

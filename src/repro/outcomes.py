@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from repro.calls import RESULTS, ROOT, outputs_of, run_of
-from repro.config import NETWORKS, Config, Encoding, Model, variant
+from repro.config import NETWORKS, Config, Encoding, Model, variant, world_spec
 from repro.messages import JobFailed, announce
 from repro.runs import Outputs, RunConfig
 
@@ -143,6 +143,27 @@ def write_page(config: Config, frames: dict) -> None:
     )
     write_text(outputs.path / "report.html", render(study))
     print(f"Page: {outputs.path / 'report.html'}", flush=True)
+
+
+def animate(config: Config) -> None:
+    """Writes a moving picture of the world of one seed, predicted step by step by the network of seed 0."""
+    from repro.prediction import load_predictor
+    from repro.reporting.animation import make_frames, write_animation
+    from repro.simulation.recording import simulate
+    from repro.simulation.worlds import sample_world
+
+    run = outputs_of(config).run(config.exp, config.model.name, config.encoding.variant, 0)
+    if not run.is_trained:
+        raise ValueError(f"{run} is not trained: train it first, with the same words and seed=0")
+    world = sample_world(world_spec(config.world, config.exp), config.seed)
+    announce(f"simulating and drawing world {config.seed} of experiment {config.exp}")
+    recording = simulate(world)
+    frames = make_frames(recording, load_predictor(run.model))
+    path = outputs_of(config).worlds / f"exp{config.exp}-seed{config.seed}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    size_m, range_max_m = world["world"]["width"], world["robot"]["sensors"][0]["range_max"]
+    for written in write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m):
+        print(written)
 
 
 def publish(config: Config) -> None:

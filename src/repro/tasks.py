@@ -6,7 +6,7 @@ import sys
 from repro.calls import outputs_of, recordings_of, run_config, run_of
 from repro.config import NETWORKS, Config, Task, world_spec
 from repro.messages import announce
-from repro.outcomes import evaluate_rival, evidence, export, publish, readme, report, transfer
+from repro.outcomes import animate, evaluate_rival, evidence, export, publish, readme, report, transfer
 from repro.provenance import Status
 
 ONCE = (Task.report, Task.evidence, Task.plan, Task.publish, Task.readme)  # done for all runs together
@@ -146,6 +146,7 @@ TASKS = {
     Task.report: report,
     Task.evidence: evidence,
     Task.transfer: transfer,
+    Task.animate: animate,
     Task.plan: plan,
     Task.world: world,
     Task.publish: publish,

@@ -1,0 +1,141 @@
+"""A moving picture of one recording: the world with its beams, the image as it fills, the prediction at every step."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import torch
+from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import Circle
+
+from repro.maps.truth import rasterize
+from repro.prediction import Predictor
+from repro.reporting.figures import ACCENT, INK, STYLE
+from repro.scans import Scans
+from repro.simulation.recording import Recording
+
+TITLES = ("World, robot, 90° lidar", "What the network sees", "What it predicts", "The map as it is")
+
+
+@dataclass(frozen=True)
+class Frames:
+    """What is shown at each of some steps.
+
+    Args:
+        steps: the steps, (F,).
+        images: encoded scans up to the step, the last channel, uint8, (F, H, W).
+        predictions: probability of free, (F, H, W).
+        maps: true maps, 1 is free, (F, H, W).
+    """
+
+    steps: np.ndarray
+    images: np.ndarray
+    predictions: np.ndarray
+    maps: np.ndarray
+
+
+def make_frames(recording: Recording, predictor: Predictor, every: int = 2) -> Frames:
+    """Predicts after every few steps from the scans so far, as if the lidar had seen nothing before.
+
+    Args:
+        recording: T steps.
+        predictor: a network.
+        every: steps from one frame to the next.
+    """
+    total = len(recording.scans.ranges)
+    steps = np.arange(every, total + 1, every)
+    windows = Scans.stack([_so_far(recording.scans, int(step)) for step in steps])
+    images = predictor.encoding.encode(windows.tensors(), predictor.grid)
+    states = torch.as_tensor(recording.states[:, steps - 1]).float().flatten(0, 1)  # (O F, 3), obstacle by obstacle
+    outlines = torch.as_tensor(recording.outlines).float().repeat_interleave(len(steps), dim=0)
+    owner = torch.arange(len(steps)).repeat(len(recording.states))
+    maps = rasterize(outlines, states, owner, len(steps), predictor.grid)
+    predictions = predictor.predict_images(images)[:, 0]
+    return Frames(steps, images[:, -1].numpy(), predictions.numpy(), maps.numpy())
+
+
+def write_animation(
+    recording: Recording, frames: Frames, path: Path, *, size_m: float, range_max_m: float, fps: int = 10
+) -> list[Path]:
+    """Writes the moving picture as GIF, and as MP4 where ffmpeg is there.
+
+    Args:
+        recording: what is shown.
+        frames: see `make_frames`.
+        path: where it goes, without suffix.
+        size_m: side of the map [m].
+        range_max_m: how far a beam is drawn that hits nothing [m].
+        fps: frames a second.
+
+    Returns:
+        the files written.
+    """
+    with plt.rc_context({**STYLE, "savefig.dpi": 90}):
+        figure, axes = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
+        for ax, title in zip(axes, TITLES, strict=True):
+            ax.set(xticks=(), yticks=(), title=title)
+        pictures = [
+            ax.imshow(np.zeros_like(frames.images[0]), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
+            for ax in axes[1:]
+        ]
+        axes[0].set(xlim=(0, size_m), ylim=(0, size_m), aspect="equal")
+        footer = figure.supxlabel("step 0", fontsize=9)
+
+        def show(number: int) -> list[Artist]:
+            shown = (frames.images[number], 255 * frames.predictions[number], 255 * frames.maps[number])
+            for picture, image in zip(pictures, shown, strict=True):
+                picture.set_data(image)
+            _draw_world(axes[0], recording, int(frames.steps[number]) - 1, range_max_m)
+            footer.set_text(f"step {frames.steps[number]} of {len(recording.scans.ranges)}")
+            return [*pictures, footer]
+
+        still = fps  # the last picture stays for a second
+        order = [*range(len(frames.steps)), *[len(frames.steps) - 1] * still]
+        moving = FuncAnimation(figure, show, frames=order)
+        written = []
+        for suffix, writer in _writers(fps):
+            moving.save(path.with_suffix(suffix), writer=writer)
+            written.append(path.with_suffix(suffix))
+        plt.close(figure)
+    return written
+
+
+def _so_far(scans: Scans, step: int) -> Scans:
+    """The window that ends at a step: as long as the whole, with misses before the first scan."""
+    total = len(scans.ranges)
+    ranges = np.full(scans.ranges.shape, np.inf)
+    poses = np.repeat(scans.poses[:1], total, axis=0)
+    ranges[total - step :], poses[total - step :] = scans.ranges[:step], scans.poses[:step]
+    return Scans(ranges, scans.angles, poses)
+
+
+def _draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -> None:
+    """Draws obstacles, beams, robot and its path at a step."""
+    for drawn in (*ax.collections, *ax.patches, *ax.lines):
+        drawn.remove()
+    x, y, heading = recording.states[:, step].T[..., None]
+    own_x, own_y = recording.outlines[..., 0], recording.outlines[..., 1]
+    outlines = np.stack(
+        [x + own_x * np.cos(heading) - own_y * np.sin(heading), y + own_x * np.sin(heading) + own_y * np.cos(heading)],
+        axis=-1,
+    )
+    ax.add_collection(PolyCollection(list(outlines), facecolor="#888888", edgecolor=INK, linewidth=0.5))
+    pose, scan = recording.scans.poses[step], recording.scans.ranges[step]
+    bearing, reach = pose[2] + recording.scans.angles, np.minimum(scan, range_max_m)
+    ends = pose[:2] + reach[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    beams = [np.stack([pose[:2], end]) for end in ends]
+    ax.add_collection(LineCollection(beams, colors=ACCENT, linewidths=0.4, alpha=0.5))
+    ax.plot(*recording.scans.poses[: step + 1, :2].T, color=ACCENT, linewidth=1)
+    ax.add_patch(Circle(tuple(pose[:2]), 1.0, color=ACCENT, zorder=3))
+
+
+def _writers(fps: int) -> Iterator[tuple[str, PillowWriter | FFMpegWriter]]:
+    yield ".gif", PillowWriter(fps=fps)
+    if shutil.which("ffmpeg"):
+        yield ".mp4", FFMpegWriter(fps=fps)

@@ -1,0 +1,53 @@
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from conftest import prepared, world_spec
+from PIL import Image
+
+from repro.learning.training import train
+from repro.maps.truth import rasterize
+from repro.prediction import load_predictor
+from repro.reporting.animation import make_frames, write_animation
+from repro.simulation.recording import simulate
+from repro.simulation.worlds import sample_world
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return simulate(sample_world(world_spec("4"), 17))
+
+
+@pytest.fixture(scope="module")
+def predictor(recorded, tmp_path_factory):
+    run = prepared(tmp_path_factory.mktemp("animated"), max_epochs=1)
+    train(run, recorded, accelerator="cpu")
+    return load_predictor(run.model)
+
+
+def test_the_last_frame_is_the_whole_recording(recording, predictor):
+    frames = make_frames(recording, predictor, every=25)
+    assert frames.steps.tolist() == [25, 50, 75, 100]
+    assert np.allclose(frames.predictions[-1], predictor.predict(recording.scans)[0], atol=1e-5)
+    outlines, last = torch.as_tensor(recording.outlines).float(), torch.as_tensor(recording.states[:, -1]).float()
+    truth = rasterize(outlines, last, torch.zeros(len(last), dtype=torch.long), 1, predictor.grid)[0]
+    assert np.array_equal(frames.maps[-1], truth.numpy())
+
+
+def test_the_image_fills_as_the_robot_looks_around(recording, predictor):
+    frames = make_frames(recording, predictor, every=10)
+    hits = (frames.images < 255).sum((1, 2))
+    assert (np.diff(hits) >= 0).all()
+    assert hits[-1] > 1.5 * hits[0]
+    assert (frames.images == 0).any((1, 2)).all()  # what is seen now is black at every step
+
+
+def test_the_moving_picture_has_every_step(recording, predictor, tmp_path):
+    frames = make_frames(recording, predictor, every=20)
+    written = write_animation(recording, frames, tmp_path / "moving", size_m=50.0, range_max_m=30.0, fps=5)
+    assert [path.suffix for path in written] == [".gif", *([".mp4"] if shutil.which("ffmpeg") else [])]
+    with Image.open(written[0]) as picture:
+        assert picture.n_frames >= 5
+        first, second = (np.asarray(picture.convert("L")) for _ in map(picture.seek, (0, 3)))
+    assert (first != second).mean() > 0.01
