@@ -13,10 +13,8 @@ ORDER = [
     *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
     *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "transfer", "samples")),
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
-    *(
-        f"reporting.{name}"
-        for name in ("results", "tables", "figures", "evidence_figures", "sections", "page", "animation", "publish")
-    ),
+    *(f"reporting.{name}" for name in ("results", "tables", "figures", "evidence_figures", "sections")),
+    *(f"reporting.{name}" for name in ("page", "animation", "digest", "publish")),
     *("checks", "messages", "calls", "outcomes", "tasks"),
 ]
 STANDALONE = ("config", "files", "messages", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")

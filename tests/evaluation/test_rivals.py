@@ -84,15 +84,19 @@ def test_a_pixel_never_seen_keeps_the_prior():
 
 def test_clusters_are_found_behind_what_was_hit():
     both = torch.minimum(disc_ranges(15.0, 26.5, 1.0), disc_ranges(20.0, 22.5, 1.0)).numpy()
-    found = tracking.clusters(both, ANGLES.numpy(), np.array([5.0, 25.0, 0.0]), 0.7)
-    centers = sorted(each.center.tolist() for each in found)
-    assert np.allclose(centers, [[15, 26.5], [20, 22.5]], atol=0.3)
-    assert tracking.clusters(np.full(41, np.inf), ANGLES.numpy(), np.zeros(3), 1.0) == []
+    scans = np.stack([both, np.full(41, np.inf), both])
+    poses = np.tile([5.0, 25.0, 0.0], (3, 1))
+    first, none, last = tracking.clusters(scans, ANGLES.numpy(), poses, 0.7)
+    for found in (first, last):
+        centers = sorted(each.center.tolist() for each in found)
+        assert np.allclose(centers, [[15, 26.5], [20, 22.5]], atol=0.3)
+    assert none == []
+    assert tracking.clusters(scans[1:2], ANGLES.numpy(), poses[1:2], 0.7) == [[]]
 
 
 def test_a_cluster_at_the_edge_of_the_view_is_cut():
     wide = disc_ranges(10.0, 25.0, 3.0).numpy()
-    found = tracking.clusters(wide, ANGLES.numpy(), np.array([5.0, 25.0, 0.0]), 1.0)
+    (found,) = tracking.clusters(wide[None], ANGLES.numpy(), np.array([[5.0, 25.0, 0.0]]), 1.0)
     assert [each.is_cut for each in found] == [True]
 
 

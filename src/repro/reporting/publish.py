@@ -21,6 +21,7 @@ from repro.evaluation.predictions import read_metrics
 from repro.files import replacing_directory, write_json, write_text
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
+from repro.reporting.digest import claims_to_markdown, methods_to_markdown
 from repro.reporting.results import caption, read_results
 from repro.reporting.tables import NAMES, SETUPS, Table, costs_to_markdown, make_tables
 from repro.runs import Outputs, Run
@@ -60,7 +61,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         raise ValueError(f"not published to {target}: {'; '.join(found)}; publish.force=true does it all the same")
     with replacing_directory(target) as new:
         for kept in target.glob("*"):
-            if kept.is_dir() or kept.stem == "costs":
+            if (kept.is_dir() and kept.name != "evidence") or kept.stem == "costs":
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
         for kind, table in make_tables(runs).items():
             if len(table.frame):
@@ -68,8 +69,10 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
                 write_text(new / f"{kind}.txt", table.caption + "\n")
         write_text(new / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
-        for figure in sorted(outputs.figures.glob("*.png")):
-            shutil.copyfile(figure, new / figure.name)
+        for shown in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html")):
+            shutil.copyfile(shown, new / shown.name)
+        if outputs.evidence.is_dir():
+            shutil.copytree(outputs.evidence, new / "evidence", ignore=shutil.ignore_patterns("*.pdf"))
         words = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
         write_text(new / "README.md", published_page(name, words, runs, list(origins.values())))
     return target
@@ -119,7 +122,7 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         f"# Published results, {name}\n",
         caption(runs) + "\n",
         "`main.csv` and `ablation.csv` are the tables, `runs.csv` has every run with its seed, all metrics and times,",
-        "`provenance.json` where every run came from.\n",
+        "`provenance.json` where every run came from; `evidence/` and `report.html` what they say beyond the tables.\n",
         *(f"- {verb} on: {'; '.join(found)}" for verb, found in machines.items()),
         f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
         f"- commit: {', '.join(commits)}",
@@ -202,7 +205,7 @@ def readme_with_results(text: str, results: Path) -> str:
     """Makes the tables between the README's marks anew from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. In place of `main` it may name another table
-    (`ablation`, `costs`), or one network or `average` for its rows of both tables.
+    (`ablation`, `costs`, `claims`, `methods`), or one network or `average` for its rows of both tables.
 
     Raises:
         ValueError: a mark has no end of its own.
@@ -212,15 +215,24 @@ def readme_with_results(text: str, results: Path) -> str:
         raise ValueError("every mark <!-- results: ... --> needs its own <!-- end --> before the next mark")
 
     def table(match: re.Match[str]) -> str:
-        directory = results / match[2]
-        name = match[3]
-        if name == "costs":
-            page = costs_to_markdown(_published(directory, name))
-        else:
-            page = (_rows_of_model(directory, name) if name in NAMES else _published(directory, name)).to_markdown()
-        return match[1] + page + match[4]
+        return match[1] + _markdown(results / match[2], match[3]) + match[4]
 
     return MARKS.sub(table, text)
+
+
+def _markdown(directory: Path, name: str) -> str:
+    """Writes what a mark names, from a published directory."""
+    if name == "costs":
+        return costs_to_markdown(_published(directory, name))
+    if name == "claims":
+        return claims_to_markdown(pd.read_csv(directory / "evidence" / "claims.csv"))
+    if name == "methods":
+        words = (directory / "main.txt").read_text().strip()
+        intervals = pd.read_csv(directory / "evidence" / "intervals.csv", dtype={"experiment": str})
+        scale = words[words.index("Scale ") : words.index(", seed")]
+        what = "Networks, other inputs, methods made by hand, with intervals of 95 %"
+        return methods_to_markdown(intervals, f"{what}. {scale}.")
+    return (_rows_of_model(directory, name) if name in NAMES else _published(directory, name)).to_markdown()
 
 
 def _published(directory: Path, name: str) -> Table:

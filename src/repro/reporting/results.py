@@ -121,6 +121,8 @@ def caption(results: pd.DataFrame) -> str:
     networks = results[results["model"].isin(NETWORKS)]
     if networks.empty:
         return "No network evaluated yet."
+    of_paper = networks[networks["encoding"] == "projection"]
+    networks = of_paper if len(of_paper) else networks
     first = networks.iloc[0]
     seeds = sorted(networks["seed"].unique())
     cells = networks.groupby(["experiment", "model", "decay"]).size()

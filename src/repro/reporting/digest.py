@@ -1,0 +1,68 @@
+"""The evidence in a few lines of Markdown, for the README."""
+
+import pandas as pd
+
+from repro.config import NETWORKS
+from repro.reporting.tables import NAMES
+
+SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
+
+
+def claims_to_markdown(claims: pd.DataFrame) -> str:
+    """Writes the verdicts: how many of each, then one row a claim with our number and the paper's.
+
+    Args:
+        claims: see `claims.judge`.
+    """
+    counts = claims["verdict"].value_counts()
+    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    lines = [
+        f"**{summary}.** Numbers are those of the test",
+        "that is nearest to failing, with an interval of 95 % and what is needed.",
+        "",
+        "| The paper says | Verdict | Ours | The paper's own |",
+        "|---|---|---|---|",
+    ]
+    for _, row in claims.iterrows():
+        ours = ""
+        if pd.notna(row["value"]):
+            needed = f"{row['claimed']:.3g} ± {row['tolerance']:.2g}"
+            ours = f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}] ({needed})"
+        paper = f"{row['paper']}, {row['paper_value']:.3f}" if pd.notna(row["paper_value"]) else ""
+        lines.append(f"| {row['quote']} | {row['verdict']} | {ours} | {paper} |")
+    return "\n".join(lines) + "\n"
+
+
+def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
+    """Writes U-Net from every encoding, the other networks and the rivals, experiments side by side.
+
+    Args:
+        intervals: experiment, model, encoding, decay, metric, value, low, high, seeds.
+        words: the caption.
+    """
+    rows = intervals[intervals["decay"] & intervals["metric"].isin(SHOWN) & (intervals["model"] != "average")]
+    others = rows[rows["encoding"] != "projection"]
+    chosen = sorted((others if len(others) else rows)["experiment"].unique())
+    rows = rows[rows["experiment"].isin(chosen)]
+    lines = [
+        f"**{words}**",
+        "",
+        "| Predicted by | Seeds | " + " | ".join(f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()) + " |",
+        "|---|---|" + "---|" * (len(chosen) * len(SHOWN)),
+    ]
+    order, known = list(NAMES), set(zip(rows["model"], rows["encoding"], strict=True))
+    for model, encoding in sorted(known, key=lambda cell: (order.index(cell[0]), cell[1] != "projection", cell[1])):
+        mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
+        found = mine.set_index(["experiment", "metric"])
+        values = [_cell(found, experiment, metric) for experiment in chosen for metric in SHOWN]
+        name = NAMES.get(model, model) + ("" if encoding == "projection" else f", {encoding}")
+        seeds = f"{mine['seeds'].max():.0f}" if model in NETWORKS else ""
+        lines.append(f"| {name} | {seeds} | " + " | ".join(values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(found: pd.DataFrame, experiment: str, metric: str) -> str:
+    if (experiment, metric) not in found.index:
+        return ""
+    row = found.loc[(experiment, metric)].to_dict()
+    return f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}]"
