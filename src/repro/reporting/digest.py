@@ -53,16 +53,13 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     order, known = list(NAMES), set(zip(rows["model"], rows["encoding"], strict=True))
     for model, encoding in sorted(known, key=lambda cell: (order.index(cell[0]), cell[1] != "projection", cell[1])):
         mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
-        found = mine.set_index(["experiment", "metric"])
-        values = [_cell(found, experiment, metric) for experiment in chosen for metric in SHOWN]
+        values = [_cell(mine, experiment, metric) for experiment in chosen for metric in SHOWN]
         name = NAMES.get(model, model) + ("" if encoding == "projection" else f", {encoding}")
         seeds = f"{mine['seeds'].max():.0f}" if model in NETWORKS else ""
         lines.append(f"| {name} | {seeds} | " + " | ".join(values) + " |")
     return "\n".join(lines) + "\n"
 
 
-def _cell(found: pd.DataFrame, experiment: str, metric: str) -> str:
-    if (experiment, metric) not in found.index:
-        return ""
-    row = found.loc[(experiment, metric)].to_dict()
-    return f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}]"
+def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
+    found = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
+    return "".join(f"{row.value:.3f} [{row.low:.3f}, {row.high:.3f}]" for row in found.itertuples())
