@@ -68,6 +68,20 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
 
+def test_evidence_and_page_are_published_with_the_tables_and_what_is_stale_goes(tmp_path):
+    fake_study(tmp_path / "laptop")
+    outputs, results = Outputs(tmp_path / "laptop"), tmp_path / "results"
+    outputs.evidence.mkdir()
+    for name in ("claims.csv", "ages.png", "ages.pdf", "old.csv"):
+        (outputs.evidence / name).write_text(name)
+    (outputs.path / "report.html").write_text("page")
+    publish(outputs, results, "laptop")
+    (outputs.evidence / "old.csv").unlink()
+    target = publish(outputs, results, "laptop")
+    assert sorted(path.name for path in target.glob("evidence/*")) == ["ages.png", "claims.csv"]
+    assert (target / "report.html").read_text() == "page"
+
+
 def listing(directory):
     return {path.name: path.read_bytes() for path in directory.iterdir() if path.is_file()}
 

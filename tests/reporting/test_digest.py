@@ -1,0 +1,38 @@
+import pandas as pd
+
+from repro.reporting.digest import claims_to_markdown, methods_to_markdown
+
+
+def test_every_claim_has_its_row_and_every_verdict_its_count():
+    claims = pd.DataFrame(
+        [
+            {"quote": "exp 3 is higher", "verdict": "reproduced", "value": 0.0512, "low": 0.04, "high": 0.06,
+             "claimed": 0.0, "tolerance": 0.01, "paper": "holds", "paper_value": 0.07},
+            {"quote": "hallucinations", "verdict": "cannot be tested at this scale"},
+        ]
+    )  # fmt: skip
+    text = claims_to_markdown(claims)
+    assert "1 reproduced, 1 cannot be tested at this scale" in text
+    assert "| exp 3 is higher | reproduced | 0.051 [0.040, 0.060] (0 ± 0.01) | holds, 0.070 |" in text
+    assert "| hallucinations | cannot be tested at this scale |  |  |" in text
+
+
+def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
+    rows = [
+        (experiment, model, encoding, True, metric, value, value - 0.01, value + 0.01, 2)
+        for experiment in ("3", "4")
+        for model, encoding, value in (
+            ("tracker", "projection", 0.3),
+            ("unet", "seen_free", 0.6),
+            ("unet", "projection", 0.5),
+        )
+        for metric in ("accuracy", "specificity", "obstacle_iou", "ssim")
+    ]
+    rows += [("1", "unet", "projection", True, "accuracy", 0.9, 0.9, 0.9, 2)]
+    columns = ["experiment", "model", "encoding", "decay", "metric", "value", "low", "high", "seeds"]
+    lines = methods_to_markdown(pd.DataFrame(rows, columns=columns), "Methods").splitlines()
+    assert lines[0] == "**Methods**"
+    assert lines[2].count("Exp. 3") == lines[2].count("Exp. 4") == 3
+    assert [line.split(" | ")[0] for line in lines[4:]] == ["| U-Net", "| U-Net, seen_free", "| Tracker"]
+    assert lines[5].split(" | ")[1:3] == ["2", "0.600 [0.590, 0.610]"]
+    assert lines[6].split(" | ")[1] == ""  # a rival has no seeds
