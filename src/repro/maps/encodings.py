@@ -139,7 +139,7 @@ class Stack:
         return 255 * torch.stack(drawn, dim=1).to(torch.uint8)
 
     def to_input(self, images: Tensor) -> Tensor:
-        return images.float() / 255
+        return 1 - images.float() / 255  # of many images of nearly nothing but ones a network is slow to learn
 
 
 ENCODINGS: dict[str, type[Encoding]] = {
