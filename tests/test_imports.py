@@ -4,7 +4,7 @@ from conftest import ROOT
 
 SOURCE = ROOT / "src" / "repro"
 ORDER = [
-    *("config", "files", "scans", "devices", "provenance", "runs"),
+    *("config", "files", "names", "scans", "devices", "provenance", "runs", "studies"),
     *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "recording", "shards", "store")),
     *(f"maps.{name}" for name in ("grid", "truth", "visible", "projection", "encodings", "datasets")),
     "prediction",
@@ -13,7 +13,7 @@ ORDER = [
     *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
     *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "transfer", "samples")),
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
-    *(f"reporting.{name}" for name in ("results", "tables", "figures", "evidence_figures", "sections")),
+    *(f"reporting.{name}" for name in ("results", "tables", "status", "figures", "evidence_figures", "sections")),
     *(f"reporting.{name}" for name in ("page", "animation", "digest", "publish")),
     *("checks", "messages", "calls", "outcomes", "tasks"),
 ]

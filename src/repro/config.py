@@ -44,6 +44,7 @@ class Task(enum.Enum):
     transfer = "transfer"
     animate = "animate"
     plan = "plan"
+    status = "status"
     world = "world"
     publish = "publish"
     export = "export"

@@ -8,8 +8,9 @@ from repro.config import NETWORKS, Config, Task, world_spec
 from repro.messages import announce
 from repro.outcomes import animate, evaluate_rival, evidence, export, publish, readme, report, transfer
 from repro.provenance import Status
+from repro.studies import Study
 
-ONCE = (Task.report, Task.evidence, Task.plan, Task.publish, Task.readme)  # done for all runs together
+ONCE = (Task.report, Task.evidence, Task.plan, Task.status, Task.publish, Task.readme)  # done for all runs together
 
 
 def record(config: Config) -> None:
@@ -45,7 +46,8 @@ def train(config: Config) -> Status:
     run, runtime = run_of(config), config.runtime
     run.prepare(run_config(config))
     if not run.is_trained:
-        announce(f"training {run}")
+        place = Study(outputs_of(config), config.seed).place(run)
+        announce(f"{place}, {run}" if place else f"training {run}")
     from repro.evaluation import predictions  # after the word, for these import torch
     from repro.evaluation.metrics import one_line
     from repro.learning import training
@@ -115,14 +117,19 @@ def plan(config: Config) -> None:
         for shard in shards_of(dataclasses.asdict(config.scale.pairs))
         if not (outputs.recordings(experiment) / shard.name).is_file()
     )
-    cells = [(exp, "decay") for exp in ("1", "2", "3", "4")] + [(exp, "no-decay") for exp in ("3", "4")]
-    left = {
-        name: sum(not outputs.run(exp, name, word, config.seed).is_trained for exp, word in cells) for name in NETWORKS
-    }
+    cells = Study(outputs, config.seed).runs()
+    left = {name: sum(cell[1] == name and not run.is_trained for cell, run in cells.items()) for name in NETWORKS}
     from repro.learning.planning import plan_study
 
     for line in plan_study(config.scale, config.runtime.precision, recordings, left):
         print(line, flush=True)
+
+
+def status(config: Config) -> None:
+    """Says what is recorded, trained, paused, failed and evaluated, and what is missing."""
+    from repro.reporting.status import describe_outputs
+
+    print(describe_outputs(outputs_of(config), list(config.world["experiments"]), config.scale.pairs, config.seed))
 
 
 def warn_of_cost(configs: list[Config]) -> None:
@@ -148,6 +155,7 @@ TASKS = {
     Task.transfer: transfer,
     Task.animate: animate,
     Task.plan: plan,
+    Task.status: status,
     Task.world: world,
     Task.publish: publish,
     Task.export: export,

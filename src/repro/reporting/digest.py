@@ -3,7 +3,7 @@
 import pandas as pd
 
 from repro.config import NETWORKS
-from repro.reporting.tables import NAMES
+from repro.names import NAMES
 
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 

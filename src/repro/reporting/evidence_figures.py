@@ -9,8 +9,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from repro.config import NETWORKS
+from repro.names import NAMES, experiment_title
 from repro.reporting.figures import ACCENT, INK, STYLE
-from repro.reporting.tables import NAMES, experiment_title
 
 Frames = dict[str, pd.DataFrame]
 LOOKS: list[dict[str, Any]] = [  # told apart by mark and line, not by colour alone

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from repro.evaluation.examples import Example
-from repro.reporting.tables import experiment_title
+from repro.names import experiment_title
 from repro.simulation.recording import make
 from repro.simulation.worlds import World, write_world
 

@@ -12,10 +12,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.samples import Sample
+from repro.names import NAMES, experiment_title
 from repro.provenance import Provenance
 from repro.reporting.claims import Verdict
 from repro.reporting.sections import sections
-from repro.reporting.tables import HEADS, NAMES, Table, experiment_title
+from repro.reporting.tables import HEADS, Table
 
 Frames = dict[str, pd.DataFrame]
 LOOKS = {

@@ -19,11 +19,12 @@ from repro.config import NETWORKS, variant
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
 from repro.files import replacing_directory, write_json, write_text
+from repro.names import NAMES, SETUPS
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
 from repro.reporting.digest import claims_to_markdown, methods_to_markdown
 from repro.reporting.results import caption, read_results
-from repro.reporting.tables import NAMES, SETUPS, Table, costs_to_markdown, make_tables
+from repro.reporting.tables import Table, costs_to_markdown, make_tables
 from repro.runs import Outputs, Run
 
 RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")
@@ -69,7 +70,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
                 write_text(new / f"{kind}.txt", table.caption + "\n")
         write_text(new / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
-        for shown in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html")):
+        for shown in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(shown, new / shown.name)
         if outputs.evidence.is_dir():
             shutil.copytree(outputs.evidence, new / "evidence", ignore=shutil.ignore_patterns("*.pdf"))

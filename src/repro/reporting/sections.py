@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 
 from repro.config import NETWORKS
+from repro.names import NAMES
 from repro.provenance import Provenance
-from repro.reporting.tables import NAMES
 
 CAPTIONS = {
     "results": "Sensor input, prediction and truth of U-Net in the experiments and their ablations.",

@@ -7,21 +7,10 @@ import pandas as pd
 
 from repro.evaluation.metrics import METRICS
 from repro.files import write_text
+from repro.names import NAMES, experiment_title
 from repro.reporting.results import caption, compare, read_results
 from repro.runs import Outputs
 
-NAMES = {
-    "unet": "U-Net",
-    "fpn": "FPN",
-    "upernet": "UPerNet",
-    "segformer": "Segformer",
-    "average": "Average",
-    "all_free": "All free",
-    "last_seen": "Last seen",
-    "occupancy": "Occupancy grid",
-    "transitional": "Transitional grid",
-    "tracker": "Tracker",
-}
 HEADS = dict(zip(METRICS, ("SSIM", "Acc.", "Dice", "Prec.", "Recall", "Spec."), strict=True))
 TITLES = {
     "main": "Prediction metrics across all four experiments for all models",
@@ -40,7 +29,6 @@ COSTS = {
     "cuda_eager_ms": "GPU, eager [ms]",
     "cuda_compiled_ms": "GPU, compiled [ms]",
 }
-SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
 
 
 @dataclass(frozen=True)
@@ -98,12 +86,6 @@ class Table:
             if any(paper):
                 lines.append(" & ".join([r"\quad\emph{paper}", *paper]) + r" \\")
         return "\n".join(lines)
-
-
-def experiment_title(experiment: str, form: str) -> str:
-    """Names an experiment; one of the paper's with its set-up in `form`."""
-    setup = SETUPS.get(experiment)
-    return f"Experiment {experiment}" + (form.format(setup) if setup else "")
 
 
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:

@@ -1,0 +1,21 @@
+"""What experiments and predictors are called in tables, figures and messages."""
+
+NAMES = {
+    "unet": "U-Net",
+    "fpn": "FPN",
+    "upernet": "UPerNet",
+    "segformer": "Segformer",
+    "average": "Average",
+    "all_free": "All free",
+    "last_seen": "Last seen",
+    "occupancy": "Occupancy grid",
+    "transitional": "Transitional grid",
+    "tracker": "Tracker",
+}
+SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
+
+
+def experiment_title(experiment: str, form: str) -> str:
+    """Names an experiment; one of the paper's with its set-up in `form`."""
+    setup = SETUPS.get(experiment)
+    return f"Experiment {experiment}" + (form.format(setup) if setup else "")
