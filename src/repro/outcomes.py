@@ -118,7 +118,7 @@ def write_page(config: Config, frames: dict) -> None:
     """Writes outputs/<scale>/report.html."""
     from repro.evaluation.samples import load_samples
     from repro.files import write_text
-    from repro.reporting.page import Study, render
+    from repro.reporting.page import Report, render
     from repro.reporting.results import caption, read_results
     from repro.reporting.tables import make_tables
 
@@ -129,7 +129,7 @@ def write_page(config: Config, frames: dict) -> None:
         settings = run.config()
         if settings.seed == 0 and settings.model.name != "all_free":
             shown.setdefault(settings.experiment, []).append(run)
-    study = Study(
+    report = Report(
         scale=config.scale.name,
         place=config.outputs,
         command=f"python run.py task=evidence scale={config.scale.name}",
@@ -141,7 +141,7 @@ def write_page(config: Config, frames: dict) -> None:
         samples={experiment: load_samples(outputs, experiment, mine) for experiment, mine in shown.items()},
         origins={str(run.path.relative_to(outputs.path)): run.provenance() for run in runs},
     )
-    write_text(outputs.path / "report.html", render(study))
+    write_text(outputs.path / "report.html", render(report))
     print(f"Page: {outputs.path / 'report.html'}", flush=True)
 
 

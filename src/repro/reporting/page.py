@@ -29,7 +29,7 @@ LOOKS = {
 
 
 @dataclass(frozen=True)
-class Study:
+class Report:
     """All that the page shows of an outputs directory.
 
     Args:
@@ -57,28 +57,28 @@ class Study:
     origins: dict[str, Provenance]
 
 
-def render(study: Study) -> str:
+def render(report: Report) -> str:
     """Writes the page as one string of HTML."""
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
-    parts = sections(study.frames, study.figures, study.origins)
+    parts = sections(report.frames, report.figures, report.origins)
     places = [("summary", "In short"), ("tables", "Tables"), ("claims", "Claims")]
-    places += [("samples", "Samples")] if study.samples else []
-    intervals = study.frames["intervals"].set_index(["experiment", "model", "encoding", "decay", "metric"])
-    counted = Counter(study.claims["verdict"])
+    places += [("samples", "Samples")] if report.samples else []
+    intervals = report.frames["intervals"].set_index(["experiment", "model", "encoding", "decay", "metric"])
+    counted = Counter(report.claims["verdict"])
     return environment.get_template("report.html").render(
-        scale=study.scale,
-        place=study.place,
-        command=study.command,
-        caption=study.caption,
+        scale=report.scale,
+        place=report.place,
+        command=report.command,
+        caption=report.caption,
         sections=places + [(part["id"], part["nav"]) for part in parts],
         verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in LOOKS.items()],
-        all_free=_all_free(study.frames["intervals"]),
-        seeds=int(study.frames["intervals"]["seeds"].max()),
+        all_free=_all_free(report.frames["intervals"]),
+        seeds=int(report.frames["intervals"]["seeds"].max()),
         heads=list(HEADS.values()),
-        tables=[_table(table, intervals) for table in study.tables.values() if len(table.frame)],
-        audit=study.frames["audit"].query("model == 'average'").to_dict("records"),
-        claims=[_claim(row) for row in study.claims.to_dict("records")],
-        browser=_browser(study.samples),
+        tables=[_table(table, intervals) for table in report.tables.values() if len(table.frame)],
+        audit=report.frames["audit"].query("model == 'average'").to_dict("records"),
+        claims=[_claim(row) for row in report.claims.to_dict("records")],
+        browser=_browser(report.samples),
         parts=parts,
     )
 
