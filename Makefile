@@ -3,7 +3,7 @@ PYTHON ?= python3
 ARGS ?= # more words for the sweeps of `make reproduce`
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
-ENCODINGS := projection,seen_free,stack4,stack10,exponential,ages
+ENCODINGS := projection,negative,seen_free,stack4,stack10,exponential,ages
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help

@@ -3,7 +3,7 @@ import torch
 import yaml
 from conftest import ROOT
 
-from repro.maps.encodings import ENCODINGS, Ages, Exponential, SeenFree, Stack, create_encoding
+from repro.maps.encodings import ENCODINGS, Ages, Exponential, Negative, SeenFree, Stack, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
 from repro.maps.visible import newest_visible
@@ -11,7 +11,7 @@ from repro.scans import Scans
 from repro.simulation.store import read_shards
 
 GRID = Grid(64, 50.0)
-ALL = [Projection(), Exponential(), Ages(), SeenFree(), Stack(4), Stack(10)]
+ALL = [Projection(), Negative(), Exponential(), Ages(), SeenFree(), Stack(4), Stack(10)]
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +46,13 @@ def test_an_exponential_gray_is_half_way_after_its_half_life():
     assert law[-11].item() == pytest.approx(0.4)
     assert law[-21].item() == pytest.approx(0.6)
     assert (law.diff() < 0).all()
+
+
+def test_a_negative_is_the_same_image_with_other_numbers(scans):
+    plain, negative = Projection(), Negative()
+    images = negative.encode(scans, GRID)
+    assert torch.equal(images, plain.encode(scans, GRID))
+    assert torch.allclose(negative.to_input(images), 1 - plain.to_input(images))
 
 
 def test_ages_keep_hit_and_age_apart(scans):

@@ -37,6 +37,16 @@ class Encoding(Protocol):
 
 
 @dataclass(frozen=True)
+class Negative(Projection):
+    """The projection fed as its negative, hits bright on a background of zeros: the same image, other numbers."""
+
+    name: ClassVar[str] = "negative"
+
+    def to_input(self, images: Tensor) -> Tensor:
+        return 1 - images.float() / 255
+
+
+@dataclass(frozen=True)
 class Exponential(Projection):
     """The projection with a gray that fades by halves: after `half_life` steps half way from black to `lightest`.
 
@@ -144,6 +154,7 @@ class Stack:
 
 ENCODINGS: dict[str, type[Encoding]] = {
     "projection": Projection,
+    "negative": Negative,
     "exponential": Exponential,
     "ages": Ages,
     "seen_free": SeenFree,
