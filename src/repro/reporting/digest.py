@@ -55,7 +55,8 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
         values = [_cell(mine, experiment, metric) for experiment in chosen for metric in SHOWN]
         name = NAMES.get(model, model) + ("" if encoding == "projection" else f", {encoding}")
-        seeds = f"{mine['seeds'].max():.0f}" if model in NETWORKS else ""
+        counts = sorted({f"{count:.0f}" for count in mine["seeds"]}) if model in NETWORKS else []
+        seeds = " to ".join(counts)
         lines.append(f"| {name} | {seeds} | " + " | ".join(values) + " |")
     return "\n".join(lines) + "\n"
 
