@@ -131,7 +131,7 @@ def write_page(config: Config, frames: dict) -> None:
             shown.setdefault(settings.experiment, []).append(run)
     report = Report(
         scale=config.scale.name,
-        place=config.outputs,
+        place=outputs.path.name,
         command=f"python run.py task=evidence scale={config.scale.name}",
         caption=caption(results),
         tables=make_tables(results),

@@ -34,7 +34,7 @@ class Report:
 
     Args:
         scale: its name.
-        place: where it lies, as the reader would type it.
+        place: the name of the directory.
         command: what makes the page.
         caption: scale, resolution, pairs, epochs, seeds.
         tables: the main table and the ablation.
