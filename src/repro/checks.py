@@ -36,7 +36,7 @@ def remarks(config: Config) -> list[str]:
             f"model.encoder_weights={config.model.encoder_weights} are fetched from the internet the first time"
         )
     if config.exp in config.world["experiments"] and not config.world["experiments"][config.exp]["clear_radius_m"]:
-        found.append(f"exp {config.exp} has no clear zone: recording stops at a world in which an obstacle reaches the robot")
+        found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
     return found
 
 

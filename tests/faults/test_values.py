@@ -50,7 +50,7 @@ NUMBERS = {  # key: values that are not allowed
     "world.world.height": (0, 49),
     "world.world.step_time": (0, -0.1, "inf"),
     "world.world.collision_mode": ("foo", "stop", "null"),
-    "world.robot.shape.radius": (0, -1, 10),
+    "world.robot.shape.radius": (0, -1, 10, 1e-9),
     "world.robot.shape.name": ("rectangle",),
     "world.robot.kinematics.name": ("omni", "acker"),
     "world.robot.vel_max": ("[1,1]", "[0,0]", 3),

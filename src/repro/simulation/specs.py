@@ -23,6 +23,8 @@ def _ordered(pair: tuple) -> tuple:
 
 
 PositiveRange = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]
+Size = Annotated[float, Field(ge=0.001, allow_inf_nan=False)]  # [m]; of less than a millimetre no outline can be made
+SizeRange = Annotated[tuple[Size, Size], AfterValidator(_ordered)]
 CountRange = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
@@ -56,7 +58,7 @@ class Kinematics(_Part):
 
 class Disc(_Part):
     name: Literal["circle"]
-    radius: Positive
+    radius: Size
 
 
 class Robot(_Part):
@@ -93,7 +95,7 @@ class Drifting(_Part):
 
 class Population(_Part):
     count: CountRange
-    radius_m: PositiveRange
+    radius_m: SizeRange
     aspect: PositiveRange
     disc_share: Annotated[float, Field(ge=0, le=1)]
     behavior: Drifting | None = None
