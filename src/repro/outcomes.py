@@ -60,7 +60,7 @@ def evidence(config: Config) -> None:
     from repro.reporting.claims import judge, read_claims
     from repro.reporting.evidence_figures import write_evidence_figures
     from repro.reporting.numbers import evidence_rows
-    from repro.reporting.results import audits, read_results
+    from repro.reporting.results import audits, caption, read_results
     from repro.reporting.tables import write_tables
 
     outputs = outputs_of(config)
@@ -70,7 +70,7 @@ def evidence(config: Config) -> None:
     settings = {run.config().experiment: run.config() for run in outputs.runs() if run.config().train}
     for experiment, name in itertools.product(sorted(settings), RIVALS):
         evaluate_rival(outputs, settings[experiment], name)
-    write_tables(outputs)
+    tables = write_tables(outputs)
     announce(f"measuring {len(results)} runs, about {3 * len(results)} s")
     frames = gather(outputs)
     transferred = outputs.evidence / "transfer.csv"
@@ -84,7 +84,7 @@ def evidence(config: Config) -> None:
     write_evidence_figures(outputs.evidence, frames)
     verdicts = frames["claims"]["verdict"].value_counts()
     print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
-    write_page(config, frames)
+    write_page(config, frames, caption(results), tables)
 
 
 def transfer(config: Config) -> None:
@@ -114,16 +114,14 @@ def transfer(config: Config) -> None:
     print(f"{outputs.evidence / 'transfer.csv'}: task=evidence shows it")
 
 
-def write_page(config: Config, frames: dict) -> None:
+def write_page(config: Config, frames: dict, words: str, tables: dict) -> None:
     """Writes outputs/<scale>/report.html."""
     from repro.evaluation.samples import load_samples
     from repro.files import write_text
     from repro.reporting.page import Report, render
-    from repro.reporting.results import caption, read_results
-    from repro.reporting.tables import make_tables
 
     outputs = outputs_of(config)
-    results, runs = read_results(outputs), [run for run in outputs.runs() if run.is_evaluated]
+    runs = [run for run in outputs.runs() if run.is_evaluated]
     shown: dict[str, list] = {}
     for run in runs:
         settings = run.config()
@@ -133,8 +131,8 @@ def write_page(config: Config, frames: dict) -> None:
         scale=config.scale.name,
         place=outputs.path.name,
         command=f"python run.py task=evidence scale={config.scale.name}",
-        caption=caption(results),
-        tables=make_tables(results),
+        caption=words,
+        tables=tables,
         frames=frames,
         claims=frames["claims"],
         figures={path.stem: path for folder in (outputs.figures, outputs.evidence) for path in folder.glob("*.png")},

@@ -108,15 +108,11 @@ def world(config: Config) -> None:
 def plan(config: Config) -> None:
     """Says what is left of the whole study at this scale, and what it costs on this machine."""
     print(f"looking at what is done in {config.outputs}, and measuring the networks on this machine", flush=True)
-    from repro.simulation.shards import shards_of
+    from repro.simulation.shards import recordings_in
 
-    outputs = outputs_of(config)
-    recordings = sum(
-        2 * shard.worlds
-        for experiment in config.world["experiments"]
-        for shard in shards_of(dataclasses.asdict(config.scale.pairs))
-        if not (outputs.recordings(experiment) / shard.name).is_file()
-    )
+    outputs, pairs = outputs_of(config), dataclasses.asdict(config.scale.pairs)
+    there = [recordings_in(outputs.recordings(experiment), pairs) for experiment in config.world["experiments"]]
+    recordings = sum(pairs.values()) * len(there) - sum(there)
     cells = Study(outputs, config.seed).runs()
     left = {name: sum(cell[1] == name and not run.is_trained for cell, run in cells.items()) for name in NETWORKS}
     from repro.learning.planning import plan_study

@@ -105,7 +105,7 @@ def _measure_cell(
     evidence.add("obstacles", by_last_hit(levels, test, weights[:FEWER_DRAWS]), key)
     if runs[0].model.is_dir():
         evidence.add("cost", _cost(runs), key)
-        _calibrate(evidence, key, runs, recordings, strata, levels, test)
+        _calibrate(evidence, key, runs, recordings, counts.sum((1, 2)), strata, levels, test.truth)
     return drawn
 
 
@@ -122,24 +122,33 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
 
 
 def _calibrate(
-    evidence: Evidence, key: Key, runs: list[Run], recordings: Path, strata: dict, levels: list, test: TestSet
+    evidence: Evidence,
+    key: Key,
+    runs: list[Run],
+    recordings: Path,
+    each: np.ndarray,
+    strata: dict[str, np.ndarray],
+    levels: list[np.ndarray],
+    truth: np.ndarray,
 ) -> None:
-    """Measures calibration as it is, after temperature scaling fitted on validation data, and of the seeds' mean."""
+    """Measures calibration as it is, after temperature scaling fitted on validation data, and of the seeds' mean.
+
+    `each` has the counts of each seed, (S, 2, 256), `strata` those of all seeds together, (2, 256).
+    """
     validation = [validation_levels(run, recordings) for run in runs]
     temperatures = [fit_temperature(count_levels(free, true)[:, 0].sum(0)) for free, true in validation]
-    each = [count_levels(free, test.truth)[:, 0].sum(0) for free in levels]
     rows = [{"what": "as it is", "stratum": "all", **_mean([summary(counts) for counts in each])}]
     scaled = [summary(c, tempered(t)) for c, t in zip(each, temperatures, strict=True)]
     rows.append({"what": "tempered", "stratum": "all", **_mean(scaled), "temperature": float(np.mean(temperatures))})
     if len(levels) > 1:
         mean = np.mean(levels, axis=0).round().astype(np.uint8)
-        counts = count_levels(mean, test.truth)[:, 0].sum(0)
+        counts = count_levels(mean, truth)[:, 0].sum(0)
         score = {name: float(value) for name, value in pooled_scores(counts).items()}
         kept = {name: score[name] for name in ("accuracy", "specificity", "obstacle_iou")}
         rows.append({"what": f"mean of {len(levels)} seeds", "stratum": "all", **summary(counts), **kept})
     rows += [{"what": "as it is", "stratum": n, **summary(c)} for n, c in strata.items() if c[0].sum()]
     evidence.add("calibration", pd.DataFrame(rows), key)
-    pooled = {"all": sum(each), **{name: counts for name, counts in strata.items() if counts.sum()}}
+    pooled = {"all": each.sum(0), **{name: counts for name, counts in strata.items() if counts.sum()}}
     for name, counts in pooled.items():
         evidence.add("reliability", reliability(counts).assign(stratum=name), key)
 

@@ -177,20 +177,7 @@ def _fit(
         _checkpoint(checkpoints, "best", monitor="val_loss"),
         _checkpoint(checkpoints, "last"),
     ]
-    quiet()
-    trainer = L.Trainer(
-        max_epochs=settings.max_epochs,
-        accelerator="gpu" if device == "cuda" else "cpu",
-        devices=1,
-        precision=precision,  # type: ignore[arg-type]
-        callbacks=callbacks,
-        plugins=[WholeCheckpointIO()],
-        logger=False,
-        reload_dataloaders_every_n_epochs=1,
-        num_sanity_val_steps=0,
-        enable_progress_bar=sys.stderr.isatty(),
-        enable_model_summary=False,
-    )
+    trainer = _trainer(settings.max_epochs, device, precision, callbacks)
     try:
         trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=False)
     except SystemExit:  # Lightning's answer to Ctrl-C
@@ -205,6 +192,24 @@ def _fit(
         return False
     run.end_step(Status.trained, **facts, weights_sha256=_keep_best(run, module, config))
     return True
+
+
+def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
+    """Creates a trainer that says nothing itself, checks nothing beforehand and writes checkpoints whole."""
+    quiet()
+    return L.Trainer(
+        max_epochs=max_epochs,
+        accelerator="gpu" if device == "cuda" else "cpu",
+        devices=1,
+        precision=precision,  # type: ignore[arg-type]
+        callbacks=callbacks,
+        plugins=[WholeCheckpointIO()],
+        logger=False,
+        reload_dataloaders_every_n_epochs=1,
+        num_sanity_val_steps=0,
+        enable_progress_bar=sys.stderr.isatty(),
+        enable_model_summary=False,
+    )
 
 
 def _keep_best(run: Run, module: TrainingModule, config: RunConfig) -> str:

@@ -21,6 +21,54 @@ CAPTIONS = {
     "transfer": "U-Net with changed worlds; intervals of 95 % over test worlds.",
     "encodings": "Obstacle IoU of U-Net from other inputs than the paper's, same budget, with intervals of 95 %.",
 }
+SECTIONS: list[dict[str, Any]] = [
+    {
+        "id": "figures",
+        "nav": "Figures",
+        "title": "What goes in and what comes out",
+        "text": "Test recordings that no network was trained or tuned on.",
+        "images": ("results", "data_representation"),
+    },
+    {
+        "id": "where",
+        "nav": "Where and when",
+        "title": "Where and when it is right",
+        "text": "From the recording alone it is known when each pixel was last in view and each obstacle last hit. "
+        "Without the time decay a network cannot tell old from new, and loses most at what was seen last.",
+        "images": ("ages", "obstacles"),
+    },
+    {
+        "id": "calibration",
+        "nav": "Calibration",
+        "title": "Can the probabilities be believed?",
+        "text": "The paper calls the blurry predictions probabilistic. The expected calibration error is the mean "
+        "gap between what is predicted and what comes true; the Brier score is reliability - resolution + "
+        "uncertainty. Tempered: logits divided by a temperature fitted on validation data.",
+        "images": ("reliability",),
+    },
+    {
+        "id": "rivals",
+        "nav": "Rivals",
+        "title": "Against methods made by hand, and other inputs",
+        "text": "Made by hand and tuned on validation data: last seen (a disc around every hit), an occupancy grid "
+        "that forgets, a grid of static and dynamic occupancy, a tracker of clusters with constant velocity.",
+        "images": ("rivals", "encodings"),
+    },
+    {
+        "id": "transfer",
+        "nav": "Transfer",
+        "title": "Does it travel?",
+        "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it "
+        "has not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
+        "images": ("transfer",),
+    },
+    {
+        "id": "provenance",
+        "nav": "Provenance",
+        "title": "Where every number comes from",
+        "text": "The last step of each run directory; all steps are in its provenance.json.",
+    },
+]
 CALIBRATION = {
     "brier": "Brier",
     "reliability": "reliability",
@@ -51,60 +99,17 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
 
     calibration = frames["calibration"][frames["calibration"]["stratum"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
-    made: list[dict[str, Any]] = [
-        {
-            "id": "figures",
-            "nav": "Figures",
-            "title": "What goes in and what comes out",
-            "text": "Test recordings that no network was trained or tuned on.",
-            "images": images("results", "data_representation"),
-        },
-        {
-            "id": "where",
-            "nav": "Where and when",
-            "title": "Where and when it is right",
-            "text": "From the recording alone it is known when each pixel was last in view and each obstacle last hit. "
-            "Without the time decay a network cannot tell old from new, and loses most at what was seen last.",
-            "images": images("ages", "obstacles"),
-        },
-        {
-            "id": "calibration",
-            "nav": "Calibration",
-            "title": "Can the probabilities be believed?",
-            "text": "The paper calls the blurry predictions probabilistic. The expected calibration error is the mean "
-            "gap between what is predicted and what comes true; the Brier score is reliability - resolution + "
-            "uncertainty. Tempered: logits divided by a temperature fitted on validation data.",
-            "images": images("reliability"),
-            "tables": [_table(calibration, ["experiment", "model", "encoding", "decay", "what"], CALIBRATION)],
-        },
-        {
-            "id": "rivals",
-            "nav": "Rivals",
-            "title": "Against methods made by hand, and other inputs",
-            "text": "Made by hand and tuned on validation data: last seen (a disc around every hit), an occupancy grid "
-            "that forgets, a grid of static and dynamic occupancy, a tracker of clusters with constant velocity.",
-            "images": images("rivals", "encodings"),
-            "tables": [_table(_to_the_papers(frames["differences"]), ["experiment", "model", "input"], DIFFERENCE)],
-        },
-        {
-            "id": "transfer",
-            "nav": "Transfer",
-            "title": "Does it travel?",
-            "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it "
-            "has not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
-            "images": images("transfer"),
-            "tables": [_across(frames.get("transfer"))],
-        },
-        {
-            "id": "provenance",
-            "nav": "Provenance",
-            "title": "Where every number comes from",
-            "text": "The last step of each run directory; all steps are in its provenance.json.",
-            "tables": [_origins(origins)],
-        },
+    tables = {
+        "calibration": [_table(calibration, ["experiment", "model", "encoding", "decay", "what"], CALIBRATION)],
+        "rivals": [_table(_to_the_papers(frames["differences"]), ["experiment", "model", "input"], DIFFERENCE)],
+        "transfer": [_across(frames.get("transfer"))],
+        "provenance": [_origins(origins)],
+    }
+    made = [
+        {**section, "images": images(*section.get("images", ())), "tables": tables.get(section["id"], [])}
+        for section in SECTIONS
     ]
-    whole = [{"images": [], "tables": [], **section} for section in made]
-    return [section for section in whole if section["images"] or any(table["rows"] for table in section["tables"])]
+    return [section for section in made if section["images"] or any(table["rows"] for table in section["tables"])]
 
 
 def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """Where a study stands: what is recorded, trained, evaluated, what is missing, and how long what is left will take."""
 
+import dataclasses
 from collections import Counter
 
 from repro.config import PairCounts
 from repro.names import NAMES
 from repro.provenance import Status
 from repro.runs import Outputs, Run
-from repro.simulation.shards import shards_of
+from repro.simulation.shards import recordings_in
 from repro.studies import CELLS, Study
 
 
@@ -43,12 +44,11 @@ def describe_outputs(outputs: Outputs, experiments: list[str], pairs: PairCounts
 
 def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
     directory = outputs.recordings(experiment)
-    wanted = list(shards_of({"train": pairs.train, "val": pairs.val, "test": pairs.test}))
-    total = 2 * sum(shard.worlds for shard in wanted)
     if (directory / "manifest.json").is_file():
         return "complete"
-    there = 2 * sum(shard.worlds for shard in wanted if (directory / shard.name).is_file())
-    return f"{there} of {total}" if there else "missing"
+    wanted = dataclasses.asdict(pairs)
+    there = recordings_in(directory, wanted)
+    return f"{there} of {sum(wanted.values())}" if there else "missing"
 
 
 def _state(run: Run) -> str:

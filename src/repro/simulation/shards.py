@@ -77,6 +77,11 @@ def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
             yield Shard(split, number, SPLITS[split] + first, min(SHARD_WORLDS, count // 2 - first))
 
 
+def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:
+    """Counts the recordings that lie in a directory, whole or not, of those that `pairs` asks for."""
+    return sum(2 * shard.worlds for shard in shards_of(pairs) if (directory / shard.name).is_file())
+
+
 def spec_fingerprint(spec: dict[str, Any]) -> str:
     """Hashes everything that decides the content of the recordings."""
     content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec}
