@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from repro.config import Config, Fault, config_faults, to_typed
+from repro.config import NETWORKS, Config, Fault, Model, config_faults, to_typed
 from repro.simulation.specs import world_faults
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
@@ -29,7 +29,7 @@ def remarks(config: Config) -> list[str]:
     found = []
     if config.runtime.precision in ("16-mixed", "16-true", "bf16-true"):
         found.append(f"runtime.precision={config.runtime.precision} keeps few digits: losses may not stay finite")
-    if config.model.encoder_name != "mit_b0":
+    if config.model.encoder_name not in (None, "mit_b0"):
         found.append(f"model.encoder_name={config.model.encoder_name} is not the paper's, which is mit_b0")
     if config.model.encoder_weights is not None:
         found.append(
@@ -41,7 +41,7 @@ def remarks(config: Config) -> list[str]:
 
 
 def _library_faults(config: Config) -> list[Fault]:
-    faults = _encoder_faults(config.model.encoder_name, config.model.encoder_weights)
+    faults = _encoder_faults(config.model)
     if Path(config.outputs).exists() and not Path(config.outputs).is_dir():
         faults.append(Fault("outputs", config.outputs, "is a file, a directory is needed"))
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "lightest"}:
@@ -65,7 +65,12 @@ def _has_gpu() -> bool:
     return torch.cuda.is_available()
 
 
-def _encoder_faults(name: str | None, weights: str | None) -> list[Fault]:
+def _encoder_faults(model: Model) -> list[Fault]:
+    name, weights = model.encoder_name, model.encoder_weights
+    if model.name not in NETWORKS:
+        given = {"encoder_name": name, "encoder_weights": weights}
+        allowed = f"model {model.name} has an encoder of its own, leave it null"
+        return [Fault(f"model.{key}", value, allowed) for key, value in given.items() if value is not None]
     if name in MIT_ENCODERS:
         wrong = weights not in MIT_WEIGHTS
         return [Fault("model.encoder_weights", weights, "must be null or imagenet")] if wrong else []

@@ -11,6 +11,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 NETWORKS = ("unet", "fpn", "upernet", "segformer")  # in the paper's order
+LEARNED = (*NETWORKS, "convlstm")  # and ours, which takes a series of images
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -201,8 +202,11 @@ def config_faults(values: dict[str, Any]) -> list[Fault]:
         faults.append(Fault("train.batch_size", config.train.batch_size, allowed))
     if not config.decay and "decay" not in config.encoding.parameters:
         faults.append(Fault("decay", "false", f"the encoding {config.encoding.name} has no decay to be left out"))
-    if config.model.name not in NETWORKS:
-        faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(NETWORKS)}"))
+    if config.model.name not in LEARNED:
+        faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(LEARNED)}"))
+    if config.model.name == "convlstm" and "frames" not in config.encoding.parameters:
+        allowed = "model convlstm takes a series of images, encoding=stack10 or encoding=stack4"
+        faults.append(Fault("encoding", config.encoding.name, allowed))
     return faults
 
 

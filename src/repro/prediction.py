@@ -3,8 +3,8 @@
     predictor = load_predictor("outputs/laptop/runs/exp4/unet/decay/seed0/model")
     free = predictor.predict(Scans(ranges, angles, poses))
 
-The directory is an ordinary one of segmentation-models-pytorch (`smp.from_pretrained` reads it too) with one file more,
-predictor.json, which says how scans are to be drawn for the network and how large the map is.
+The directory is an ordinary one of segmentation-models-pytorch (`smp.from_pretrained` reads it too, but for a ConvLSTM)
+with one file more, predictor.json, which says how scans are to be drawn for the network and how large the map is.
 """
 
 import contextlib
@@ -14,13 +14,12 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-import segmentation_models_pytorch as smp
 import torch
-from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
 from tqdm import tqdm
 
 from repro.files import read_mapping, replacing_directory, sha256, write_json
+from repro.learning.models import Network, load_model
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.scans import Scans
@@ -32,7 +31,7 @@ WEIGHTS = "model.safetensors"
 class Predictor:
     """A network from encoded scans to logits, how it wants its scans drawn, and the map it draws."""
 
-    network: SegmentationModel
+    network: Network
     encoding: Encoding
     grid: Grid
 
@@ -97,5 +96,5 @@ def load_predictor(directory: str | Path) -> Predictor:
     if not (directory / WEIGHTS).is_file() or sha256(directory / WEIGHTS) != content.get("sha256"):
         raise ValueError(f"{directory / WEIGHTS} is not what was saved: put it back, or train or export it again")
     with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints where the weights come from
-        network = smp.from_pretrained(directory).float()
+        network = load_model(directory)
     return Predictor(network, create_encoding(**content["encoding"]), Grid(**content["grid"]))

@@ -157,6 +157,8 @@ COMMANDS = (
     (["runtime.workers=-5", "seed=-1"], ["seed=-1: must be", "runtime.workers=-5: must be"]),
     (["train.lr=3"], ["lr", "Training"]),
     (["model=resnet"], ["resnet", "unet"]),
+    (["model=convlstm"], ["encoding=projection", "a series of images, encoding=stack10 or encoding=stack4"]),
+    (["model=convlstm", "encoding=stack4", "model.encoder_name=mit_b0"], ["model.encoder_name=mit_b0", "of its own"]),
     (["task=fly"], ["fly", "record"]),
     (["world=moon"], ["moon", "paper"]),
     (["-m", "exp=3,9", "seed=-1,0"], ["exp=9: there are", "seed=-1: must be"]),

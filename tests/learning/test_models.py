@@ -36,7 +36,7 @@ def test_weights_survive_saving_and_loading(tmp_path):
 
 
 def test_unknown_architecture_lists_the_known_ones():
-    with pytest.raises(ValueError, match=r"unet, fpn, upernet, segformer, got 'resnet'"):
+    with pytest.raises(ValueError, match=r"unet, fpn, upernet, segformer, convlstm, got 'resnet'"):
         create_model("resnet")
 
 

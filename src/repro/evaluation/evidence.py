@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from repro.config import NETWORKS
+from repro.config import LEARNED, NETWORKS
 from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_stratum, load_test_set
 from repro.evaluation.calibration import fit_temperature, reliability, summary, tempered
 from repro.evaluation.intervals import Measured, by_world, difference, draw_weights, interval, resample
@@ -85,7 +85,7 @@ def _cells(outputs: Outputs) -> dict[tuple, list[Run]]:
         if run.is_evaluated:
             config = run.config()
             cells[config.experiment, config.model.name, config.encoding.name, config.encoding.decay].append(run)
-    rank = {name: number for number, name in enumerate((*NETWORKS, *RIVALS))}
+    rank = {name: number for number, name in enumerate((*LEARNED, *RIVALS))}
     return dict(sorted(cells.items(), key=lambda item: (item[0][0], not item[0][3], rank.get(item[0][1], 99))))
 
 

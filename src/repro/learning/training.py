@@ -18,7 +18,6 @@ from typing import Any
 import lightning as L
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
-from segmentation_models_pytorch.base import SegmentationModel
 from torch import Tensor
 
 from repro.config import Model, Training
@@ -27,7 +26,7 @@ from repro.files import lock
 from repro.learning.callbacks import Budget, History, Stop, weight_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.losses import MapLoss
-from repro.learning.models import create_model
+from repro.learning.models import Network, create_model
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
 from repro.prediction import Predictor
 from repro.provenance import Status
@@ -38,7 +37,7 @@ from repro.simulation.store import recordings_hash
 class TrainingModule(L.LightningModule):
     """A network with its data, loss and optimiser."""
 
-    def __init__(self, network: SegmentationModel, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
+    def __init__(self, network: Network, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
         super().__init__()
         self.network = network
         self.loss = MapLoss(settings.dice_eps)
@@ -144,11 +143,9 @@ def train(
         return run.status
 
 
-def _create_network(model: Model, channels: int) -> SegmentationModel:
-    assert model.encoder_name
-    return create_model(
-        model.name, encoder_name=model.encoder_name, encoder_weights=model.encoder_weights, in_channels=channels
-    )
+def _create_network(model: Model, channels: int) -> Network:
+    encoder = {"encoder_name": model.encoder_name} if model.encoder_name else {}
+    return create_model(model.name, **encoder, encoder_weights=model.encoder_weights, in_channels=channels)
 
 
 def _training_module(recordings: Path, config: RunConfig, device: str) -> TrainingModule:

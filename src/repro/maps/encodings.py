@@ -71,11 +71,11 @@ class Exponential(Projection):
 
 
 @dataclass(frozen=True)
-class Ages(Projection):
+class Ages(Negative):
     """The projection's ages apart from its hits: where a beam ever ended (black), and how long ago (gray).
 
     The projection says both by one gray, so that an old hit is nearly the white of no hit. Here the second image has
-    the gray of the projection, and the first is the projection without decay.
+    the gray of the projection, and the first is the projection without decay; both are fed as their negatives.
     """
 
     name: ClassVar[str] = "ages"
@@ -87,11 +87,12 @@ class Ages(Projection):
 
 
 @dataclass(frozen=True)
-class SeenFree(Projection):
+class SeenFree(Negative):
     """The projection, and a second image of when each pixel was last seen to be free.
 
     A beam that passed over a pixel says that it was free then, which the projection throws away. The second image has
-    the gray of the last step at which that happened, by the projection's own law, white where it never did.
+    the gray of the last step at which that happened, by the projection's own law, white where it never did. Both are
+    fed as their negatives.
 
     Args:
         range_max_m: how far a beam reaches that hits nothing [m].

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from repro.config import NETWORKS
+from repro.config import LEARNED
 from repro.names import NAMES
 
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
@@ -55,7 +55,7 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
         values = [_cell(mine, experiment, metric) for experiment in chosen for metric in SHOWN]
         name = NAMES.get(model, model) + ("" if encoding == "projection" else f", {encoding}")
-        counts = sorted({f"{count:.0f}" for count in mine["seeds"]}) if model in NETWORKS else []
+        counts = sorted({f"{count:.0f}" for count in mine["seeds"]}) if model in LEARNED else []
         seeds = " to ".join(counts)
         lines.append(f"| {name} | {seeds} | " + " | ".join(values) + " |")
     return "\n".join(lines) + "\n"

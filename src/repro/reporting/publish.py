@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 import torch
 
-from repro.config import NETWORKS, variant
+from repro.config import LEARNED, NETWORKS, variant
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
 from repro.files import replacing_directory, write_json, write_text
@@ -108,8 +108,7 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
 
 def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance]) -> str:
     """Says what was run, on what, for how long, and the command (with `words`) that trains each network again."""
-    networks = runs[runs["model"].isin(NETWORKS)]
-    seeds, experiments = (",".join(map(str, sorted(networks[key].unique()))) for key in ("seed", "experiment"))
+    networks = runs[runs["model"].isin(LEARNED)]
     steps = [step for origin in origins for step in origin.steps if step["step"] != "recorded"]
     machines = {
         verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in steps if step["step"] == verb})
@@ -131,12 +130,13 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         "| network | trainings | minutes each | train it again |",
         "|---|---|---|---|",
     ]
-    for model in NETWORKS:
-        mine = networks[networks["model"] == model]
-        if len(mine):
-            command = f"python run.py -m model={model} exp={experiments} seed={seeds} {words}"
-            minutes = mine["training_seconds"].mean() / 60
-            lines.append(f"| {NAMES[model]} | {len(mine)} | {minutes:.1f} | `{command}` |")
+    for (model, encoding), mine in networks.groupby(["model", "encoding"], sort=False):
+        seeds, experiments = (",".join(map(str, sorted(mine[key].unique()))) for key in ("seed", "experiment"))
+        other = "" if encoding == "projection" else f" encoding={encoding}"
+        command = f"python run.py -m model={model}{other} exp={experiments} seed={seeds} {words}"
+        minutes = mine["training_seconds"].mean() / 60
+        name = NAMES[str(model)] + other.replace(" encoding=", ", ")
+        lines.append(f"| {name} | {len(mine)} | {minutes:.1f} | `{command}` |")
     if not runs["decay"].all():
         lines.append("\nThe ablation: `exp=3,4 decay=false` in place of `exp=...`.")
     return "\n".join(lines) + "\n"

@@ -13,7 +13,8 @@ from repro.reporting.audit import audit
 from repro.reporting.paper import KEYS, read_paper
 from repro.runs import Outputs, Run
 
-ORDER = (*NETWORKS, "average", *RIVALS)  # of the rows of a table
+OURS = ("unet", "stack10")  # the input that has come out best, see DEVIATIONS D17
+ORDER = (*NETWORKS, "average", "ours", *RIVALS)  # of the rows of a table
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
@@ -72,17 +73,18 @@ def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
     """Makes the main table (`decay=True`) or the ablation: our metrics, the paper's, and the difference.
 
     Args:
-        results: tidy rows, see `read_results`; those of the paper's projection are taken.
+        results: tidy rows, see `read_results`; those of the paper's projection are taken, and of `OURS`.
         decay: which of the two.
 
     Returns:
         experiment, model, decay, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
         std_<metric> where there are several seeds. The row `average` is the mean of the four networks, there
-        when all four are. Simple predictors come last, with nothing of the paper beside them.
+        when all four are. `ours` and simple predictors come last, with nothing of the paper beside them.
     """
-    results = results[(results["decay"] == decay) & (results["encoding"] == "projection")]
-    results = results[results["model"].isin([*NETWORKS, *RIVALS])]
-    rows = pd.concat([results, averages_of(results)])
+    results = results[results["decay"] == decay]
+    of_paper = results[(results["encoding"] == "projection") & results["model"].isin([*NETWORKS, *RIVALS])]
+    ours = results[(results["model"] == OURS[0]) & (results["encoding"] == OURS[1])].assign(model="ours")
+    rows = pd.concat([of_paper, averages_of(of_paper), ours])
     groups = rows.groupby(KEYS)
     table = groups[list(METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
     several = table["seeds"].max() > 1
