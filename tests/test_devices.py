@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from repro import devices
-from repro.devices import compiles, resolve_device, resolve_precision
+from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.learning.models import create_model
 
 
@@ -32,3 +32,14 @@ def test_a_device_that_is_not_there_is_refused(monkeypatch):
         resolve_device("gpu")
     with pytest.raises(ValueError, match="must be auto, cpu or gpu, got 'tpu'"):
         resolve_device("tpu")
+
+
+def test_peak_memory_is_that_since_it_was_forgotten():
+    forget_peak_memory()
+    before = peak_memory_gb()
+    block = torch.ones(100_000_000, dtype=torch.uint8)
+    with_block = peak_memory_gb()
+    del block
+    forget_peak_memory()
+    assert with_block > before + 0.09
+    assert peak_memory_gb() < with_block - 0.05

@@ -2,7 +2,9 @@
 
 import os
 import platform
+import resource
 import time
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -60,6 +62,23 @@ def compiles(network: torch.nn.Module, image: torch.Tensor) -> bool:
         print(f"torch.compile fails here ({type(error).__name__}), going on without it")
         return False
     return True
+
+
+def forget_peak_memory() -> None:
+    """Makes `peak_memory_gb` begin anew, where the system can (Linux); else it is that of the whole process."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return
+
+
+def peak_memory_gb() -> float:
+    """Reads the most memory that this process has held, of the machine's and not of a GPU's [GB]."""
+    try:
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e9
+    except (OSError, IndexError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
 
 
 def hardware() -> dict[str, Any]:

@@ -21,3 +21,8 @@ def experiment_title(experiment: str, form: str) -> str:
     """Names an experiment; one of the paper's with its set-up in `form`."""
     setup = SETUPS.get(experiment)
     return f"Experiment {experiment}" + (form.format(setup) if setup else "")
+
+
+def predictor_title(model: str, encoding: str) -> str:
+    """Names a network with what it is fed, or a rival; the paper's own input goes without saying."""
+    return NAMES.get(model, model) + ("" if encoding == "projection" else f", {encoding}")

@@ -47,7 +47,7 @@ def test_every_part_has_its_rows_beside_it(outputs):
         *("audit", "claims", "transfer"),
     }
     figures = {path.stem for path in outputs.glob("evidence/*.png")}
-    assert figures == {"ages", "obstacles", "reliability", "rivals", "encodings", "transfer"}
+    assert figures == {"strata", "ages", "obstacles", "reliability", "rivals", "encodings", "transfer"}
     claims = pd.read_csv(outputs / "evidence" / "claims.csv")
     assert claims["id"].tolist() == [claim.id for claim in read_claims(ROOT / "reproduce" / "claims.yaml").claims]
     assert claims["verdict"].notna().all()

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 from conftest import fake_run, fake_study
 
-from repro.config import NETWORKS
+from repro.config import NETWORKS, Encoding
 from repro.evaluation.metrics import METRICS
 from repro.provenance import Status
 from repro.reporting.paper import read_paper
@@ -81,3 +81,17 @@ def test_caption_says_where_the_seeds_are_uneven_and_that_smoke_means_nothing(tm
     fake_run(tmp_path / "any name", "3", "unet", True, 0, 0.5, scale="smoke")
     assert caption(read_results(Outputs(tmp_path / "any name"))).startswith("Scale smoke: ")
     assert "its numbers mean nothing" in caption(read_results(Outputs(tmp_path / "any name")))
+
+
+def test_our_best_input_has_its_row_below_the_papers(tmp_path):
+    fake_study(tmp_path)
+    stack = Encoding("stack10", {"frames": 10})
+    run = Outputs(tmp_path).run("3", "unet", "stack10", 0)
+    made = fake_run(tmp_path / "elsewhere", "3", "unet", True, 0, 0.7, encoding=stack)
+    run.path.parent.mkdir(parents=True)
+    made.path.rename(run.path)
+    table = compare(read_results(Outputs(tmp_path)), decay=True)
+    assert table["model"].tolist() == [*NETWORKS, "average", "ours", "all_free"]
+    ours = table.set_index("model").loc["ours"]
+    assert ours["dice"] == 0.7
+    assert pd.isna(ours["paper_dice"])

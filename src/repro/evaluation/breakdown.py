@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from repro.evaluation.calibration import brier, entropy
-from repro.evaluation.intervals import LEVEL
+from repro.evaluation.intervals import bounds
 from repro.evaluation.levels import average_precision, pooled_scores
 from repro.evaluation.strata import (
     BIN,
@@ -83,11 +83,9 @@ def by_stratum(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
     summed = np.stack([counts[:, list(groups)].sum(1) for groups in strata.values()], axis=1)
     drawn = np.tensordot(weights.astype(np.float64), summed, axes=1)  # (draws + 1, strata, 2, 256)
     measured = {"pixel_share": drawn.sum((2, 3)) / drawn[:, :1].sum((2, 3)), **measures(drawn)}
-    tail = 100 * (1 - LEVEL) / 2
     rows = []
     for name, values in measured.items():
-        with np.errstate(invalid="ignore"):
-            low, high = np.nanpercentile(np.nan_to_num(values[1:], nan=np.inf), [tail, 100 - tail], axis=0)
+        low, high = bounds(values)
         rows += [
             {"stratum": stratum, "metric": name, "value": values[0, i], "low": low[i], "high": high[i]}
             for i, stratum in enumerate(strata)
@@ -141,7 +139,7 @@ def by_last_hit(levels: list[np.ndarray], test: TestSet, weights: np.ndarray) ->
         for number in np.flatnonzero(area):
             predicted = free[test.recording[twin, number]][test.masks[number]] < 128
             found[twin, number] += predicted.mean() / len(levels)
-    rows, tail = [], 100 * (1 - LEVEL) / 2
+    rows = []
     for name, bins in HITS.items():
         chosen = np.isin(group, list(bins)) & (area > 0)
         rows.append({"last_hit": name, "metric": "obstacles", "value": float(chosen.sum())})
@@ -150,6 +148,6 @@ def by_last_hit(levels: list[np.ndarray], test: TestSet, weights: np.ndarray) ->
         times = weights[:, test.recording[chosen] // 2].astype(float)
         for metric, value in {"recall": found[chosen], "detected": (found[chosen] >= 0.5).astype(float)}.items():
             drawn = times @ value / np.maximum(times.sum(1), 1)
-            low, high = np.percentile(drawn[1:], [tail, 100 - tail])
+            low, high = bounds(drawn)
             rows.append({"last_hit": name, "metric": metric, "value": drawn[0], "low": low, "high": high})
     return pd.DataFrame(rows)

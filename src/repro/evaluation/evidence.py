@@ -110,13 +110,13 @@ def _measure_cell(
 
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
-    """Says what a cell costs: parameters of its network, channels of its input, seconds of a training."""
+    """Says what a cell costs: parameters of its network, channels of its input; time and memory of a training."""
     predictor = load_predictor(runs[0].model)
-    seconds = [run.provenance().fact("training_seconds") for run in runs]
+    facts = {name: [run.provenance().fact(name) for run in runs] for name in ("training_seconds", "peak_memory_gb")}
     row = {
         "parameters": sum(each.numel() for each in predictor.network.parameters()),
         "channels": predictor.encoding.channels,
-        "training_seconds": float(np.mean(seconds)),
+        **{name: pd.Series(values, dtype=float).mean() for name, values in facts.items()},
     }
     return pd.DataFrame([row])
 

@@ -58,9 +58,19 @@ def resample(measured: Measured, weights: np.ndarray, seed: int = 1) -> pd.DataF
 
 def interval(drawn: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
     """Gives value, low and high of every column, by percentiles; one row a column."""
+    low, high = bounds(drawn.to_numpy(), level)
+    return pd.DataFrame({"metric": drawn.columns, "value": drawn.iloc[0].to_numpy(), "low": low, "high": high})
+
+
+def bounds(drawn: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
+    """Gives low and high, each (...), of draws (draws + 1, ...), by percentiles; row 0, what was measured, is no draw.
+
+    A draw in which there is nothing to measure, nan, makes the interval end at infinity.
+    """
     tail = (1 - level) / 2
-    low, high = drawn.iloc[1:].quantile(tail), drawn.iloc[1:].quantile(1 - tail)
-    return pd.DataFrame({"value": drawn.iloc[0], "low": low, "high": high}).rename_axis("metric").reset_index()
+    with np.errstate(invalid="ignore"):
+        low, high = np.quantile(np.nan_to_num(drawn[1:], nan=np.inf, posinf=np.inf), [tail, 1 - tail], axis=0)
+    return low, high
 
 
 def difference(one: pd.DataFrame, other: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:

@@ -21,7 +21,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import Tensor
 
 from repro.config import Model, Training
-from repro.devices import compiles, resolve_device, resolve_precision
+from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.files import lock
 from repro.learning.callbacks import Budget, History, Stop, weight_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
@@ -121,6 +121,7 @@ def train(
         if Budget.is_spent(max_minutes):
             return Status.paused
         config = run.config()
+        forget_peak_memory()
         run.use_recordings(recordings_hash(recordings))
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
@@ -183,6 +184,7 @@ def _fit(
         "train_pairs": len(module.pairs["train"]),
         "epochs": len(history.rows),
         "training_seconds": round(sum(row["seconds"] for row in history.rows), 1),
+        "peak_memory_gb": round(peak_memory_gb(), 2),
     }
     if stop.paused:
         run.end_step(Status.paused, **facts)

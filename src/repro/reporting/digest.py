@@ -3,7 +3,7 @@
 import pandas as pd
 
 from repro.config import LEARNED
-from repro.names import NAMES
+from repro.names import NAMES, predictor_title
 
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 
@@ -54,10 +54,9 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     for model, encoding in sorted(known, key=lambda cell: (order.index(cell[0]), cell[1] != "projection", cell[1])):
         mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
         values = [_cell(mine, experiment, metric) for experiment in chosen for metric in SHOWN]
-        name = NAMES.get(model, model) + ("" if encoding == "projection" else f", {encoding}")
         counts = sorted({f"{count:.0f}" for count in mine["seeds"]}) if model in LEARNED else []
         seeds = " to ".join(counts)
-        lines.append(f"| {name} | {seeds} | " + " | ".join(values) + " |")
+        lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")
     return "\n".join(lines) + "\n"
 
 

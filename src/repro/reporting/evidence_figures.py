@@ -6,11 +6,15 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repro.config import NETWORKS
-from repro.names import NAMES, experiment_title
+from repro.config import LEARNED
+from repro.evaluation.strata import STRATA
+from repro.maps.encodings import ENCODINGS
+from repro.names import NAMES, experiment_title, predictor_title
 from repro.reporting.figures import ACCENT, INK, STYLE
+from repro.reporting.results import OURS
 
 Frames = dict[str, pd.DataFrame]
 LOOKS: list[dict[str, Any]] = [  # told apart by mark and line, not by colour alone
@@ -58,6 +62,29 @@ def ages(frames: Frames) -> Figure | None:
     return figure
 
 
+def strata(frames: Frames) -> Figure | None:
+    """Shows what U-Net finds, and how far off it is, by when a pixel was last inside the visible region."""
+    rows = _unet(frames["strata"])
+    names = [name for name in STRATA if name in set(rows["stratum"])]
+    if not names:
+        return None
+    measures = {"obstacle_recall": "obstacle pixels found", "brier": "Brier score"}
+    figure, axes = _columns(rows, len(measures), sharey="row", sharex=True)
+    for column, (experiment, mine) in zip(axes.T, rows.groupby("experiment"), strict=True):
+        for ax, metric in zip(column, measures, strict=True):
+            measured = mine[mine["metric"] == metric]
+            kinds = {"with time decay": measured[measured["decay"]], "without": measured[~measured["decay"]]}
+            _marks(ax, {label: kind.set_index("stratum") for label, kind in kinds.items()}, names)
+        column[0].set_title(experiment_title(str(experiment), "\n{}"))
+        column[-1].tick_params("x", rotation=40)
+        column[-1].set_xlabel("last visible [steps ago]")
+    for ax, label in zip(axes[:, 0], measures.values(), strict=True):
+        ax.set_ylim(bottom=0)
+        ax.set_ylabel(label)
+    _one_legend(figure, axes[0])
+    return figure
+
+
 def obstacles(frames: Frames) -> Figure | None:
     """Shows how much of an obstacle is found, by when it was last hit: U-Net, without decay, and the tracker."""
     table = frames["obstacles"]
@@ -72,14 +99,9 @@ def obstacles(frames: Frames) -> Figure | None:
         return None
     figure, axes = _columns(kinds["U-Net"], 1, sharey=True)
     for ax, experiment in zip(axes[0], sorted(kinds["U-Net"]["experiment"].unique()), strict=True):
-        for number, (look, (label, kind)) in enumerate(zip(LOOKS, kinds.items(), strict=True)):
-            mine = kind[kind["experiment"] == experiment].set_index("last_hit").reindex(HITS).dropna(subset=["value"])
-            place = [HITS.index(name) + 0.16 * (number - 1.5) for name in mine.index]
-            spread = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
-            form = {"color": look["color"], "marker": look["marker"], "linestyle": "none", "markersize": 4}
-            ax.errorbar(place, mine["value"], yerr=spread, label=label, capsize=2, **form)
+        mine = {label: kind[kind["experiment"] == experiment].set_index("last_hit") for label, kind in kinds.items()}
+        _marks(ax, mine, list(HITS))
         ax.set(title=experiment_title(str(experiment), "\n{}"), ylim=(0, 1), xlabel="last hit before the end [steps]")
-        ax.set_xticks(range(len(HITS)), HITS)
     axes[0, 0].set_ylabel("share of the obstacle found")
     _one_legend(figure, axes[0])
     return figure
@@ -104,21 +126,24 @@ def reliability(frames: Frames) -> Figure | None:
 
 
 def rivals(frames: Frames) -> Figure | None:
-    """Shows the obstacle IoU of every network and every rival, with intervals."""
-    table = frames["intervals"]
-    rows = table[(table["metric"] == "obstacle_iou") & table["decay"] & (table["encoding"] == "projection")]
-    names = [name for name in reversed(NAMES) if name in set(rows["model"]) and name not in ("average", "all_free")]
-    return _dots(rows, "model", names, {name: NAMES[name] for name in names}) if len(names) > 1 else None
+    """Shows the obstacle IoU of every network from the paper's input, our best, and every rival, with intervals."""
+    rows = _titled(frames["intervals"])
+    shown = (rows["encoding"] == "projection") | (rows["model"] == "convlstm") | (rows["encoding"] == OURS[1])
+    rows = rows[shown & ~rows["model"].isin(["average", "all_free"])]
+    names = rows.drop_duplicates("title").sort_values(["rank", "encoding"], ascending=False)["title"].tolist()
+    return _dots(rows, names) if len(names) > 1 else None
 
 
 def encodings(frames: Frames) -> Figure | None:
-    """Shows the obstacle IoU of U-Net from every encoding, with intervals."""
-    table = frames["intervals"]
-    rows = table[(table["metric"] == "obstacle_iou") & table["decay"] & (table["model"] == "unet")]
-    names = sorted(set(rows["encoding"]), key=lambda name: (name != "projection", name), reverse=True)
-    rows = rows[rows["experiment"].isin(rows.loc[rows["encoding"] != "projection", "experiment"])]
-    labels = {name: "projection (the paper's)" if name == "projection" else name for name in names}
-    return _dots(rows, "encoding", names, labels) if len(names) > 1 else None
+    """Shows the obstacle IoU of U-Net from every encoding, and of a network for sequences, with intervals."""
+    rows = _titled(frames["intervals"])
+    rows = rows[rows["model"].isin(["unet", "convlstm"])]
+    others = rows[rows["encoding"] != "projection"]
+    rows = rows[rows["experiment"].isin(others["experiment"])]
+    order = {name: number for number, name in enumerate(ENCODINGS)}
+    rows = rows.assign(order=rows["encoding"].map(order))
+    names = rows.drop_duplicates("title").sort_values(["rank", "order"], ascending=False)["title"].tolist()
+    return _dots(rows, names) if len(names) > 1 else None
 
 
 def transfer(frames: Frames) -> Figure | None:
@@ -146,6 +171,7 @@ def transfer(frames: Frames) -> Figure | None:
 
 
 FIGURES: dict[str, Callable[[Frames], Figure | None]] = {
+    "strata": strata,
     "ages": ages,
     "obstacles": obstacles,
     "reliability": reliability,
@@ -166,21 +192,40 @@ def _columns(rows: pd.DataFrame, number: int, **options: Any) -> tuple[Figure, A
     return plt.subplots(number, experiments, figsize=size, layout="constrained", squeeze=False, **options)
 
 
-def _dots(rows: pd.DataFrame, column: str, names: list[str], labels: dict[str, str]) -> Figure:
-    """Draws a dot and its interval for each name, a column an experiment."""
+def _marks(ax: Axes, kinds: dict[str, pd.DataFrame], names: list[str]) -> None:
+    """Draws value and interval of each kind at each name, kinds side by side; a kind is indexed by the names."""
+    for number, (look, (label, kind)) in enumerate(zip(LOOKS, kinds.items(), strict=False)):
+        there = kind.reindex(names).dropna(subset=["value"])
+        place = [names.index(name) + 0.16 * (number - (len(kinds) - 1) / 2) for name in there.index]
+        spread = [there["value"] - there["low"], there["high"] - there["value"]]
+        form = {"color": look["color"], "marker": look["marker"], "linestyle": "none", "markersize": 4}
+        ax.errorbar(place, there["value"], yerr=spread, label=label, capsize=2, **form)
+    ax.set_xticks(range(len(names)), names)
+
+
+def _titled(table: pd.DataFrame) -> pd.DataFrame:
+    """Takes the obstacle IoU with decay; adds the title of each predictor and its rank in the order of `NAMES`."""
+    rows = table[(table["metric"] == "obstacle_iou") & table["decay"]]
+    titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
+    return rows.assign(title=titles, rank=rows["model"].map(list(NAMES).index))
+
+
+def _dots(rows: pd.DataFrame, names: list[str]) -> Figure:
+    """Draws a dot and its interval for each title, from the bottom up, a column an experiment; networks are filled."""
     experiments = sorted(rows["experiment"].unique())
     size = (1.6 + 2.3 * len(experiments), 0.9 + 0.26 * len(names))
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
     for ax, experiment in zip(axes[0], experiments, strict=True):
-        mine = rows[rows["experiment"] == experiment].set_index(column).reindex(names)
-        spread = [mine["value"] - mine["low"], mine["high"] - mine["value"]]
-        learned = [name in NETWORKS or column == "encoding" for name in names]
-        for place, (value, low, high, own) in enumerate(zip(mine["value"], *spread, learned, strict=True)):
+        for row in rows[rows["experiment"] == experiment].itertuples():
+            own = row.model in LEARNED
             form = {"color": ACCENT if own else INK, "marker": "o" if own else "s", "markersize": 4, "capsize": 2}
-            ax.errorbar(value, place, xerr=[[low], [high]], markerfacecolor=None if own else "white", **form)
+            spread = [[row.value - row.low], [row.high - row.value]]
+            ax.errorbar(
+                row.value, names.index(row.title), xerr=spread, markerfacecolor=None if own else "white", **form
+            )
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="obstacle IoU")
         ax.grid(axis="x", color="#dddddd", linewidth=0.5)
-        ax.set_yticks(range(len(names)), [labels[name] for name in names])
+        ax.set_yticks(range(len(names)), names)
     return figure
 
 

@@ -19,7 +19,7 @@ from repro.config import LEARNED, NETWORKS, variant
 from repro.evaluation.metrics import METRICS
 from repro.evaluation.predictions import read_metrics
 from repro.files import replacing_directory, write_json, write_text
-from repro.names import NAMES, SETUPS
+from repro.names import NAMES, SETUPS, predictor_title
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
 from repro.reporting.digest import claims_to_markdown, methods_to_markdown
@@ -130,13 +130,13 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         "| network | trainings | minutes each | train it again |",
         "|---|---|---|---|",
     ]
-    for (model, encoding), mine in networks.groupby(["model", "encoding"], sort=False):
+    for model, encoding in dict.fromkeys(zip(networks["model"], networks["encoding"], strict=True)):
+        mine = networks[(networks["model"] == model) & (networks["encoding"] == encoding)]
         seeds, experiments = (",".join(map(str, sorted(mine[key].unique()))) for key in ("seed", "experiment"))
         other = "" if encoding == "projection" else f" encoding={encoding}"
         command = f"python run.py -m model={model}{other} exp={experiments} seed={seeds} {words}"
         minutes = mine["training_seconds"].mean() / 60
-        name = NAMES[str(model)] + other.replace(" encoding=", ", ")
-        lines.append(f"| {name} | {len(mine)} | {minutes:.1f} | `{command}` |")
+        lines.append(f"| {predictor_title(model, encoding)} | {len(mine)} | {minutes:.1f} | `{command}` |")
     if not runs["decay"].all():
         lines.append("\nThe ablation: `exp=3,4 decay=false` in place of `exp=...`.")
     return "\n".join(lines) + "\n"
