@@ -10,7 +10,7 @@ RESULTS = ROOT / "reproduce" / "results"
 
 
 def outputs_of(config: Config) -> Outputs:
-    return Outputs(Path(config.outputs))
+    return Outputs(Path(config.outputs), Path(config.recordings))
 
 
 def recordings_of(config: Config) -> Path:

@@ -42,8 +42,9 @@ def remarks(config: Config) -> list[str]:
 
 def _library_faults(config: Config) -> list[Fault]:
     faults = _encoder_faults(config.model)
-    if Path(config.outputs).exists() and not Path(config.outputs).is_dir():
-        faults.append(Fault("outputs", config.outputs, "is a file, a directory is needed"))
+    for key, place in {"outputs": config.outputs, "recordings": config.recordings}.items():
+        if Path(place).exists() and not Path(place).is_dir():
+            faults.append(Fault(key, place, "is a file, a directory is needed"))
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "lightest"}:
         from repro.maps.encodings import ENCODINGS, create_encoding
 

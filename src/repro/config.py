@@ -144,6 +144,7 @@ class Config:
     lightest: Annotated[float, Field(ge=0, lt=1)]
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     outputs: Annotated[str, Field(min_length=1)]
+    recordings: Annotated[str, Field(min_length=1)]
     world: dict[str, Any]
     encoding: Encoding
     model: Model

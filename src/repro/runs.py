@@ -151,9 +151,15 @@ class Run:
 
 @dataclass(frozen=True)
 class Outputs:
-    """An outputs directory: the results of one scale, or of a variant of it."""
+    """An outputs directory: the results of one scale, or of a variant of it.
+
+    Args:
+        path: the directory.
+        shared: where its recordings lie if not in it; several outputs directories may share them.
+    """
 
     path: Path
+    shared: Path | None = None
 
     @property
     def evidence(self) -> Path:
@@ -172,12 +178,16 @@ class Outputs:
         return self.path / "worlds"
 
     def recordings(self, experiment: str) -> Path:
-        return self.path / "recordings" / f"exp{experiment}"
+        return self._recordings / f"exp{experiment}"
 
     def recorded(self) -> dict[str, Path]:
         """Finds the completely recorded experiments, by name."""
-        found = sorted(self.path.glob("recordings/exp*/manifest.json"))
+        found = sorted(self._recordings.glob("exp*/manifest.json"))
         return {path.parent.name.removeprefix("exp"): path.parent for path in found}
+
+    @property
+    def _recordings(self) -> Path:
+        return self.shared or self.path / "recordings"
 
     def run(self, experiment: str, model: str, variant: str, seed: int) -> Run:
         return Run(self.path / "runs" / f"exp{experiment}" / model / variant / f"seed{seed}")

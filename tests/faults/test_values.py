@@ -45,6 +45,7 @@ NUMBERS = {  # key: values that are not allowed
     "encoding.name": ("foo",),
     "exp": (0, 5, "office"),
     "outputs": ("",),
+    "recordings": ("",),
     "scale.name": ("a/b", "''"),
     "world.world.width": (0, -50, 100, "nan", "wide"),
     "world.world.height": (0, 49),

@@ -155,6 +155,36 @@ def test_another_configuration_is_refused(copy, stage):
         record_experiment(copy, world_spec("1"), {"train": 24, "val": 8, "test": 8}, workers=1)
 
 
+def test_recordings_that_hold_more_training_pairs_serve_for_fewer(tmp_path, monkeypatch):
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)
+    fewer = PAIRS | {"train": 4}
+    for pairs, name in ((PAIRS, "more"), (fewer, "fewer")):
+        record_experiment(tmp_path / name, world_spec("3"), pairs, workers=1)
+    kept = (tmp_path / "more" / "manifest.json").read_text()
+    assert record_experiment(tmp_path / "more", world_spec("3"), fewer, workers=1).pairs == PAIRS
+    assert (tmp_path / "more" / "manifest.json").read_text() == kept
+    assert recordings_hash(tmp_path / "more", fewer) == recordings_hash(tmp_path / "fewer")
+    assert recordings_hash(tmp_path / "more", PAIRS) == recordings_hash(tmp_path / "more")
+    taken, whole = (
+        [shard.scans.ranges for shard in read_shards(tmp_path / name, "train", 4)] for name in ("more", "fewer")
+    )
+    assert np.array_equal(np.concatenate(taken), np.concatenate(whole))
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [PAIRS | {"train": 6}, PAIRS | {"train": 12}, PAIRS | {"test": 2}, {"train": 4}],
+    ids=["not whole shards", "more", "other test pairs", "no test pairs"],
+)
+def test_recordings_that_do_not_serve_are_refused(tmp_path, monkeypatch, asked):
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)
+    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
+    with pytest.raises(ValueError, match=r"holds .*'train': 8.* asked for"):
+        record_experiment(tmp_path, world_spec("3"), asked, workers=1)
+    with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not serve for"):
+        recordings_hash(tmp_path, asked)
+
+
 def test_missing_recordings_name_the_command(tmp_path):
     with pytest.raises(ValueError, match=r"no complete recordings in .*same command with task=record"):
         recordings_hash(tmp_path / "laptop" / "recordings" / "exp2")

@@ -5,6 +5,7 @@ wanted later is computed from the predictions kept there.
 """
 
 import zipfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         config = run.config()
         facts: dict[str, Any] = {}
         if config.model.name in RIVALS:
-            run.use_recordings(recordings_hash(recordings))
+            run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
             val, recorded = (load_recorded(recordings, split, grid_of(config)) for split in ("val", "test"))
             maps, (probability, facts) = recorded.maps, RIVALS[config.model.name](val, recorded)
         else:
@@ -159,9 +160,10 @@ def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> 
     """Loads the pairs of a split and predicts them by the best weights of a trained run."""
     if not run.is_trained:
         raise ValueError(f"{run} is not trained to its end: train it with task=train first")
-    run.use_recordings(recordings_hash(recordings))
+    config = run.config()
+    run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
     device = resolve_device(accelerator)
-    pairs = load_pairs_of_run(recordings, split, run.config(), device)
+    pairs = load_pairs_of_run(recordings, split, config, device)
     return pairs, load_predictor(run.model).to(device).predict_images(pairs.images)
 
 

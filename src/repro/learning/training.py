@@ -12,6 +12,7 @@ import logging
 import shutil
 import sys
 import warnings
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,7 @@ def train(
             return Status.paused
         config = run.config()
         forget_peak_memory()
-        run.use_recordings(recordings_hash(recordings))
+        run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)

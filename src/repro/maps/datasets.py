@@ -109,7 +109,13 @@ class Batches:
 
 
 def load_pairs(
-    recordings: Path, split: str, grid: Grid, encoding: Encoding, *, device: torch.device | str = "cpu"
+    recordings: Path,
+    split: str,
+    grid: Grid,
+    encoding: Encoding,
+    *,
+    count: int | None = None,
+    device: torch.device | str = "cpu",
 ) -> Pairs:
     """Makes the pairs of a split from its recordings.
 
@@ -118,13 +124,16 @@ def load_pairs(
         split: train, val or test.
         grid: the resolution of both images.
         encoding: what draws the scans.
+        count: the first so many pairs, all without it; see `store.read_shards`.
         device: where the images are made and stay.
 
     Raises:
         ValueError: a shard cannot be trusted, see `store.read_shards`.
     """
     images, maps = [], []
-    for shard in tqdm(read_shards(recordings, split), desc=f"drawing {split}", delay=2, leave=False, disable=None):
+    for shard in tqdm(
+        read_shards(recordings, split, count), desc=f"drawing {split}", delay=2, leave=False, disable=None
+    ):
         images.append(encoding.encode(shard.scans.tensors(device), grid))
         maps.append(true_maps(shard, grid, device))
     return Pairs(torch.cat(images), torch.cat(maps)[:, None], encoding)
@@ -155,7 +164,8 @@ def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu
 
 def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:
     """Makes the pairs of a split as the configuration of a run asks for them, see `load_pairs`."""
-    return load_pairs(recordings, split, grid_of(config), encoding_of(config), device=device)
+    count = getattr(config.data.pairs, split)
+    return load_pairs(recordings, split, grid_of(config), encoding_of(config), count=count, device=device)
 
 
 def _flip(images: Tensor, which: Tensor) -> Tensor:

@@ -77,6 +77,16 @@ def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
             yield Shard(split, number, SPLITS[split] + first, min(SHARD_WORLDS, count // 2 - first))
 
 
+def holds(there: Mapping[str, int], asked: Mapping[str, int]) -> bool:
+    """Says whether recordings of some pairs serve where others are asked for: the same, or training pairs to spare.
+
+    What is left out must be whole shards, so that the rest is what would have been recorded without it.
+    """
+    rest = {split: count for split, count in asked.items() if there.get(split) != count}
+    spare = "train" in rest and there.get("train", 0) > rest["train"] and rest["train"] % (2 * SHARD_WORLDS) == 0
+    return set(there) == set(asked) and (not rest or (len(rest) == 1 and spare))
+
+
 def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:
     """Counts the recordings that lie in a directory, whole or not, of those that `pairs` asks for."""
     return sum(2 * shard.worlds for shard in shards_of(pairs) if (directory / shard.name).is_file())

@@ -6,7 +6,7 @@ recorded; recording again mends what is missing, cut or altered, to the same byt
 
 import dataclasses
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -24,6 +24,7 @@ from repro.simulation.shards import (
     BrokenShard,
     Shard,
     ShardContent,
+    holds,
     read_shard,
     shards_of,
     spec_fingerprint,
@@ -60,6 +61,8 @@ def record_experiment(
 ) -> Manifest:
     """Records what is missing, cut or altered of one experiment and writes its manifest.
 
+    Recordings that hold more training pairs than are asked for serve as they are: the first so many are the same.
+
     Args:
         directory: where the shards go, made if missing.
         spec: what `worlds.sample_world` takes.
@@ -70,15 +73,17 @@ def record_experiment(
     Raises:
         ValueError: a count is odd, what is there is of another configuration, or IR-SIM disagrees.
     """
-    fingerprint, shards = spec_fingerprint(spec), list(shards_of(pairs))
+    fingerprint = spec_fingerprint(spec)
     directory.mkdir(parents=True, exist_ok=True)
     with lock(directory):  # a second process waits here, then finds the work done
         before = read_manifest(directory) if (directory / "manifest.json").is_file() else None
-        if before and (before.fingerprint != fingerprint or before.pairs != dict(pairs)):
+        if before and (before.fingerprint != fingerprint or not holds(before.pairs, pairs)):
             raise ValueError(
                 f"{directory} holds {before.pairs} pairs of another configuration than the {dict(pairs)} asked "
                 "for: delete it or use another outputs"
             )
+        pairs = before.pairs if before else pairs
+        shards = list(shards_of(pairs))
         for leftover in directory.glob("*.tmp"):
             leftover.unlink()  # of a process that was killed
         checksums = {name: entry.sha256 for name, entry in before.shards.items()} if before else {}
@@ -119,16 +124,22 @@ def read_manifest(directory: Path) -> Manifest:
     return manifest
 
 
-def read_shards(directory: Path, split: str) -> Iterator[ShardContent]:
+def read_shards(directory: Path, split: str, count: int | None = None) -> Iterator[ShardContent]:
     """Reads the shards of a split in order, each checked against the manifest.
 
+    Args:
+        directory: a recorded experiment.
+        split: train, val or test.
+        count: the first so many recordings, see `holds`; all without it.
+
     Raises:
-        ValueError: a shard is missing, truncated, altered, or of another configuration.
+        ValueError: a shard is missing, truncated, altered, or of another configuration, or there are fewer recordings.
     """
     manifest = read_manifest(directory)
-    for name, entry in manifest.shards.items():
+    asked = manifest.pairs | ({split: count} if count else {})
+    for entry in _used(directory, manifest, asked):
         if entry.split == split:
-            path = directory / name
+            path = directory / entry.name
             if not path.is_file() or sha256(path) != entry.sha256:
                 state = "is not what was recorded" if path.is_file() else "is missing"
                 raise BrokenShard(f"shard {path} {state}: task=record with the same words records it again")
@@ -149,10 +160,26 @@ def read_scans(directory: Path, split: str, index: int) -> Scans:
     raise ValueError(f"{directory} has {first} recordings in {split}, none of index {index}")
 
 
-def recordings_hash(directory: Path) -> str:
-    """Hashes all shards together, for the provenance of what is made from them."""
-    checksums = [entry.sha256 for entry in read_manifest(directory).shards.values()]
+def recordings_hash(directory: Path, pairs: Mapping[str, int] | None = None) -> str:
+    """Hashes the shards that hold some pairs together, all without `pairs`, for the provenance of what they make.
+
+    Raises:
+        ValueError: there are no such recordings.
+    """
+    manifest = read_manifest(directory)
+    checksums = [entry.sha256 for entry in _used(directory, manifest, pairs or manifest.pairs)]
     return hashlib.sha256("".join(checksums).encode()).hexdigest()
+
+
+def _used(directory: Path, manifest: Manifest, asked: Mapping[str, int]) -> Iterator[ShardEntry]:
+    """Yields the shards that hold the pairs asked for."""
+    if not holds(manifest.pairs, asked):
+        raise ValueError(f"{directory} holds {manifest.pairs} pairs, which do not serve for {dict(asked)}")
+    left = dict(asked)
+    for entry in manifest.shards.values():
+        if left[entry.split] > 0:
+            left[entry.split] -= 2 * entry.worlds
+            yield entry
 
 
 def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
