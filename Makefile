@@ -4,10 +4,12 @@ ARGS ?= # more words for the sweeps of `make reproduce`
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
 ENCODINGS := projection,negative,seen_free,stack4,stack10,exponential,ages
+# of the learning curves, px:pairs:epochs; 2,000 pairs at 64 px are laptop scale, 3,000 at 128 px workstation scale
+POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:2000:5 128:4000:5
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce evidence test torture check bench readme clean
+.PHONY: help setup reproduce evidence curves test torture check bench readme clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
@@ -46,6 +48,17 @@ evidence: setup ## what needs more training than the paper's study: other inputs
 	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
 	$(PY) run.py task=transfer exp=4 scale=$(or $(SCALE),laptop)
 	$(PY) run.py task=evidence scale=$(or $(SCALE),laptop)
+
+curves: setup ## learning curves to paper scale: U-Net with fewer pairs and pixels; 3 hours on 2 cores
+	$(PY) run.py -m task=record exp=1,2,3,4 scale=laptop scale.pairs.train=8000 outputs=outputs/curves
+	for point in $(POINTS); do \
+	    IFS=: read -r px pairs epochs <<< "$$point"; \
+	    words="scale=laptop scale.size_px=$$px scale.pairs.train=$$pairs scale.max_epochs=$$epochs \
+	        recordings=outputs/curves/recordings outputs=outputs/curves/$${px}px-$$pairs"; \
+	    $(PY) run.py -m exp=1,2,3,4 $$words $(ARGS); \
+	    $(PY) run.py -m exp=3,4 decay=false $$words $(ARGS); \
+	done
+	$(PY) run.py task=curves scale=laptop
 
 test: setup ## the tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope

@@ -39,7 +39,13 @@ def recorded(tmp_path_factory) -> Path:
 def run_config(**changes: Any) -> RunConfig:
     """The configuration of a small run; a rival's name as `model` leaves out what only networks have."""
     decay, name = changes.pop("decay", True), changes.pop("model", "unet")
-    data = Data(changes.pop("scale", "laptop"), changes.pop("size_px", 32), 50.0, PairCounts(24, 8, 8), "hash")
+    data = Data(
+        changes.pop("scale", "laptop"),
+        changes.pop("size_px", 32),
+        50.0,
+        changes.pop("pairs", PairCounts(24, 8, 8)),
+        "hash",
+    )
     mine = {"learning_rate", "min_delta", "patience", "max_epochs", "mirror", "weight_average"} & set(changes)
     settings = {key: changes.pop(key) for key in mine}
     train = Training(1e-3, 0.001, 5, 8, 3, 1e-6)

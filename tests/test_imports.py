@@ -11,10 +11,11 @@ ORDER = [
     *(f"learning.{name}" for name in ("losses", "planning", "callbacks", "checkpoints", "training")),
     *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
     *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
-    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "transfer", "samples")),
+    *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "transfer", "curves", "samples")),
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
-    *(f"reporting.{name}" for name in ("results", "tables", "status", "figures", "evidence_figures", "sections")),
-    *(f"reporting.{name}" for name in ("page", "animation", "digest", "publish")),
+    *(f"reporting.{name}" for name in ("results", "tables", "status", "figures", "plots", "comparison_figures")),
+    *(f"reporting.{name}" for name in ("evidence_figures", "sections", "page", "animation", "digest")),
+    *("reporting.publish", "reporting.readme"),
     *("checks", "messages", "calls", "outcomes", "tasks"),
 ]
 STANDALONE = ("config", "files", "messages", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")

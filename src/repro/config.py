@@ -42,6 +42,7 @@ class Task(enum.Enum):
     evaluate = "evaluate"
     report = "report"
     evidence = "evidence"
+    curves = "curves"
     transfer = "transfer"
     animate = "animate"
     plan = "plan"

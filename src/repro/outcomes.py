@@ -76,6 +76,8 @@ def evidence(config: Config) -> None:
     transferred = outputs.evidence / "transfer.csv"
     if transferred.is_file():
         frames["transfer"] = pd.read_csv(transferred, dtype={"trained": str, "tested": str})
+    for path in _curves_of(outputs).glob("*.csv"):
+        frames[path.stem] = pd.read_csv(path, dtype={"experiment": str})
     frames["audit"] = audits(results)
     frames["claims"] = judge(read_claims(ROOT / "reproduce" / "claims.yaml"), evidence_rows(frames))
     outputs.evidence.mkdir(parents=True, exist_ok=True)
@@ -85,6 +87,34 @@ def evidence(config: Config) -> None:
     verdicts = frames["claims"]["verdict"].value_counts()
     print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
     write_page(config, frames, caption(results), tables)
+
+
+def curves(config: Config) -> None:
+    """Fits learning curves to every U-Net below the directories beside the outputs, and foretells paper scale."""
+    from repro.evaluation.curves import CURVE, foretell, read_points
+    from repro.evaluation.metrics import METRICS
+    from repro.files import write_text
+    from repro.reporting.digest import foretold_to_markdown
+    from repro.reporting.paper import read_paper
+
+    target = _curves_of(outputs_of(config))
+    places = sorted({path.parent for above in (target.parent, target) for path in above.glob("*/runs")})
+    points = read_points([Outputs(place) for place in places if place.name != "smoke"])
+    foretold = foretell(points) if len(points) else points
+    if foretold.empty:
+        raise ValueError(f"no curve has 4 points in {target.parent}: make curves trains them")
+    paper = read_paper().query("model == 'unet'").melt(CURVE, METRICS, var_name="metric", value_name="paper")
+    foretold = foretold.merge(paper, on=[*CURVE, "metric"], how="left")
+    target.mkdir(parents=True, exist_ok=True)
+    for name, frame in {"curves": points, "foretold": foretold}.items():
+        write_text(target / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+    print(foretold_to_markdown(foretold))
+    print(f"{target}: task=evidence shows it")
+
+
+def _curves_of(outputs: Outputs) -> Path:
+    """Where learning curves lie: beside the outputs directories that they are made from."""
+    return outputs.path.parent / "curves"
 
 
 def transfer(config: Config) -> None:
@@ -186,7 +216,7 @@ def export(config: Config) -> None:
 def readme(config: Config) -> None:
     """Makes the tables of README.md anew from reproduce/results."""
     from repro.files import write_text
-    from repro.reporting.publish import readme_with_results
+    from repro.reporting.readme import readme_with_results
 
     path = ROOT / "README.md"
     write_text(path, readme_with_results(path.read_text(), RESULTS))

@@ -6,11 +6,12 @@ import sys
 from repro.calls import outputs_of, recordings_of, run_config, run_of
 from repro.config import NETWORKS, Config, Task, world_spec
 from repro.messages import announce
-from repro.outcomes import animate, evaluate_rival, evidence, export, publish, readme, report, transfer
+from repro.outcomes import animate, curves, evaluate_rival, evidence, export, publish, readme, report, transfer
 from repro.provenance import Status
 from repro.studies import Study
 
-ONCE = (Task.report, Task.evidence, Task.plan, Task.status, Task.publish, Task.readme)  # done for all runs together
+# done for all runs together
+ONCE = (Task.report, Task.evidence, Task.curves, Task.plan, Task.status, Task.publish, Task.readme)
 
 
 def record(config: Config) -> None:
@@ -148,6 +149,7 @@ TASKS = {
     Task.evaluate: evaluate,
     Task.report: report,
     Task.evidence: evidence,
+    Task.curves: curves,
     Task.transfer: transfer,
     Task.animate: animate,
     Task.plan: plan,

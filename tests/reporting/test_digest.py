@@ -1,6 +1,6 @@
 import pandas as pd
 
-from repro.reporting.digest import claims_to_markdown, methods_to_markdown
+from repro.reporting.digest import claims_to_markdown, foretold_to_markdown, methods_to_markdown
 
 
 def test_every_claim_has_its_row_and_every_verdict_its_count():
@@ -36,3 +36,19 @@ def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
     assert [line.split(" | ")[0] for line in lines[4:]] == ["| U-Net", "| U-Net, seen_free", "| Tracker"]
     assert lines[5].split(" | ")[1:3] == ["2", "0.600 [0.590, 0.610]"]
     assert lines[6].split(" | ")[1] == ""  # a rival has no seeds
+
+
+def test_what_is_foretold_stands_beside_the_paper_and_what_was_measured():
+    rows = [
+        {"experiment": "3", "decay": decay, "metric": metric, "what": what, "pairs": pairs, "size_px": 256,
+         "value": 0.9, "low": 0.8, "high": 0.95, "paper": paper, "measured": measured}
+        for decay in (True, False)
+        for metric, paper in (("accuracy", 0.948), ("obstacle_iou", None))
+        for what, pairs, measured in (("paper scale", 10_000, None), ("largest left out", 8000, 0.91))
+    ]  # fmt: skip
+    lines = foretold_to_markdown(pd.DataFrame(rows)).splitlines()
+    assert "10,000 pairs and 256 px" in lines[0]
+    assert lines[3] == "| Exp. | Acc. | Obstacle IoU | Acc. left out | Obstacle IoU left out |"
+    cell = "0.900 [0.800, 0.950]"
+    assert lines[5] == f"| 3 | {cell} (0.948) | {cell} | 0.900, 0.910 | 0.900, 0.910 |"
+    assert lines[6].startswith("| 3, no decay |")

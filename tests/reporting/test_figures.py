@@ -4,6 +4,7 @@ import pytest
 import torch
 from conftest import run_config, world_spec
 
+from repro.config import PairCounts
 from repro.evaluation.examples import Example, load_example
 from repro.evaluation.predictions import write_predictions
 from repro.maps.grid import Grid
@@ -73,7 +74,7 @@ def test_an_example_belongs_to_one_recording_in_whatever_shard(tmp_path, monkeyp
     outputs = Outputs(tmp_path)
     record_experiment(outputs.recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 6}, workers=1)
     run = outputs.run("3", "unet", "decay", 0)
-    run.prepare(run_config())
+    run.prepare(run_config(pairs=PairCounts(2, 2, 6)))
     write_predictions(run, torch.rand(6, 1, 32, 32))
     for index in (0, 5):
         example = load_example(outputs, "3", decay=True, index=index)

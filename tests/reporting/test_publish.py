@@ -16,7 +16,8 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.prediction import Predictor
 from repro.provenance import Status
-from repro.reporting.publish import export_weights, publish, readme_with_results
+from repro.reporting.publish import export_weights, publish
+from repro.reporting.readme import readme_with_results
 from repro.reporting.results import read_results
 from repro.reporting.tables import write_tables
 from repro.runs import Outputs

@@ -60,6 +60,36 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def foretold_to_markdown(foretold: pd.DataFrame) -> str:
+    """Writes what learning curves foretell of U-Net at paper scale, beside the paper, and how well they foretell.
+
+    Args:
+        foretold: see `curves.foretell`, with the paper's number of each metric as `paper`.
+    """
+    shown = {name: head for name, head in SHOWN.items() if name in set(foretold["metric"])}
+    aim, held = (foretold[foretold["what"] == what] for what in ("paper scale", "largest left out"))
+    pairs, size_px = aim["pairs"].iloc[0], aim["size_px"].iloc[0]
+    lines = [
+        f"**U-Net at {pairs:,.0f} pairs and {size_px:.0f} px as its learning curves foretell it**, with intervals of",
+        "95 % (the paper); then what they foretell of the largest training from the smaller ones: foretold, measured.",
+        "",
+        "| Exp. | " + " | ".join([*shown.values(), *(f"{head} left out" for head in shown.values())]) + " |",
+        "|---|" + "---|" * (2 * len(shown)),
+    ]
+    for (experiment, decay), rows in aim.groupby(["experiment", "decay"], sort=False):
+        back = held[(held["experiment"] == experiment) & (held["decay"] == decay)]
+        cells = [_foretold(rows[rows["metric"] == name].iloc[0]) for name in shown]
+        found = [back[back["metric"] == name].iloc[0] for name in shown]
+        cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in found]
+        lines.append(f"| {experiment!s}{'' if decay else ', no decay'} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _foretold(row: pd.Series) -> str:
+    paper = f" ({row['paper']:.3f})" if pd.notna(row["paper"]) else ""
+    return f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}]{paper}"
+
+
 def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
     found = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
     return "".join(f"{row.value:.3f} [{row.low:.3f}, {row.high:.3f}]" for row in found.itertuples())

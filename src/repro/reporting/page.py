@@ -15,6 +15,7 @@ from repro.evaluation.samples import Sample
 from repro.names import NAMES, experiment_title
 from repro.provenance import Provenance
 from repro.reporting.claims import Verdict
+from repro.reporting.results import OURS
 from repro.reporting.sections import sections
 from repro.reporting.tables import HEADS, Table
 
@@ -90,7 +91,8 @@ def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
         cells = []
         for metric in METRICS:
             cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
-            place = (row["experiment"], row["model"], "projection", row["decay"], metric)
+            cell_of = OURS if row["model"] == "ours" else (row["model"], "projection")
+            place = (row["experiment"], *cell_of, row["decay"], metric)
             if place in intervals.index:
                 low, high = intervals.loc[place, ["low", "high"]]
                 cell["interval"] = f"[{low:.3f}, {high:.3f}]"

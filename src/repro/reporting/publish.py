@@ -7,10 +7,8 @@ how to do it again. The tables of the project's README are generated from it and
 
 import dataclasses
 import json
-import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import torch
@@ -22,13 +20,11 @@ from repro.files import replacing_directory, write_json, write_text
 from repro.names import NAMES, SETUPS, predictor_title
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
-from repro.reporting.digest import claims_to_markdown, methods_to_markdown
 from repro.reporting.results import caption, read_results
-from repro.reporting.tables import Table, costs_to_markdown, make_tables
+from repro.reporting.tables import make_tables
 from repro.runs import Outputs, Run
 
 RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")
-MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False) -> Path:
@@ -200,51 +196,3 @@ commit {trained["commit"]}.
 **Limits**: scans without noise, obstacles of the sizes and speeds of `conf/world/paper.yaml`, one robot path,
 float16 weights. It has seen nothing but simulation.
 """
-
-
-def readme_with_results(text: str, results: Path) -> str:
-    """Makes the tables between the README's marks anew from the published results.
-
-    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. In place of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`), or one network or `average` for its rows of both tables.
-
-    Raises:
-        ValueError: a mark has no end of its own.
-    """
-    begins, ends = text.count("<!-- results:"), len(MARKS.findall(text))
-    if begins != ends or any("<!-- results:" in match[0][len(match[1]) :] for match in MARKS.finditer(text)):
-        raise ValueError("every mark <!-- results: ... --> needs its own <!-- end --> before the next mark")
-
-    def table(match: re.Match[str]) -> str:
-        return match[1] + _markdown(results / match[2], match[3]) + match[4]
-
-    return MARKS.sub(table, text)
-
-
-def _markdown(directory: Path, name: str) -> str:
-    """Writes what a mark names, from a published directory."""
-    if name == "costs":
-        return costs_to_markdown(_published(directory, name))
-    if name == "claims":
-        return claims_to_markdown(pd.read_csv(directory / "evidence" / "claims.csv"))
-    if name == "methods":
-        words = (directory / "main.txt").read_text().strip()
-        intervals = pd.read_csv(directory / "evidence" / "intervals.csv", dtype={"experiment": str})
-        scale = words[words.index("Scale ") : words.index(", seed")]
-        what = "Networks, other inputs, methods made by hand, with intervals of 95 %"
-        return methods_to_markdown(intervals, f"{what}. {scale}.")
-    return (_rows_of_model(directory, name) if name in NAMES else _published(directory, name)).to_markdown()
-
-
-def _published(directory: Path, name: str) -> Table:
-    """Reads a published table."""
-    frame = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
-    return Table(frame, (directory / f"{name}.txt").read_text().strip())
-
-
-def _rows_of_model(directory: Path, model: str) -> Table:
-    """Takes the rows of one model, or of the average, in the main table and the ablation."""
-    main, ablation = (_published(directory, name) for name in ("main", "ablation"))
-    ablation.frame["experiment"] += ", no decay"
-    rows: Any = pd.concat([main.frame, ablation.frame]).query("model == @model")
-    return Table(rows, main.caption[main.caption.index("Scale ") :])

@@ -1,0 +1,115 @@
+"""Figures that compare: networks, inputs and rivals; other worlds than those learned from; more pairs and pixels."""
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from repro.config import LEARNED
+from repro.maps.encodings import ENCODINGS
+from repro.names import NAMES, experiment_title, predictor_title
+from repro.reporting.figures import ACCENT, INK
+from repro.reporting.plots import LOOKS, Frames, one_legend
+from repro.reporting.results import OURS
+
+
+def rivals(frames: Frames) -> Figure | None:
+    """Shows the obstacle IoU of every network from the paper's input, our best, and every rival, with intervals."""
+    rows = _titled(frames["intervals"])
+    shown = (rows["encoding"] == "projection") | (rows["model"] == "convlstm") | (rows["encoding"] == OURS[1])
+    rows = rows[shown & ~rows["model"].isin(["average", "all_free"])]
+    names = rows.drop_duplicates("title").sort_values(["rank", "encoding"], ascending=False)["title"].tolist()
+    return _dots(rows, names) if len(names) > 1 else None
+
+
+def encodings(frames: Frames) -> Figure | None:
+    """Shows the obstacle IoU of U-Net from every encoding, and of a network for sequences, with intervals."""
+    rows = _titled(frames["intervals"])
+    rows = rows[rows["model"].isin(["unet", "convlstm"])]
+    others = rows[rows["encoding"] != "projection"]
+    rows = rows[rows["experiment"].isin(others["experiment"])]
+    order = {name: number for number, name in enumerate(ENCODINGS)}
+    rows = rows.assign(order=rows["encoding"].map(order))
+    names = rows.drop_duplicates("title").sort_values(["rank", "order"], ascending=False)["title"].tolist()
+    return _dots(rows, names) if len(names) > 1 else None
+
+
+def transfer(frames: Frames) -> Figure | None:
+    """Shows what U-Net loses on sensors, poses and speeds that it has not learned."""
+    if "transfer" not in frames:
+        return None
+    rows = frames["transfer"]
+    rows = rows[(rows["what"] != "experiment") & rows["metric"].isin(["obstacle_iou", "accuracy"])]
+    if rows.empty:
+        return None
+    whats = list(dict.fromkeys(rows["what"]))
+    size = (0.6 + 2.2 * len(whats), 4.2)
+    figure, axes = plt.subplots(2, len(whats), figsize=size, layout="constrained", sharey="row", squeeze=False)
+    for column, what in zip(axes.T, whats, strict=True):
+        for ax, (metric, label) in zip(
+            column, {"obstacle_iou": "obstacle IoU", "accuracy": "accuracy"}.items(), strict=True
+        ):
+            line = rows[(rows["what"] == what) & (rows["metric"] == metric)]
+            amount = line["tested"].astype(float)
+            spread = [line["value"] - line["low"], line["high"] - line["value"]]
+            ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, **LOOKS[0])
+            ax.set_ylabel(label if what == whats[0] else "")
+        column[-1].set_xlabel(what)
+    return figure
+
+
+def curves(frames: Frames) -> Figure | None:
+    """Shows what more pairs and more pixels give, what the fitted law foretells at paper scale, and the paper's own."""
+    if "foretold" not in frames:
+        return None
+    foretold, points = frames["foretold"], frames["curves"].query("schedule == 'short'")
+    foretold = foretold[foretold["what"] == "paper scale"]
+    setups = list(dict.fromkeys(zip(foretold["experiment"], foretold["decay"], strict=True)))
+    measures = {"accuracy": "accuracy", "specificity": "specificity"}
+    size = (0.6 + 2.2 * len(setups), 4.6)
+    figure, axes = plt.subplots(2, len(setups), figsize=size, layout="constrained", sharex=True, squeeze=False)
+    for column, (experiment, decay) in zip(axes.T, setups, strict=True):
+        mine = points[(points["experiment"] == experiment) & (points["decay"] == decay)]
+        ahead = foretold[(foretold["experiment"] == experiment) & (foretold["decay"] == decay)].set_index("metric")
+        for ax, metric in zip(column, measures, strict=True):
+            for look, (size_px, line) in zip(LOOKS, mine.groupby("size_px"), strict=False):
+                means = line.groupby("pairs")[metric].mean()
+                ax.plot(means.index, means, markersize=4, label=f"{size_px} px", **look)
+            aim = ahead.loc[metric]
+            spread = [[aim["value"] - aim["low"]], [aim["high"] - aim["value"]]]
+            form = {"color": INK, "marker": "D", "markersize": 4, "capsize": 2, "markerfacecolor": "white"}
+            label = f"foretold, {aim['size_px']:.0f} px"
+            ax.errorbar(aim["pairs"], aim["value"], yerr=spread, linestyle="none", label=label, **form)
+            ax.plot(aim["pairs"], aim["paper"], color=INK, marker="_", markersize=12, linestyle="none", label="paper")
+            ax.set(xscale="log", xlim=(400, 16_000))
+        column[0].set_title(experiment_title(str(experiment), "\n{}") + ("" if decay else ", no decay"))
+        column[-1].set_xlabel("training pairs")
+    for ax, label in zip(axes[:, 0], measures.values(), strict=True):
+        ax.set_ylabel(label)
+    one_legend(figure, axes[0])
+    return figure
+
+
+def _titled(table: pd.DataFrame) -> pd.DataFrame:
+    """Takes the obstacle IoU with decay; adds the title of each predictor and its rank in the order of `NAMES`."""
+    rows = table[(table["metric"] == "obstacle_iou") & table["decay"]]
+    titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
+    return rows.assign(title=titles, rank=rows["model"].map(list(NAMES).index))
+
+
+def _dots(rows: pd.DataFrame, names: list[str]) -> Figure:
+    """Draws a dot and its interval for each title, from the bottom up, a column an experiment; networks are filled."""
+    experiments = sorted(rows["experiment"].unique())
+    size = (1.6 + 2.3 * len(experiments), 0.9 + 0.26 * len(names))
+    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
+    for ax, experiment in zip(axes[0], experiments, strict=True):
+        for row in rows[rows["experiment"] == experiment].itertuples():
+            own = row.model in LEARNED
+            form = {"color": ACCENT if own else INK, "marker": "o" if own else "s", "markersize": 4, "capsize": 2}
+            spread = [[row.value - row.low], [row.high - row.value]]
+            ax.errorbar(
+                row.value, names.index(row.title), xerr=spread, markerfacecolor=None if own else "white", **form
+            )
+        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="obstacle IoU")
+        ax.grid(axis="x", color="#dddddd", linewidth=0.5)
+        ax.set_yticks(range(len(names)), names)
+    return figure

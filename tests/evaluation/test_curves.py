@@ -1,0 +1,85 @@
+import itertools
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import fake_run
+
+from repro.evaluation import curves
+from repro.evaluation.curves import METRICS, fit_law, foretell, read_points
+from repro.runs import Outputs
+
+CURVES = {("3", True): (0.95, 0.02, 0.01), ("3", False): (0.93, 0.03, 0.02)}
+
+
+@pytest.fixture(autouse=True)
+def few_draws(monkeypatch):
+    monkeypatch.setattr(curves, "DRAWS", 20)
+
+
+def made(sizes=(32, 64, 128), alpha=0.4, beta=0.8, noise=0.0) -> pd.DataFrame:
+    """Points on a known law, every metric alike."""
+    generator, rows = np.random.default_rng(0), []
+    for ((experiment, decay), (c, a, b)), pairs, px in itertools.product(
+        CURVES.items(), (500, 1000, 2000, 4000, 8000), sizes
+    ):
+        value = c - a * (pairs / 1000) ** -alpha - b * (px / 64) ** -beta + noise * generator.normal()
+        row = {"experiment": experiment, "decay": decay, "pairs": pairs, "size_px": px, "schedule": "short"}
+        rows.append(row | dict.fromkeys(METRICS, value))
+    return pd.DataFrame(rows)
+
+
+def test_a_law_is_found_again():
+    points = made()
+    curve = (~points["decay"]).to_numpy().astype(int)
+    at = (curve, points["pairs"].to_numpy(float), points["size_px"].to_numpy(float))
+    law = fit_law(*at, points["accuracy"].to_numpy())
+    assert (law.alpha, law.beta) == pytest.approx((0.4, 0.8), abs=0.02)
+    assert np.allclose(law.factors, [(c, -a, -b) for c, a, b in CURVES.values()], atol=1e-3)
+    assert np.allclose(law(*at), points["accuracy"], atol=1e-5)
+
+
+def test_paper_scale_and_what_was_left_out_are_foretold_within_their_intervals():
+    table = foretell(made(noise=2e-4))
+    rows = table[(table["metric"] == "accuracy") & (table["what"] == "paper scale")].set_index("decay")
+    for (_, decay), (c, a, b) in CURVES.items():
+        truth = c - a * 10**-0.4 - b * 4**-0.8
+        low, high = rows.loc[decay, ["low", "high"]]
+        assert 1e-5 < high - low < 0.01
+        assert low - (high - low) / 2 < truth < high + (high - low) / 2
+    held = table[table["what"] == "largest left out"]
+    assert set(zip(held["pairs"], held["size_px"], strict=True)) == {(8000, 128)}
+    assert (held["measured"].between(held["low"] - 0.001, held["high"] + 0.001)).all()
+
+
+def test_one_resolution_says_nothing_of_another():
+    table = foretell(made(sizes=(64,)))
+    assert set(table["size_px"]) == {64}
+    rows = table[table["what"] == "paper scale"].set_index(["decay", "metric"])["value"]
+    assert rows[True, "accuracy"] == pytest.approx(0.95 - 0.01 - 0.02 * 10**-0.4, abs=1e-3)
+
+
+def test_what_keeps_to_the_papers_schedule_is_not_fitted():
+    points = made()
+    anchor = points.iloc[[0]].assign(pairs=10_000, schedule="stated", **dict.fromkeys(METRICS, 0.1))
+    pd.testing.assert_frame_equal(foretell(pd.concat([points, anchor])), foretell(points))
+
+
+def test_points_are_the_unets_with_the_papers_input(tmp_path):
+    for seed, decay in ((0, True), (1, True), (0, False)):
+        fake_run(tmp_path, "3", "unet", decay, seed, 0.8, mirror=True, weight_average=0.99)
+    fake_run(tmp_path, "4", "unet", True, 0, 0.9)
+    fake_run(tmp_path, "3", "fpn", True, 0, 0.7)
+    fake_run(tmp_path, "3", "all_free", True, 0, 0.6)
+    points = read_points([Outputs(tmp_path)])
+    assert len(points) == 4
+    assert points.set_index("experiment").loc["4", "schedule"] == "stated"
+    assert set(points.loc[points["experiment"] == "3", "schedule"]) == {"short"}
+    assert set(points["pairs"]) == {24}
+    assert points["commit"].notna().all()
+
+
+def test_too_few_points_are_not_fitted():
+    assert foretell(made(sizes=(64,)).query("pairs <= 2000")).empty
+    with pytest.raises(ValueError, match="at least 3 points, got 2"):
+        fit_law(np.zeros(2, int), np.array([1.0, 2.0]), np.full(2, 64.0), np.array([0.9, 0.91]))
