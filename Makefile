@@ -9,10 +9,10 @@ POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:200
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce evidence curves test torture check bench readme clean
+.PHONY: help setup reproduce evidence curves test test-slurm torture check bench readme clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
 setup: .venv/ready ## make .venv and install the pinned packages
 
@@ -62,6 +62,9 @@ curves: setup ## learning curves to paper scale: U-Net with fewer pairs and pixe
 
 test: setup ## the tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope
+
+test-slurm: setup ## the sweep on a real Slurm of one node; needs root and Debian's slurm-wlm and munge
+	REPRO_SLURM=1 $(PY) -m pytest tests/slurm
 
 torture: setup ## an hour of kills, damage, generated configurations and processes at once
 	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/faults

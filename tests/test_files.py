@@ -1,9 +1,12 @@
+import errno
+import fcntl
 import multiprocessing
+import time
 from pathlib import Path
 
 import pytest
 
-from repro.files import read_mapping, read_table, replacing, sha256, write_json, write_text
+from repro.files import lock, read_mapping, read_table, replacing, sha256, write_json, write_text
 
 
 def _write_often(path: Path, word: str, faults) -> None:
@@ -40,6 +43,33 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path):
         write_half()
     assert (tmp_path / "file").read_text() == "whole"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def _count_under_lock(directory: Path, without_flock: bool) -> None:
+    if without_flock:
+
+        def refuse(*_):
+            raise OSError(errno.ENOSYS, "Function not implemented")
+
+        fcntl.flock = refuse
+    for _ in range(50):
+        with lock(directory):
+            count = int((directory / "count").read_text())
+            time.sleep(0.001)
+            (directory / "count").write_text(str(count + 1))
+
+
+@pytest.mark.parametrize("without_flock", [False, True])
+def test_a_lock_lets_in_one_process_at_a_time_with_and_without_flock(tmp_path, without_flock):
+    (tmp_path / "count").write_text("0")
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=_count_under_lock, args=(tmp_path, without_flock)) for _ in range(3)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+        assert process.exitcode == 0
+    assert (tmp_path / "count").read_text() == "150"
 
 
 @pytest.mark.parametrize("name", ["a.json", "a.yaml"])

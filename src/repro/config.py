@@ -126,6 +126,8 @@ class Runtime:
     precision: Annotated[str, choice("auto", *PRECISIONS)]
     compile: bool
     max_minutes: NotNegative | None
+    part: Annotated[int, Field(ge=0)]
+    parts: Count
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,8 @@ def config_faults(values: dict[str, Any]) -> list[Fault]:
         faults.append(Fault("train.batch_size", config.train.batch_size, allowed))
     if not config.decay and "decay" not in config.encoding.parameters:
         faults.append(Fault("decay", "false", f"the encoding {config.encoding.name} has no decay to be left out"))
+    if config.runtime.part >= config.runtime.parts:
+        faults.append(Fault("runtime.part", config.runtime.part, f"must be below runtime.parts={config.runtime.parts}"))
     if config.model.name not in LEARNED:
         faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(LEARNED)}"))
     if config.model.name == "convlstm" and "frames" not in config.encoding.parameters:

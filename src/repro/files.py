@@ -135,9 +135,17 @@ def sha256(path: Path) -> str:
 
 
 @contextmanager
-def lock(directory: Path) -> Iterator[None]:
-    """Keeps a second process waiting, and saying so, until the first has done its part in a directory."""
-    guard = FileLock(directory / ".lock")
+def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
+    """Keeps a second process waiting, and saying so, until the first has done its part in a directory.
+
+    By flock; where a shared file system has none, by a file that only one process can create. Of such a file that a
+    machine left when it went down, `waiting` names the directory: delete it there.
+
+    Args:
+        directory: which must exist.
+        name: of the file that stands for the lock.
+    """
+    guard = FileLock(directory / name)
     try:
         guard.acquire(timeout=0)
     except Timeout:

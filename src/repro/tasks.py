@@ -19,10 +19,14 @@ def record(config: Config) -> None:
     directory = recordings_of(config)
     is_new = not (directory / "manifest.json").is_file()
     announce(f"{'recording' if is_new else 'checking'} {directory}")
-    from repro.simulation.store import record_experiment  # after the word, for it imports IR-SIM
+    from repro.simulation.store import record_experiment, record_part  # after the word, for these import IR-SIM
 
-    pairs = dataclasses.asdict(config.scale.pairs)
-    record_experiment(directory, world_spec(config.world, config.exp), pairs, workers=config.runtime.workers)
+    pairs, runtime = dataclasses.asdict(config.scale.pairs), config.runtime
+    spec, part = world_spec(config.world, config.exp), (runtime.part, runtime.parts)
+    if runtime.parts > 1 and not record_part(directory, spec, pairs, *part, workers=runtime.workers):
+        print(f"recorded part {runtime.part} of {runtime.parts}; whichever is recorded last completes {directory}")
+        return
+    record_experiment(directory, spec, pairs, workers=runtime.workers)
     if is_new or config.task is Task.record:
         describe_recordings(config)
 

@@ -37,6 +37,8 @@ NUMBERS = {  # key: values that are not allowed
     "train.max_epochs": (0, -1),
     "train.dice_eps": (0, -1, "nan"),
     "runtime.workers": (0, -5, 1000),
+    "runtime.part": (-1, 1),
+    "runtime.parts": (0,),
     "runtime.max_minutes": (-1, "nan", "inf"),
     "runtime.accelerator": ("foo", "tpu", "cuda"),
     "runtime.precision": ("foo", "bf16", 32),

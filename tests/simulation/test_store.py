@@ -14,7 +14,14 @@ from conftest import ROOT, world_spec
 from repro.simulation import shards
 from repro.simulation.recording import simulate
 from repro.simulation.shards import read_shard, spec_fingerprint
-from repro.simulation.store import read_manifest, read_scans, read_shards, record_experiment, recordings_hash
+from repro.simulation.store import (
+    read_manifest,
+    read_scans,
+    read_shards,
+    record_experiment,
+    record_part,
+    recordings_hash,
+)
 from repro.simulation.worlds import sample_world, turn_around
 
 PAIRS = {"train": 8, "val": 4, "test": 4}
@@ -183,6 +190,19 @@ def test_recordings_that_do_not_serve_are_refused(tmp_path, monkeypatch, asked):
         record_experiment(tmp_path, world_spec("3"), asked, workers=1)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not serve for"):
         recordings_hash(tmp_path, asked)
+
+
+def test_parts_recorded_apart_make_the_same_recordings(tmp_path, monkeypatch):
+    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
+    whole = record_experiment(tmp_path / "whole", world_spec("3"), PAIRS, workers=1)
+    directory = tmp_path / "parts"
+    for part in (2, 0):
+        assert not record_part(directory, world_spec("3"), PAIRS, part, 3, workers=1)
+        assert not (directory / "manifest.json").exists()
+    assert record_part(directory, world_spec("3"), PAIRS, 1, 3, workers=1)
+    before = {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")}
+    assert record_experiment(directory, world_spec("3"), PAIRS, workers=1) == whole
+    assert {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")} == before
 
 
 def test_missing_recordings_name_the_command(tmp_path):

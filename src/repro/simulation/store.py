@@ -103,6 +103,35 @@ def record_experiment(
     return manifest
 
 
+def record_part(
+    directory: Path,
+    spec: dict[str, Any],
+    pairs: dict[str, int],
+    part: int,
+    parts: int,
+    *,
+    workers: int = 2,
+    verify_every: int = 500,
+) -> bool:
+    """Records every `parts`-th shard from number `part` on, so that several machines share one experiment.
+
+    Returns:
+        whether all shards are there now: then `record_experiment` has but to look at them and write the manifest.
+
+    Raises:
+        ValueError: see `record_experiment`.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    if (directory / "manifest.json").is_file():
+        return True
+    shards, fingerprint = list(shards_of(pairs)), spec_fingerprint(spec)
+    with lock(directory, f".lock-{part}-of-{parts}"):
+        missing = [shard for shard in shards[part::parts] if not _is_whole(directory / shard.name, fingerprint, None)]
+        worlds = sum(shard.worlds for shard in shards[part::parts])
+        _write_shards(directory, missing, spec, workers, verify_every, worlds)
+    return all((directory / shard.name).is_file() for shard in shards)
+
+
 def read_manifest(directory: Path) -> Manifest:
     """Reads the manifest of a recorded experiment.
 
