@@ -52,8 +52,9 @@ def test_paper_scale_and_what_was_left_out_are_foretold_within_their_intervals()
     assert (held["measured"].between(held["low"] - 0.001, held["high"] + 0.001)).all()
 
 
-def test_one_resolution_says_nothing_of_another():
-    table = foretell(made(sizes=(64,)))
+@pytest.mark.parametrize("sizes", [(64,), (64, 128)])
+def test_fewer_than_three_resolutions_say_nothing_of_another(sizes):
+    table = foretell(made(sizes=sizes))
     assert set(table["size_px"]) == {64}
     rows = table[table["what"] == "paper scale"].set_index(["decay", "metric"])["value"]
     assert rows[True, "accuracy"] == pytest.approx(0.95 - 0.01 - 0.02 * 10**-0.4, abs=1e-3)

@@ -5,8 +5,8 @@ Of every metric m, for n training pairs and maps of p x p pixels,
     m(n, p) = c - a (n / 1000)^-alpha - b (p / 64)^-beta        with a, b, c >= 0,
 
 a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017) with a, b, c of each
-experiment, with and without decay, and exponents that all share. With one resolution there is no term of p, and nothing
-is said of others. For given exponents the rest is a least-squares problem, so that only they are searched.
+experiment, with and without decay, and exponents that all share. With fewer than three resolutions there
+is no term of p, and nothing is said of others. For given exponents the rest is a least-squares problem, so that only they are searched.
 """
 
 from dataclasses import dataclass
@@ -110,7 +110,8 @@ def foretell(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -> p
     Args:
         points: see `read_points`; those of the short schedule are fitted, seeds averaged.
         pairs: training pairs to foretell.
-        size_px: resolution to foretell; where only one has been measured, that is taken instead.
+        size_px: resolution to foretell. An exponent needs three resolutions; with fewer, the one with most points is
+            taken by itself, and nothing is said of others.
 
     Returns:
         experiment, decay, metric, what (`paper scale` or `largest left out`), pairs, size_px, value with low and high
@@ -118,6 +119,8 @@ def foretell(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -> p
     """
     keys = [*CURVE, "pairs", "size_px"]
     means = points[points["schedule"] == FITTED].groupby(keys, as_index=False)[list(METRICS)].mean()
+    if means["size_px"].nunique() < 3:
+        means = means[means["size_px"].isin(means["size_px"].mode()[:1])]
     means = means.groupby(CURVE).filter(lambda rows: len(rows) >= 4)
     if means.empty:
         return pd.DataFrame()
