@@ -5,8 +5,8 @@ Of every metric m, for n training pairs and maps of p x p pixels,
     m(n, p) = c - a (n / 1000)^-alpha - b (p / 64)^-beta        with a, b, c >= 0,
 
 a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017) with a, b, c of each
-experiment, with and without decay, and exponents that all share. With fewer than three resolutions there
-is no term of p, and nothing is said of others. For given exponents the rest is a least-squares problem, so that only they are searched.
+experiment, with and without decay, and exponents that all share. With fewer than three resolutions there is no term of
+p, and nothing is said of others. For given exponents the rest is a least-squares problem, so that only they are searched.
 """
 
 from dataclasses import dataclass
