@@ -24,7 +24,9 @@ def test_a_training_knows_its_place_and_what_is_left(tmp_path):
     fake_run(tmp_path, "3", "unet", True, 0, 0.9)  # took a second
     assert study.seconds_left() == pytest.approx(23)
     place = study.place(study.runs()["4", "fpn", "no-decay"])
-    assert place == "training 2 of 24: exp 4, FPN, no decay; about 0 min of training left, as measured so far"
+    assert (
+        place == "training 2 of 24: exp 4, FPN, no decay; 0 min of training behind it, about 0 left, as measured so far"
+    )
     assert study.place(Outputs(tmp_path).run("3", "unet", "seen_free", 0)) is None
 
 

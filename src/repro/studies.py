@@ -34,24 +34,37 @@ class Study:
         experiment, model, variant = cells[run.path]
         trained = sum(_is_trained(each) for each in self.runs().values())
         words = f"training {trained + 1} of {len(CELLS)}: exp {experiment}, {NAMES[model]}"
-        left = self.seconds_left()
+        spent, left = self.seconds_spent(), self.seconds_left()
         return (
             words
             + (", no decay" if variant == "no-decay" else "")
-            + (f"; about {left / 60:.0f} min of training left, as measured so far" if left else "")
+            + (
+                f"; {spent / 60:.0f} min of training behind it, about {left / 60:.0f} left, as measured so far"
+                if left
+                else ""
+            )
         )
+
+    def seconds_spent(self) -> float:
+        """Adds up what the trainings took that are done."""
+        return sum(sum(seconds) for seconds in self._took().values())
 
     def seconds_left(self) -> float | None:
         """Foretells what is left to train from what was measured, network by network; None before the first."""
-        took: dict[str, list[float]] = {}
-        for (_, model, _), run in self.runs().items():
-            if _is_trained(run):
-                took.setdefault(model, []).append(run.provenance().fact("training_seconds") or 0.0)
+        took = self._took()
         if not took:
             return None
         usual = mean(mean(seconds) for seconds in took.values())
         left = [model for (_, model, _), run in self.runs().items() if not _is_trained(run)]
         return sum(mean(took[model]) if model in took else usual for model in left)
+
+    def _took(self) -> dict[str, list[float]]:
+        """The seconds of each training that is done, by network."""
+        took: dict[str, list[float]] = {}
+        for (_, model, _), run in self.runs().items():
+            if _is_trained(run):
+                took.setdefault(model, []).append(run.provenance().fact("training_seconds") or 0.0)
+        return took
 
 
 def _is_trained(run: Run) -> bool:

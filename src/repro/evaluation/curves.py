@@ -6,7 +6,7 @@ Of every metric m, for n training pairs and maps of p x p pixels,
 
 a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017) with a, b, c of each
 experiment, with and without decay, and exponents that all share. With fewer than three resolutions there is no term of
-p, and nothing is said of others. For given exponents the rest is a least-squares problem, so that only they are searched.
+p, and nothing is said of others. For given exponents the rest is a least-squares problem: only they are searched.
 """
 
 from dataclasses import dataclass
