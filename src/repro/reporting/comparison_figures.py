@@ -25,8 +25,8 @@ def encodings(frames: Frames) -> Figure | None:
     """Shows the obstacle IoU of U-Net from every encoding, and of a network for sequences, with intervals."""
     rows = _titled(frames["intervals"])
     rows = rows[rows["model"].isin(["unet", "convlstm"])]
-    others = rows[rows["encoding"] != "projection"]
-    rows = rows[rows["experiment"].isin(others["experiment"])]
+    inputs = rows.groupby("experiment")["encoding"].nunique()
+    rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # where most have been tried
     order = {name: number for number, name in enumerate(ENCODINGS)}
     rows = rows.assign(order=rows["encoding"].map(order))
     names = rows.drop_duplicates("title").sort_values(["rank", "order"], ascending=False)["title"].tolist()

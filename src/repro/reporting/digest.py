@@ -41,8 +41,8 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         words: the caption.
     """
     rows = intervals[intervals["decay"] & intervals["metric"].isin(SHOWN) & (intervals["model"] != "average")]
-    others = rows[rows["encoding"] != "projection"]
-    chosen = sorted((others if len(others) else rows)["experiment"].unique())
+    inputs = rows.groupby("experiment")["encoding"].nunique()
+    chosen = sorted(inputs.index[inputs == inputs.max()])  # where most inputs have been tried
     rows = rows[rows["experiment"].isin(chosen)]
     lines = [
         f"**{words}**",
