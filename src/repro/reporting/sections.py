@@ -71,8 +71,9 @@ SECTIONS: list[dict[str, Any]] = [
         "id": "curves",
         "nav": "Learning curves",
         "title": "What paper scale would give",
-        "text": "A saturating power law in pairs and pixels, fitted to trainings with fewer of both. Left out: what "
-        "the law says of the largest training from the smaller ones.",
+        "text": "A saturating power law in pairs and pixels, fitted to trainings with fewer of both; with fewer than "
+        "three resolutions in pairs alone, and what is foretold holds for the resolution measured. Left out: what the law "
+        "says of the largest training from the smaller ones.",
         "images": ("curves",),
     },
     {
@@ -134,7 +135,9 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
             _table(frames["cost"], ["experiment", "model", "encoding", "decay"], COST),
         ],
         "transfer": [_across(frames.get("transfer"))],
-        "curves": [_table(frames["foretold"], ["experiment", "decay", "what", "metric"], FORETOLD)]
+        "curves": [
+            _table(frames["foretold"].query("metric != 'dice'"), ["experiment", "decay", "what", "metric"], FORETOLD)
+        ]
         if "foretold" in frames
         else [],
         "provenance": [_origins(origins)],
@@ -158,7 +161,8 @@ def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> di
 
 
 def _number(value: float) -> str:
-    return f"{value:.4f}" if abs(value) < 10 else f"{value:,.0f}"
+    is_count = abs(value) >= 10 or (value >= 1 and float(value).is_integer())
+    return f"{value:,.0f}" if is_count else f"{value:.4f}"
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
