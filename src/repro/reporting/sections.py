@@ -72,8 +72,8 @@ SECTIONS: list[dict[str, Any]] = [
         "nav": "Learning curves",
         "title": "What paper scale would give",
         "text": "A saturating power law in pairs and pixels, fitted to trainings with fewer of both; with fewer than "
-        "three resolutions in pairs alone, and what is foretold holds for the resolution measured. Left out: what the law "
-        "says of the largest training from the smaller ones.",
+        "three resolutions in pairs alone, and what is foretold holds for the resolution measured. Left out: what the "
+        "law says of the largest training from the smaller ones.",
         "images": ("curves",),
     },
     {
@@ -135,11 +135,7 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
             _table(frames["cost"], ["experiment", "model", "encoding", "decay"], COST),
         ],
         "transfer": [_across(frames.get("transfer"))],
-        "curves": [
-            _table(frames["foretold"].query("metric != 'dice'"), ["experiment", "decay", "what", "metric"], FORETOLD)
-        ]
-        if "foretold" in frames
-        else [],
+        "curves": [_foretold(frames.get("foretold"))],
         "provenance": [_origins(origins)],
     }
     made = [
@@ -158,6 +154,12 @@ def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> di
         rows.append([*words, *("" if pd.isna(row[column]) else _number(row[column]) for column in kept)])
     heads = [*(name.capitalize() for name in names), *kept.values()]
     return {"caption": "", "heads": heads, "rows": rows, "words": len(names)}
+
+
+def _foretold(frame: pd.DataFrame | None) -> dict[str, Any]:
+    if frame is None:
+        return {"caption": "", "heads": [], "rows": [], "words": 1}
+    return _table(frame[frame["metric"] != "dice"], ["experiment", "decay", "what", "metric"], FORETOLD)
 
 
 def _number(value: float) -> str:
