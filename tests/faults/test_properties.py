@@ -129,8 +129,9 @@ def test_settings_that_are_accepted_train_a_step(v):
     counts = {"train": v["pairs"], "val": 2, "test": 2}
     numbers = {key: v[key] for key in ("learning_rate", "batch_size", "weight_average")}
     values = {
-        "task": "all", "exp": "3", "decay": True, "seed": v["seed"], "lightest": v["lightest"], "outputs": "outputs/x", "recordings": "outputs/x/recordings",
-        "world": WORLD, "encoding": {"name": "projection", "parameters": {"decay": True, "lightest": v["lightest"]}},
+        "task": "all", "exp": "3", "decay": True, "seed": v["seed"], "lightest": v["lightest"],
+        "outputs": "outputs/x", "recordings": "outputs/x/recordings", "world": WORLD,
+        "encoding": {"name": "projection", "parameters": {"decay": True, "lightest": v["lightest"]}},
         "model": {"name": v["model"], "encoder_name": "mit_b0", "encoder_weights": None},
         "scale": {"name": "x", "size_px": v["size_px"], "pairs": counts, "max_epochs": 1, "mirror": True, **numbers},
         "train": {"min_delta": 0, "patience": v["patience"], "max_epochs": 1, "dice_eps": 1e-6, **numbers},
