@@ -4,7 +4,7 @@ from conftest import ROOT
 
 SOURCE = ROOT / "src" / "repro"
 ORDER = [
-    *("config", "files", "names", "scans", "devices", "provenance", "runs", "studies"),
+    *("config", "faults", "files", "names", "scans", "devices", "provenance", "runs", "studies"),
     *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "recording", "shards", "store")),
     *(f"maps.{name}" for name in ("grid", "truth", "visible", "projection", "encodings", "datasets")),
     *("learning.convlstm", "learning.models", "prediction"),
@@ -18,7 +18,8 @@ ORDER = [
     *("reporting.publish", "reporting.readme"),
     *("checks", "messages", "calls", "outcomes", "tasks"),
 ]
-STANDALONE = ("config", "files", "messages", "scans", "devices", "maps.grid", "learning.losses", "evaluation.metrics")
+STANDALONE = ["config", "faults", "files", "messages", "scans", "devices"]
+STANDALONE += ["maps.grid", "learning.losses", "evaluation.metrics"]
 
 
 def imported(module: str) -> set[str]:

@@ -4,7 +4,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from repro.config import NETWORKS, Config, Fault, Model, config_faults, to_typed
+from pydantic import ValidationError
+
+from repro.config import LEARNED, NETWORKS, Config, Model, to_typed
+from repro.faults import Fault, faults_of
 from repro.simulation.specs import world_faults
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
@@ -22,6 +25,39 @@ def all_faults(values: dict[str, Any]) -> list[Fault]:
     """
     faults = config_faults(values) + world_faults(values["world"])
     return faults or _library_faults(to_typed(values))
+
+
+def config_faults(values: dict[str, Any]) -> list[Fault]:
+    """Finds everything that is wrong with a configuration but for `world`, see `simulation.specs.world_faults`.
+
+    Args:
+        values: the whole configuration as plain values.
+
+    Returns:
+        the faults, each value by itself first, then what only shows together.
+    """
+    try:
+        config = to_typed(values)
+    except ValidationError as error:
+        faults = faults_of(error)
+        keys = {fault.key for fault in faults}  # conf/train takes some of its values from the scale
+        return [f for f in faults if not (f.key.startswith("train.") and f.key.replace("train", "scale") in keys)]
+    faults = []
+    if config.exp not in config.world.get("experiments", {}):
+        faults.append(Fault("exp", config.exp, f"there are {', '.join(config.world.get('experiments', {}))}"))
+    if config.train.batch_size > config.scale.pairs.train:
+        allowed = f"at most the {config.scale.pairs.train} training pairs"
+        faults.append(Fault("train.batch_size", config.train.batch_size, allowed))
+    if not config.decay and "decay" not in config.encoding.parameters:
+        faults.append(Fault("decay", "false", f"the encoding {config.encoding.name} has no decay to be left out"))
+    if config.runtime.part >= config.runtime.parts:
+        faults.append(Fault("runtime.part", config.runtime.part, f"must be below runtime.parts={config.runtime.parts}"))
+    if config.model.name not in LEARNED:
+        faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(LEARNED)}"))
+    if config.model.name == "convlstm" and "frames" not in config.encoding.parameters:
+        allowed = "model convlstm takes a series of images, encoding=stack10 or encoding=stack4"
+        faults.append(Fault("encoding", config.encoding.name, allowed))
+    return faults
 
 
 def remarks(config: Config) -> list[str]:

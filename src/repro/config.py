@@ -1,4 +1,4 @@
-"""The typed configuration: its values stand in conf/, Hydra composes them, `typed` checks them as a whole."""
+"""The typed configuration: its values stand in conf/, Hydra composes them, `checks` finds what is wrong."""
 
 import dataclasses
 import enum
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 from omegaconf import MISSING, DictConfig, OmegaConf
-from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, TypeAdapter
 
 NETWORKS = ("unet", "fpn", "upernet", "segformer")  # in the paper's order
 LEARNED = (*NETWORKS, "convlstm")  # and ours, which takes a series of images
@@ -157,18 +157,6 @@ class Config:
     publish: Publish
 
 
-@dataclass(frozen=True)
-class Fault:
-    """One thing that is wrong with a configuration: its key, what came, and what is allowed."""
-
-    key: str
-    value: Any
-    allowed: str
-
-    def __str__(self) -> str:
-        return f"{self.key}: {self.allowed}" if self.value is None else f"{self.key}={self.value}: {self.allowed}"
-
-
 def schema(cls: type = Config) -> Any:
     """Makes the dataclass that Hydra composes into: the same fields, not frozen, none with a default."""
     fields: list[Any] = []
@@ -181,54 +169,6 @@ def schema(cls: type = Config) -> Any:
 def to_typed(values: dict[str, Any]) -> Config:
     """Gives the plain values of a checked configuration their types."""
     return TypeAdapter(Config).validate_python(values)
-
-
-def config_faults(values: dict[str, Any]) -> list[Fault]:
-    """Finds everything that is wrong with a configuration but for `world`, see `simulation.specs.world_faults`.
-
-    Args:
-        values: the whole configuration as plain values.
-
-    Returns:
-        the faults, each value by itself first, then what only shows together.
-    """
-    try:
-        config = TypeAdapter(Config).validate_python(values)
-    except ValidationError as error:
-        faults = faults_of(error)
-        keys = {fault.key for fault in faults}  # conf/train takes some of its values from the scale
-        return [f for f in faults if not (f.key.startswith("train.") and f.key.replace("train", "scale") in keys)]
-    faults = []
-    if config.exp not in config.world.get("experiments", {}):
-        faults.append(Fault("exp", config.exp, f"there are {', '.join(config.world.get('experiments', {}))}"))
-    if config.train.batch_size > config.scale.pairs.train:
-        allowed = f"at most the {config.scale.pairs.train} training pairs"
-        faults.append(Fault("train.batch_size", config.train.batch_size, allowed))
-    if not config.decay and "decay" not in config.encoding.parameters:
-        faults.append(Fault("decay", "false", f"the encoding {config.encoding.name} has no decay to be left out"))
-    if config.runtime.part >= config.runtime.parts:
-        faults.append(Fault("runtime.part", config.runtime.part, f"must be below runtime.parts={config.runtime.parts}"))
-    if config.model.name not in LEARNED:
-        faults.append(Fault("model.name", config.model.name, f"must be one of {', '.join(LEARNED)}"))
-    if config.model.name == "convlstm" and "frames" not in config.encoding.parameters:
-        allowed = "model convlstm takes a series of images, encoding=stack10 or encoding=stack4"
-        faults.append(Fault("encoding", config.encoding.name, allowed))
-    return faults
-
-
-def faults_of(error: ValidationError, prefix: str = "") -> list[Fault]:
-    """Turns what pydantic found into faults, keys written as on the command line."""
-    faults = []
-    for found in error.errors():
-        key = prefix + ".".join(str(part) for part in found["loc"])
-        known = {
-            "extra_forbidden": "is not known here",
-            "missing": "is missing",
-        }
-        message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))
-        value = None if found["type"] == "missing" else found["input"]
-        faults.append(Fault(key, value, message))
-    return faults
 
 
 def plain(config: DictConfig) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from conftest import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import repro.checks
 import repro.config
 from repro.config import NETWORKS, Encoding, Model, PairCounts, Scale, Training, world_spec
 from repro.evaluation.visibility import describe
@@ -138,7 +139,7 @@ def test_settings_that_are_accepted_train_a_step(v):
         "runtime": {"workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None},
         "publish": {"force": False},
     }  # fmt: skip
-    faults = repro.config.config_faults(values)
+    faults = repro.checks.config_faults(values)
     if faults:
         assert all(fault.key.split(".")[0] in values for fault in faults)
         return

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from repro.config import Count, Fault, NotNegative, Positive, faults_of
+from repro.config import Count, NotNegative, Positive
+from repro.faults import Fault, faults_of
 from repro.simulation.motions import robot_commands
 from repro.simulation.worlds import check_spec, sample_world
 
