@@ -75,7 +75,7 @@ check: setup ## ruff (lint and format) and mypy
 	$(PY) -m mypy
 
 bench: setup ## speed and memory as ratios to the plain way, on this machine
-	$(PY) reproduce/bench.py
+	$(PY) reproduce/bench
 
 readme: setup ## make the tables of README.md anew from reproduce/results
 	$(PY) run.py task=readme

@@ -7,6 +7,7 @@ from typing import Any
 import lightning as L
 import numpy as np
 import torch
+from table import head, row
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
@@ -18,20 +19,27 @@ from repro.learning.training import TrainingModule, quiet
 from repro.maps.datasets import Pairs
 from repro.maps.projection import Projection
 
-TRAINING_COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
+COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
+SIZES = {"cpu": [(64, 8, 96), (128, 8, 32)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
 ROUNDS = 3  # the ways take turns, so that a noisy machine is noisy for all of them
 Epoch = Callable[[], tuple[float, float]]  # seconds, and their share between batches
 
 
-def device_name() -> str:
-    """What trains here."""
-    return torch.cuda.get_device_name() if torch.cuda.is_available() else f"CPU, {torch.get_num_threads()} threads"
+def bench_training(with_compile: bool = False) -> None:
+    """An epoch of ours against the plain one, in every precision this machine computes in natively."""
+    device = resolve_device()
+    where = torch.cuda.get_device_name() if device == "cuda" else f"CPU, {torch.get_num_threads()} threads"
+    for size_px, batch_size, pairs in SIZES[device]:
+        head(f"Training at {size_px} px, batch {batch_size}, {where}", *COLUMNS)
+        for cells in training_rows(device, size_px, batch_size, pairs, with_compile):
+            row(*cells)
 
 
-def training_rows(size_px: int, batch_size: int, pairs: int, with_compile: bool) -> Iterator[tuple[str, ...]]:
+def training_rows(
+    device: str, size_px: int, batch_size: int, pairs: int, with_compile: bool
+) -> Iterator[tuple[str, ...]]:
     """One row for each network and way: plain, ours in float32, in bfloat16 where it is native, compiled if asked."""
     quiet()
-    device = resolve_device()
     best = resolve_precision("auto", device)
     dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulated, it takes minutes
     peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}

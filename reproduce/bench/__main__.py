@@ -1,0 +1,41 @@
+"""Speed and memory as ratios to the plain way, all measured in this one run on this machine.
+
+make bench        or        python reproduce/bench [recording projection training sharing]
+"""
+
+import argparse
+import warnings
+
+from projection import bench_projection
+from recording import bench_recording
+from sharing import bench_sharing
+from training import bench_training
+
+PARTS = {  # with what each takes on 2 idle cores
+    "recording": (bench_recording, "1 minute"),
+    "projection": (bench_projection, "half a minute"),
+    "training": (bench_training, "4 minutes"),
+    "sharing": (bench_sharing, "1 minute"),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all without any")
+    parser.add_argument("--compile", action="store_true", help="rows for torch.compile, which takes minutes a network")
+    options = parser.parse_args()
+    unknown = set(options.parts) - set(PARTS)
+    if unknown:
+        parser.error(f"there is no part {', '.join(sorted(unknown))}, there are {', '.join(PARTS)}")
+    warnings.simplefilter("ignore")
+    for name in options.parts or PARTS:
+        bench, takes = PARTS[name]
+        print(f"\n{name}: takes about {takes} on 2 idle cores", flush=True)
+        if name == "training":
+            bench_training(with_compile=options.compile)
+        else:
+            bench()
+
+
+if __name__ == "__main__":
+    main()

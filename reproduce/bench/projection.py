@@ -1,0 +1,58 @@
+"""Projection: 10,000 runs to 256 px, against one point at a time, and with the last time each pixel was seen free."""
+
+import resource
+import time
+
+import numpy as np
+import torch
+from recording import world_of
+from table import head, row
+
+from repro.maps.encodings import SeenFree
+from repro.maps.grid import Grid
+from repro.maps.projection import Projection
+from repro.scans import Scans
+from repro.simulation.recording import simulate
+from repro.simulation.worlds import sample_world
+
+RUNS = 10_000
+
+
+def bench_projection() -> None:
+    """Times of all runs; the slower ways are measured on fewer."""
+    each = [simulate(sample_world(world_of("4"), seed)).scans for seed in range(100)]
+    scans, grid = Scans.stack(each), Grid(256, 50.0)
+    images, ours = _encode(Projection(), scans.tensors(), grid, rounds=20)
+    _, with_free = _encode(SeenFree(), Scans.stack(each[:10]).tensors(), grid, rounds=3)
+    began = time.perf_counter()
+    slow = plain_projection(scans.ranges[0], scans.angles, scans.poses[0], 256)
+    plain = (time.perf_counter() - began) * RUNS
+    head(f"Projection to 256 x 256, {torch.get_num_threads()} threads", "way", f"{RUNS:,} runs", "ratio")
+    row("one point at a time", f"{plain:.0f} s", "1 x")
+    row("ours", f"{ours:.1f} s", f"{plain / ours:.0f} x")
+    row("ours, with the last time each pixel was seen free", f"{with_free:.1f} s", f"{with_free / ours:.1f} of ours")
+    differ = np.count_nonzero(np.abs(slow - images[0, 0].numpy().astype(int)) > 1)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"\nPixels that differ in the first run: {differ} (float32 against float64). Peak memory: {peak:.2f} GB")
+
+
+def _encode(encoding: Projection, windows: Scans, grid: Grid, rounds: int) -> tuple[torch.Tensor, float]:
+    """The images of the windows, and the seconds that all runs take."""
+    images = encoding.encode(windows, grid)
+    began = time.perf_counter()
+    for _ in range(rounds):
+        images = encoding.encode(windows, grid)
+    return images, (time.perf_counter() - began) * RUNS / (rounds * len(images))
+
+
+def plain_projection(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, size_px: int) -> np.ndarray:
+    """The image of one run, one point at a time, in float64."""
+    image = np.full((size_px, size_px), 255)
+    for step, (x, y, heading) in enumerate(poses):
+        for distance, angle in zip(ranges[step], angles, strict=True):
+            if np.isfinite(distance):
+                column = int(np.floor((x + distance * np.cos(heading + angle)) / 50 * size_px))
+                row_px = size_px - 1 - int(np.floor((y + distance * np.sin(heading + angle)) / 50 * size_px))
+                if 0 <= row_px < size_px and 0 <= column < size_px:
+                    image[row_px, column] = round(255 * 0.8 * (1 - step / 99))
+    return image
