@@ -1,6 +1,7 @@
 """Where a run directory stands, and where and with what each of its steps was done."""
 
 import enum
+import os
 import platform
 import subprocess
 from dataclasses import dataclass, field
@@ -57,11 +58,14 @@ def surroundings() -> dict[str, Any]:
 
 
 def _commit() -> str | None:
-    """Reads the commit of the source, with `+` when the tree has changes; None outside a checkout."""
+    """Reads the commit of the source, with `+` when the tree has changes.
+
+    Outside a checkout it is what REPRO_COMMIT says, for code that was copied without its history, else None.
+    """
     git = ["git", "-C", str(Path(__file__).parent)]
     try:
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout
         dirty = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True).stdout
     except (OSError, subprocess.CalledProcessError):
-        return None
+        return os.environ.get("REPRO_COMMIT") or None
     return head.strip() + ("+" if dirty.strip() else "")
