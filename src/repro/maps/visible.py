@@ -1,12 +1,16 @@
 """What a lidar has seen: the newest step at which each pixel lay in its field of view, and was not hidden there."""
 
+import math
 from collections.abc import Iterator
 
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from repro.maps.grid import Grid
 from repro.scans import Scans
+
+IN_CACHE = 2**16  # pixels that are worked on together on a CPU
 
 
 def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> tuple[Tensor, Tensor]:
@@ -32,9 +36,12 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     """
     shape = (len(scans), grid.size_px, grid.size_px)
     visible, in_view = (torch.zeros(shape, dtype=torch.int16, device=scans.ranges.device) for _ in range(2))
-    for step, (clear, within) in enumerate(step_by_step(scans, grid, range_max_m, margin_m=margin_m)):
-        visible.masked_fill_(clear, step + 1)
-        in_view.masked_fill_(within, step + 1)
+    few = max(1, IN_CACHE // grid.size_px**2) if scans.ranges.device.type == "cpu" else len(scans)
+    for first in range(0, len(scans), few):
+        here = slice(first, first + few)
+        for step, (clear, within) in enumerate(step_by_step(scans[here], grid, range_max_m, margin_m=margin_m)):
+            for newest, seen in ((visible[here], clear), (in_view[here], within)):
+                torch.maximum(newest, seen.short() * (step + 1), out=newest)
     return visible, in_view
 
 
@@ -50,17 +57,20 @@ def step_by_step(
         ValueError: the beam angles are not evenly spaced and rising.
     """
     spacing, beams = beam_spacing(scans.angles), len(scans.angles)
-    centers = grid.centers(scans.ranges.device)
+    xs, ys = grid.row_centers(scans.ranges.device).flip(0), grid.row_centers(scans.ranges.device)[:, None]
+    # of every beam how far it sees, squared, and then of all directions in which there is none
+    blind = math.ceil(2 * math.pi / spacing) + 1 - beams
     reach = scans.ranges.clamp(max=range_max_m) + margin_m  # a miss, inf, reaches range_max_m
-    for step in range(scans.ranges.shape[1]):
-        offset = centers - scans.poses[:, step, None, :2]  # (B, H W, 2)
-        distance = offset.square().sum(-1).sqrt()
-        bearing = torch.atan2(offset[..., 1], offset[..., 0]) - scans.poses[:, step, 2:]
-        beam = ((bearing - scans.angles[0] + spacing / 2).remainder(2 * torch.pi) / spacing).long()
-        within = (beam < beams) & (distance <= range_max_m)
-        clear = within & (distance <= reach[:, step].gather(1, beam.clamp(max=beams - 1)))
-        shape = (len(scans), grid.size_px, grid.size_px)
-        yield clear.view(shape), within.view(shape)
+    reach = functional.pad(torch.where(reach < 0, -1, reach.square()), (0, max(blind, 0)), value=-1)
+    first = torch.arange(len(scans), dtype=torch.int32, device=reach.device)[:, None, None] * reach.shape[-1]
+    for step in range(reach.shape[1]):
+        x, y, heading = (scans.poses[:, step, k, None, None] for k in range(3))
+        distance = (xs - x).square() + (ys - y).square()  # squared, (B, H, W)
+        bearing = torch.atan2(ys - y, xs - x).sub_(heading + scans.angles[0] - spacing / 2)
+        beam = bearing.remainder_(2 * math.pi).div_(spacing).int()  # int64 is ten times slower
+        within = (beam < beams) & (distance <= range_max_m**2)
+        seen = distance <= reach[:, step].flatten().index_select(0, (beam + first).flatten()).view_as(distance)
+        yield within & seen, within
 
 
 def beam_spacing(angles: Tensor) -> float:
