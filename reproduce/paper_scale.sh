@@ -49,7 +49,7 @@ step() {
     [ "$left" -gt "$RESERVE" ] || again
     local budget
     budget=$(awk -v left="$left" -v reserve="$RESERVE" 'BEGIN { print (left - reserve) / 60 }')
-    timeout --signal=INT --kill-after=20 "$left" .venv/bin/python run.py "$@" "scale=$SCALE" "runtime.max_minutes=$budget" ||
+    timeout --foreground --signal=INT --kill-after=20 "$left" .venv/bin/python run.py "$@" "scale=$SCALE" "runtime.max_minutes=$budget" ||
         status=$?
     case $status in
         0) ;;
@@ -60,7 +60,7 @@ step() {
 
 again() {
     keep
-    echo "to be called again: $SECONDS s of this call are over"
+    echo "to be called again: $SECONDS s of this call are over" >&2
     exit "$CALL_AGAIN"
 }
 
