@@ -18,6 +18,7 @@ from repro.learning.models import create_model
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.datasets import Pairs
 from repro.maps.projection import Projection
+from repro.names import NAMES
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 SIZES = {"cpu": [(64, 8, 96), (128, 8, 32)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
@@ -58,7 +59,7 @@ def training_rows(
         for way, (seconds, between) in times.items():
             rate = operations / seconds
             yield (
-                name, way, f"{pairs / seconds:.0f}", f"{plain / seconds:.2f} x", f"{rate / 1e9:.0f}",
+                NAMES[name], way, f"{pairs / seconds:.0f}", f"{plain / seconds:.2f} x", f"{rate / 1e9:.0f}",
                 f"{rate / peaks[torch.bfloat16 if 'bf16' in way else torch.float32]:.0%}",
                 f"{between:.1%}" if "ours" in way else "",
             )  # fmt: skip
