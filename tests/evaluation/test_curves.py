@@ -35,7 +35,7 @@ def test_a_law_is_found_again():
     at = (curve, points["pairs"].to_numpy(float), points["size_px"].to_numpy(float))
     law = fit_law(*at, points["accuracy"].to_numpy())
     assert (law.alpha, law.beta) == pytest.approx((0.4, 0.8), abs=0.02)
-    assert np.allclose(law.factors, [(c, -a, -b) for c, a, b in CURVES.values()], atol=1e-3)
+    assert np.allclose(law.factors, [(1 - c, a, b) for c, a, b in CURVES.values()], atol=1e-3)
     assert np.allclose(law(*at), points["accuracy"], atol=1e-5)
 
 

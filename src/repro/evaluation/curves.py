@@ -2,7 +2,7 @@
 
 Of every metric m, for n training pairs and maps of p x p pixels,
 
-    m(n, p) = c - a (n / 1000)^-alpha - b (p / 64)^-beta        with a, b, c >= 0,
+    1 - m(n, p) = c + a (n / 1000)^-alpha + b (p / 64)^-beta        with a, b, c >= 0,
 
 a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017) with a, b, c of each
 experiment, with and without decay, and exponents that all share. With fewer than three resolutions there is no term of
@@ -71,7 +71,7 @@ class Law:
 
     def __call__(self, curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray) -> np.ndarray:
         """Gives the metric of some curves (by number) for some pairs and pixels, all (K,)."""
-        return (self.factors[curve] * _terms(self.alpha, self.beta, pairs, size_px)).sum(1)
+        return 1 - (self.factors[curve] * _terms(self.alpha, self.beta, pairs, size_px)).sum(1)
 
 
 def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np.ndarray) -> Law:
@@ -93,9 +93,8 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
         terms = _terms(exponents[0], exponents[1], pairs, size_px)
         if len(np.unique(size_px)) == 1:
             terms[:, 2] = 0
-        signs = np.array([1, -1, -1])
-        found = [nnls(terms[curve == k] * signs, value[curve == k]) for k in range(curve.max() + 1)]
-        return sum(rest**2 for _, rest in found), np.stack([factors * signs for factors, _ in found])
+        found = [nnls(terms[curve == k], 1 - value[curve == k]) for k in range(curve.max() + 1)]
+        return sum(rest**2 for _, rest in found), np.stack([factors for factors, _ in found])
 
     best = minimize(
         lambda x: solve(np.clip(x, *EXPONENTS))[0], (0.5, 1.0), method="Nelder-Mead", options={"xatol": 1e-3}
