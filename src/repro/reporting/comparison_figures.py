@@ -81,7 +81,8 @@ def curves(frames: Frames) -> Figure | None:
             ax.errorbar(aim["pairs"], aim["value"], yerr=spread, linestyle="none", label=label, **form)
             ax.plot(aim["pairs"], aim["paper"], color=INK, marker="_", markersize=12, linestyle="none", label="paper")
             ax.set(xscale="log", xlim=(400, 16_000))
-        column[0].set_title(experiment_title(str(experiment), "\n{}") + ("" if decay else ", no decay"))
+        title = experiment_title(str(experiment), "\n{}")
+        column[0].set_title(title if decay else title.replace("\n", ", no decay\n"))
         column[-1].set_xlabel("training pairs")
     for ax, label in zip(axes[:, 0], measures.values(), strict=True):
         ax.set_ylabel(label)
