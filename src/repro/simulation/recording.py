@@ -201,7 +201,7 @@ def scan(
         near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0)
         step, beam = np.nonzero(near)
         corners = outline[: 1 + np.argmax((outline == outline[-1]).all(axis=-1))]  # without the padding
-        hit = _cross(poses[step, :2], directions[step, beam], _at_states(corners, state)[step])
+        hit = _cross(poses[:, :2], directions[step, beam], _at_states(corners, state), step)
         hit[hit > range_max_m] = np.inf
         closer = hit < ranges[step, beam]
         ranges[step[closer], beam[closer]] = hit[closer]
@@ -209,26 +209,37 @@ def scan(
     return ranges, np.isin(np.arange(len(outlines)), nearest)
 
 
-def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray) -> np.ndarray:
-    """Computes the distance from each origin (K, 2) along its direction (K, 2) to its ring (K, V, 2) [m], (K,)."""
-    edges = np.roll(rings, -1, axis=1) - rings
-    to_origin = origins[:, None] - rings
-    dx, dy = directions[:, None, 0], directions[:, None, 1]
+def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Computes the distance along some beams to the ring of their step [m], (K,), inf where there is no crossing.
+
+    Args:
+        origins: of the beams of every step, (T, 2).
+        directions: of each beam, (K, 2).
+        rings: x and y of the vertices at every step, (2, T, V).
+        step: of each beam, (K,).
+    """
+    edges = np.roll(rings, -1, axis=-1) - rings
+    to_origin = origins.T[..., None] - rings  # (2, T, V)
+    side = to_origin[1, step] * directions[:, :1] - to_origin[0, step] * directions[:, 1:]  # of the beam, [m]
+    left, right = side >= -1e-6, side <= 1e-6  # only edges with an end on either side can be crossed: hardly any
+    beam, vertex = np.nonzero((left | np.roll(left, -1, axis=1)) & (right | np.roll(right, -1, axis=1)))
+    (x, y), (edge_x, edge_y) = to_origin[:, step[beam], vertex], edges[:, step[beam], vertex]
+    dx, dy = directions[beam].T
     with np.errstate(divide="ignore", invalid="ignore"):
-        denominator = edges[..., 1] * dx - edges[..., 0] * dy
-        u = (to_origin[..., 1] * dx - to_origin[..., 0] * dy) / denominator
-        t = (edges[..., 0] * to_origin[..., 1] - edges[..., 1] * to_origin[..., 0]) / denominator
-    return np.where((u >= 0) & (u <= 1) & (t > 1e-9), t, np.inf).min(axis=1)
+        denominator = edge_y * dx - edge_x * dy
+        u = (y * dx - x * dy) / denominator
+        t = (edge_x * y - edge_y * x) / denominator
+    crossed = (u >= 0) & (u <= 1) & (t > 1e-9)
+    nearest = np.full(len(directions), np.inf)
+    np.minimum.at(nearest, beam[crossed], t[crossed])
+    return nearest
 
 
 def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Places an outline (V, 2) in the world frame at each state (T, 3): (T, V, 2)."""
+    """Places an outline (V, 2) in the world frame at each state (T, 3): x and y, (2, T, V)."""
     x, y, heading = (states[:, i, None] for i in range(3))
     cos, sin = np.cos(heading), np.sin(heading)
-    return np.stack(
-        [outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y],
-        axis=-1,
-    )
+    return np.stack([outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y])
 
 
 def _outlines(world: World) -> np.ndarray:
