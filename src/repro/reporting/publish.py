@@ -71,7 +71,8 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         if outputs.evidence.is_dir():
             shutil.copytree(outputs.evidence, new / "evidence", ignore=shutil.ignore_patterns("*.pdf"))
         words = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
-        write_text(new / "README.md", published_page(name, words, runs, list(origins.values())))
+        page = published_page(name, words, runs, list(origins.values()), with_evidence=outputs.evidence.is_dir())
+        write_text(new / "README.md", page)
     return target
 
 
@@ -102,7 +103,7 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
     return found
 
 
-def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance]) -> str:
+def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance], *, with_evidence: bool) -> str:
     """Says what was run, on what, for how long, and the command (with `words`) that trains each network again."""
     networks = runs[runs["model"].isin(LEARNED)]
     steps = [step for origin in origins for step in origin.steps if step["step"] != "recorded"]
@@ -118,7 +119,8 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         f"# Published results, {name}\n",
         caption(runs) + "\n",
         "`main.csv` and `ablation.csv` are the tables, `runs.csv` has every run with its seed, all metrics and times,",
-        "`provenance.json` where every run came from; `evidence/` and `report.html` what they say beyond the tables.\n",
+        "`provenance.json` where every run came from"
+        + ("; `evidence/` and `report.html` what they say beyond the tables.\n" if with_evidence else ".\n"),
         *(f"- {verb} on: {'; '.join(found)}" for verb, found in machines.items()),
         f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
         f"- commit: {', '.join(commits)}",
