@@ -5,12 +5,14 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
 import pytest
 from conftest import ROOT, world_spec
 
+from repro.files import lock
 from repro.simulation import shards
 from repro.simulation.recording import simulate
 from repro.simulation.shards import read_shard, spec_fingerprint
@@ -203,6 +205,24 @@ def test_parts_recorded_apart_make_the_same_recordings(tmp_path, monkeypatch):
     before = {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")}
     assert record_experiment(directory, world_spec("3"), PAIRS, workers=1) == whole
     assert {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")} == before
+
+
+def test_a_whole_recording_waits_for_a_part_that_is_under_way(tmp_path, capsys):
+    directory = tmp_path / "parts"
+    directory.mkdir()
+    half = directory / "train-0000.npz.tmp"
+    with lock(directory, ".lock-0-of-2"):
+        half.touch()  # being written
+        waiting = threading.Thread(
+            target=record_experiment, args=(directory, world_spec("3"), PAIRS), kwargs={"workers": 1}
+        )
+        waiting.start()
+        while "waiting" not in capsys.readouterr().out:
+            time.sleep(0.05)
+        assert half.exists()
+        half.unlink()
+    waiting.join()
+    assert (directory / "manifest.json").is_file()
 
 
 def test_missing_recordings_name_the_command(tmp_path):

@@ -7,6 +7,7 @@ recorded; recording again mends what is missing, cut or altered, to the same byt
 import dataclasses
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -75,7 +76,9 @@ def record_experiment(
     """
     fingerprint = spec_fingerprint(spec)
     directory.mkdir(parents=True, exist_ok=True)
-    with lock(directory):  # a second process waits here, then finds the work done
+    with ExitStack() as alone:  # a second process waits here, then finds the work done
+        for name in (".lock", *sorted(path.name for path in directory.glob(".lock-*-of-*"))):
+            alone.enter_context(lock(directory, name))  # and so do we for those that record a part
         before = read_manifest(directory) if (directory / "manifest.json").is_file() else None
         if before and (before.fingerprint != fingerprint or not holds(before.pairs, pairs)):
             raise ValueError(
