@@ -5,7 +5,8 @@ from conftest import ROOT
 SOURCE = ROOT / "src" / "repro"
 ORDER = [
     *("config", "faults", "files", "names", "scans", "devices", "provenance", "runs", "studies"),
-    *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "recording", "shards", "store")),
+    *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "rays")),
+    *("simulation.recording", "simulation.shards", "simulation.store"),
     *(f"maps.{name}" for name in ("grid", "truth", "visible", "projection", "encodings", "datasets")),
     *("learning.convlstm", "learning.models", "prediction"),
     *(f"learning.{name}" for name in ("losses", "planning", "callbacks", "checkpoints", "training")),

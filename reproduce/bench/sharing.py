@@ -32,6 +32,7 @@ def bench_sharing() -> None:
         finally:
             for process in busy:
                 process.kill()
+                process.wait()
         explained = (cores + threads) / cores
         row(str(threads), f"{alone:.1f}", f"{beside:.1f}", f"{beside / alone:.1f} x", f"{explained:.1f} x")
 

@@ -6,7 +6,8 @@ from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.scans import Scans
-from repro.simulation.recording import scan, simulate
+from repro.simulation.rays import scan
+from repro.simulation.recording import simulate
 from repro.simulation.worlds import sample_world, turn_around
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.simulation.recording import beam_angles, check_replay, make, replay, scan, simulate
+from repro.simulation.rays import scan
+from repro.simulation.recording import beam_angles, check_replay, make, replay, simulate
 from repro.simulation.worlds import sample_world, turn_around, write_world
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: it registers ours and keeps the import quiet
 from repro.simulation.motions import Drift, robot_commands
+from repro.simulation.rays import scan
 from repro.simulation.worlds import World, write_world
 
 # isort: split
@@ -164,82 +165,6 @@ def move_obstacles(world: World) -> np.ndarray:
             x, y = x + vx * step_time, y + vy * step_time
             state[step, :2] = x, y
     return states
-
-
-def scan(
-    poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray, range_max_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Computes all scans of a recording: the nearest crossing of every beam with every outline.
-
-    A beam is tried against an outline only where it passes the circle around it. A crossing solves
-    origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
-
-    Args:
-        poses: robot poses, (T, 3).
-        angles: beam angles, (N,).
-        outlines: obstacle outlines, (O, V, 2).
-        states: obstacle states, (O, T, 3).
-        range_max_m: longest range [m].
-
-    Returns:
-        ranges [m], (T, N), inf for a miss; and which obstacles were hit, (O,).
-
-    Raises:
-        ValueError: an obstacle reaches the robot.
-    """
-    heading = poses[:, 2:] + angles  # (T, N)
-    directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    ranges = np.full(heading.shape, np.inf)
-    nearest = np.full(heading.shape, -1)
-    for index, (outline, state) in enumerate(zip(outlines, states, strict=True)):
-        radius = np.linalg.norm(outline, axis=-1).max()
-        offset = state[:, :2] - poses[:, :2]  # (T, 2)
-        distance = np.linalg.norm(offset, axis=-1)
-        if (distance <= radius).any():
-            raise ValueError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
-        along = np.einsum("td,tnd->tn", offset, directions)
-        near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0)
-        step, beam = np.nonzero(near)
-        corners = outline[: 1 + np.argmax((outline == outline[-1]).all(axis=-1))]  # without the padding
-        hit = _cross(poses[:, :2], directions[step, beam], _at_states(corners, state), step)
-        hit[hit > range_max_m] = np.inf
-        closer = hit < ranges[step, beam]
-        ranges[step[closer], beam[closer]] = hit[closer]
-        nearest[step[closer], beam[closer]] = index
-    return ranges, np.isin(np.arange(len(outlines)), nearest)
-
-
-def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Computes the distance along some beams to the ring of their step [m], (K,), inf where there is no crossing.
-
-    Args:
-        origins: of the beams of every step, (T, 2).
-        directions: of each beam, (K, 2).
-        rings: x and y of the vertices at every step, (2, T, V).
-        step: of each beam, (K,).
-    """
-    edges = np.roll(rings, -1, axis=-1) - rings
-    to_origin = origins.T[..., None] - rings  # (2, T, V)
-    side = to_origin[1, step] * directions[:, :1] - to_origin[0, step] * directions[:, 1:]  # of the beam, [m]
-    left, right = side >= -1e-6, side <= 1e-6  # only edges with an end on either side can be crossed: hardly any
-    beam, vertex = np.nonzero((left | np.roll(left, -1, axis=1)) & (right | np.roll(right, -1, axis=1)))
-    (x, y), (edge_x, edge_y) = to_origin[:, step[beam], vertex], edges[:, step[beam], vertex]
-    dx, dy = directions[beam].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        denominator = edge_y * dx - edge_x * dy
-        u = (y * dx - x * dy) / denominator
-        t = (edge_x * y - edge_y * x) / denominator
-    crossed = (u >= 0) & (u <= 1) & (t > 1e-9)
-    nearest = np.full(len(directions), np.inf)
-    np.minimum.at(nearest, beam[crossed], t[crossed])
-    return nearest
-
-
-def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Places an outline (V, 2) in the world frame at each state (T, 3): x and y, (2, T, V)."""
-    x, y, heading = (states[:, i, None] for i in range(3))
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.stack([outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y])
 
 
 def _outlines(world: World) -> np.ndarray:
