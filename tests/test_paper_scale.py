@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -26,7 +25,7 @@ def call(tmp_path):
     script.write_text((ROOT / "reproduce" / "paper_scale.sh").read_text())
     python = tmp_path / ".venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
-    python.write_text(textwrap.dedent(STAND_IN))
+    python.write_text(STAND_IN)
     python.chmod(0o755)
     (tmp_path / ".venv" / "ready").touch()
 

@@ -218,6 +218,7 @@ def test_a_whole_recording_waits_for_a_part_that_is_under_way(tmp_path, capsys):
         )
         waiting.start()
         while "waiting" not in capsys.readouterr().out:
+            assert waiting.is_alive()
             time.sleep(0.05)
         assert half.exists()
         half.unlink()
