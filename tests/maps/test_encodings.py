@@ -64,7 +64,7 @@ def test_ages_keep_hit_and_age_apart(scans):
 def test_where_a_beam_passed_last_is_the_second_image_of_seen_free(scans):
     images = SeenFree().encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection().encode(scans, GRID))
-    passed, _ = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
+    passed = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
     assert torch.equal(images[:, 1] < 255, passed > 0)
     assert (images[:, 1][passed == 100] == 0).all()
     just_hit = (newest_hits(scans, GRID) == 100) & (passed == 100)

@@ -7,7 +7,7 @@ from shapely import LineString, Point, Polygon
 from shapely.ops import unary_union
 
 from repro.maps.grid import Grid
-from repro.maps.visible import newest_visible
+from repro.maps.visible import newest_in_view, newest_visible
 from repro.scans import Scans
 from repro.simulation.store import read_shards
 
@@ -49,7 +49,7 @@ def test_agrees_with_rays_marched_past_the_true_obstacles(recorded, step):
             scans.angles,
             scans.poses[recording : recording + 1, step : step + 1],
         )
-        found = newest_visible(one, grid, 30.0)[0].flatten().numpy() > 0
+        found = newest_visible(one, grid, 30.0).flatten().numpy() > 0
         truth, near_edge = march(shard, recording, step, grid)
         assert (found == truth)[~near_edge].all()
         assert (found == truth).mean() > 0.97
@@ -64,8 +64,9 @@ def look(*headings, ranges=torch.inf):
 
 
 def test_the_newest_step_counts_and_never_is_0():
-    visible, in_view = newest_visible(look(0.0, math.pi / 2, 0.0), Grid(50, 50.0), 20.0)
-    assert torch.equal(visible, in_view)
+    scans = look(0.0, math.pi / 2, 0.0)
+    visible = newest_visible(scans, Grid(50, 50.0), 20.0)
+    assert torch.equal(visible, newest_in_view(scans, Grid(50, 50.0), 20.0))
     assert visible[0, 25, 40] == 3
     assert visible[0, 10, 25] == 2
     assert visible[0, 25, 5] == 0
@@ -73,11 +74,12 @@ def test_the_newest_step_counts_and_never_is_0():
 
 
 def test_a_wall_hides_what_is_behind_it():
-    visible, in_view = newest_visible(look(0.0, ranges=10.0), Grid(50, 50.0), 20.0)
+    scans = look(0.0, ranges=10.0)
+    visible, in_view = newest_visible(scans, Grid(50, 50.0), 20.0), newest_in_view(scans, Grid(50, 50.0), 20.0)
     assert visible[0, 25, 33] == 1
     assert visible[0, 25, 37] == 0
     assert in_view[0, 25, 37] == 1
-    nearer, _ = newest_visible(look(0.0, ranges=10.0), Grid(50, 50.0), 20.0, margin_m=-3.0)
+    nearer = newest_visible(scans, Grid(50, 50.0), 20.0, margin_m=-3.0)
     assert nearer[0, 25, 33] == 0
 
 
@@ -85,13 +87,44 @@ def test_a_lidar_all_around_sees_all_around():
     angles = torch.arange(360) * math.pi / 180 - math.pi
     scans = Scans(torch.full((1, 1, 360), torch.inf), angles, torch.tensor([[[25.0, 25.0, 1.0]]]))
     grid = Grid(64, 50.0)
-    visible, _ = newest_visible(scans, grid, 20.0)
+    visible = newest_visible(scans, grid, 20.0)
     distance = (grid.centers() - 25).norm(dim=-1).view(64, 64)
     assert torch.equal(visible[0] > 0, distance <= 20)
 
 
-@pytest.mark.parametrize("angles", [[0.0, 0.1, 0.3], [0.3, 0.2, 0.1], [0.0]])
+@pytest.mark.parametrize("angles", [[0.0, 0.1, 0.3], [0.3, 0.2, 0.1], [0.0], [0.0, 3.2]])
 def test_uneven_beams_are_refused(angles):
     scans = Scans(torch.ones(1, 1, len(angles)), torch.tensor(angles), torch.zeros(1, 1, 3))
     with pytest.raises(ValueError, match="beam angles must rise evenly"):
         newest_visible(scans, Grid(8, 50.0), 30.0)
+
+
+def test_every_pixel_belongs_to_the_beam_that_is_nearest_to_it():
+    torch.manual_seed(0)
+    grid, angles = Grid(64, 50.0), torch.linspace(-math.pi / 4, math.pi / 4, 100)
+    ranges = 30 * torch.rand(40, 1, 100)
+    ranges[torch.rand(ranges.shape) < 0.5] = torch.inf
+    poses = torch.cat([60 * torch.rand(40, 1, 2) - 5, 10 * torch.randn(40, 1, 1)], dim=-1)
+    poses[:8, 0, 2] = torch.arange(8) * math.pi / 4  # beams and edges of the view along the axes
+    found = newest_visible(Scans(ranges, angles, poses), grid, 20.0, margin_m=1.0)
+
+    to_pixel = grid.centers().double() - poses[..., :2].double()  # (40, 4096, 2)
+    bearing = torch.atan2(to_pixel[..., 1], to_pixel[..., 0]) - poses[..., 2].double()
+    beam = torch.round((torch.remainder(bearing + math.pi, 2 * math.pi) - math.pi + math.pi / 4) / (math.pi / 2 / 99))
+    within = (beam >= 0) & (beam < 100)
+    reach = (ranges[:, 0].double() + 1).clamp(max=20).gather(1, beam.clamp(0, 99).long())
+    expected = within & (to_pixel.norm(dim=-1) <= reach)
+    assert (found.flatten(1) > 0).ne(expected).sum() <= 2  # a pixel on an edge may fall to either side
+    assert expected.float().mean() > 0.02
+
+
+def test_nothing_is_seen_from_a_pose_that_is_not_known():
+    known, grid = look(0.0), Grid(50, 50.0)
+    assert torch.equal(newest_visible(look(0.0, math.nan), grid, 20.0), newest_visible(known, grid, 20.0))
+
+
+@pytest.mark.parametrize("far", [1e3, 1e30, -1e30])
+def test_nothing_is_seen_from_far_off_the_map(far):
+    scans = look(0.0)
+    scans.poses[..., :2] = far
+    assert not newest_visible(scans, Grid(50, 50.0), 20.0).any()

@@ -9,7 +9,7 @@ from torch.nn import functional as F
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.maps.visible import step_by_step
+from repro.maps.visible import newest_visible
 from repro.scans import Scans
 
 PRIOR = 0.08  # of an obstacle, the share that the paper's moving worlds have
@@ -79,11 +79,10 @@ def transitional(recorded: Recorded, moving: float, batch: int = 64) -> Tensor:
 
 def _evidence(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tuple[Tensor, Tensor]]:
     """Yields where beams ended and where they passed over in every step, bool, (B, H, W)."""
-    passing = step_by_step(scans, grid, range_max_m, margin_m=-grid.resolution_m / 2)
-    for step, (passed, _) in enumerate(passing):
-        here = slice(step, step + 1)
-        hit = newest_hits(Scans(scans.ranges[:, here], scans.angles, scans.poses[:, here]), grid) > 0
-        yield hit, passed & ~hit
+    for step in range(scans.ranges.shape[1]):
+        here = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
+        hit = newest_hits(here, grid) > 0
+        yield hit, (newest_visible(here, grid, range_max_m, margin_m=-grid.resolution_m / 2) > 0) & ~hit
 
 
 def _parts(recorded: Recorded, batch: int) -> list[Scans]:

@@ -9,7 +9,7 @@ import torch
 
 from repro.maps.grid import Grid
 from repro.maps.truth import rasterize
-from repro.maps.visible import newest_visible
+from repro.maps.visible import newest_in_view, newest_visible
 from repro.scans import Scans
 from repro.simulation.shards import ShardContent
 
@@ -41,10 +41,9 @@ def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
         more, 20 for shadowed, 21 for out of range. `STRATA` names which are reported together.
     """
     windows = scans.tensors()
-    parts = [windows[first : first + 64] for first in range(0, len(windows), 64)]
     half = grid.resolution_m / 2  # a surface that was hit is visible
-    found = [newest_visible(part, grid, range_max_m, margin_m=half) for part in parts]
-    visible, in_view = (torch.cat(each).numpy() for each in zip(*found, strict=True))
+    visible = newest_visible(windows, grid, range_max_m, margin_m=half).numpy()
+    in_view = newest_in_view(windows, grid, range_max_m).numpy()
     group = age_bin(windows.ranges.shape[1] - visible + 1)
     return np.where(visible > 0, group, np.where(in_view > 0, SHADOWED, OUT_OF_RANGE)).astype(np.uint8)
 

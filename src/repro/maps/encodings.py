@@ -112,9 +112,8 @@ class SeenFree(Negative):
             raise ValueError(f"range_max_m must be positive, got {self.range_max_m}")
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        passed, _ = newest_visible(scans, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
-        shades = self._shades(scans.ranges.shape[1]).to(passed.device)
-        return torch.cat([super().encode(scans, grid), shades[passed.long()][:, None]], dim=1)
+        passed = newest_visible(scans, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
+        return torch.cat([super().encode(scans, grid), self._shade(passed.int(), scans.ranges.shape[1])], dim=1)
 
 
 @dataclass(frozen=True)

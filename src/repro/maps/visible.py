@@ -1,24 +1,23 @@
 """What a lidar has seen: the newest step at which each pixel lay in its field of view, and was not hidden there."""
 
 import math
-from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
+import numba
+import numpy as np
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from repro.maps.grid import Grid
 from repro.scans import Scans
 
-IN_CACHE = 2**16  # pixels that are worked on together on a CPU
 
+def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> Tensor:
+    """Finds the newest step at which each pixel was visible.
 
-def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> tuple[Tensor, Tensor]:
-    """Finds the newest step at which each pixel was visible, and at which it lay in the field of view at all.
-
-    A pixel lies in the field of view of a step where its centre is within the lidar's range and nearer to one of
-    its beams than half the angle between two. It is visible there where it is no farther than that beam reached. All
-    of it follows from the scans alone, no map is asked.
+    A pixel is in view of a step where its centre is within the lidar's range and nearer to one of its beams than half
+    the angle between two. It is visible where it is no farther than that beam reached. All of it follows from the scans
+    alone, no map is asked. It is drawn by compiled code on the CPU, wherever the scans are.
 
     Args:
         scans: a batch of windows, as tensors; the beam angles are evenly spaced and rise.
@@ -28,59 +27,115 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
             takes in the surface that was hit, minus half a pixel leaves it out.
 
     Returns:
-        the newest step at which the pixel was visible, and at which it lay in the field of view, each counted from 1,
-        0 for never, int16, (B, H, W).
+        the step, counted from 1; 0 for never, int16, (B, H, W).
 
     Raises:
         ValueError: the beam angles are not evenly spaced and rising.
     """
-    shape = (len(scans), grid.size_px, grid.size_px)
-    visible, in_view = (torch.zeros(shape, dtype=torch.int16, device=scans.ranges.device) for _ in range(2))
-    few = max(1, IN_CACHE // grid.size_px**2) if scans.ranges.device.type == "cpu" else len(scans)
-    for first in range(0, len(scans), few):
-        here = slice(first, first + few)
-        for step, (clear, within) in enumerate(step_by_step(scans[here], grid, range_max_m, margin_m=margin_m)):
-            for newest, seen in ((visible[here], clear), (in_view[here], within)):
-                torch.maximum(newest, seen.short() * (step + 1), out=newest)
-    return visible, in_view
+    spacing = beam_spacing(scans.angles)
+    reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)  # a miss, inf, reaches range_max_m
+    reach = reach.double().cpu().numpy() / grid.resolution_m
+    poses = scans.poses.double().cpu().numpy()
+    poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)
+    first = float(scans.angles[0]) - spacing / 2
+    newest = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int16)
+
+    def draw(part: np.ndarray) -> None:
+        _draw_windows(newest, reach, poses, part, first, spacing)
+
+    threads = torch.get_num_threads()
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(draw, np.array_split(np.arange(len(scans)), threads)))
+    return torch.from_numpy(newest).to(scans.ranges.device)
 
 
-def step_by_step(
-    scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yields for every step which pixels were visible and which lay in the field of view, see `newest_visible`.
-
-    Yields:
-        visible, in the field of view, bool, (B, H, W).
-
-    Raises:
-        ValueError: the beam angles are not evenly spaced and rising.
-    """
-    spacing, beams = beam_spacing(scans.angles), len(scans.angles)
-    xs, ys = grid.row_centers(scans.ranges.device).flip(0), grid.row_centers(scans.ranges.device)[:, None]
-    # of every beam how far it sees, squared, and then of all directions in which there is none
-    blind = math.ceil(2 * math.pi / spacing) + 1 - beams
-    reach = scans.ranges.clamp(max=range_max_m) + margin_m  # a miss, inf, reaches range_max_m
-    reach = functional.pad(torch.where(reach < 0, -1, reach.square()), (0, max(blind, 0)), value=-1)
-    first = torch.arange(len(scans), dtype=torch.int32, device=reach.device)[:, None, None] * reach.shape[-1]
-    for step in range(reach.shape[1]):
-        x, y, heading = (scans.poses[:, step, k, None, None] for k in range(3))
-        distance = (xs - x).square() + (ys - y).square()  # squared, (B, H, W)
-        bearing = torch.atan2(ys - y, xs - x).sub_(heading + scans.angles[0] - spacing / 2)
-        beam = bearing.remainder_(2 * math.pi).div_(spacing).int()  # int64 is ten times slower
-        within = (beam < beams) & (distance <= range_max_m**2)
-        seen = distance <= reach[:, step].flatten().index_select(0, (beam + first).flatten()).view_as(distance)
-        yield within & seen, within
+def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> Tensor:
+    """Finds the newest step at which each pixel was in view, hidden or not, see `newest_visible`."""
+    return newest_visible(Scans(torch.full_like(scans.ranges, torch.inf), scans.angles, scans.poses), grid, range_max_m)
 
 
 def beam_spacing(angles: Tensor) -> float:
     """Gives the angle between two beams [rad].
 
     Raises:
-        ValueError: they are not evenly spaced and rising.
+        ValueError: they are not evenly spaced and rising, or half a turn apart or more.
     """
     gaps = angles.double().diff()
     spacing = float(gaps.mean()) if len(gaps) else 0.0
-    if spacing <= 0 or (gaps - spacing).abs().max() > 0.01 * spacing:
+    if not 0 < spacing < math.pi or (gaps - spacing).abs().max() > 0.01 * spacing:
         raise ValueError("the beam angles must rise evenly, so that the beam over a pixel is known")
     return spacing
+
+
+@numba.njit(nogil=True)
+def _draw_windows(
+    newest: np.ndarray, reach: np.ndarray, poses: np.ndarray, part: np.ndarray, first: float, spacing: float
+) -> None:
+    """Draws the steps of some windows, oldest first, each as the sectors that its beams sweep.
+
+    Args:
+        newest: the images, (B, H, W).
+        reach: how far each beam sees [px], (B, T, N); nothing where it is negative.
+        poses: column and row from below of the robot [px], where the centre of a pixel is whole, and heading [rad],
+            (B, T, 3).
+        part: which windows.
+        first: where the first beam's sector begins in the robot's frame [rad].
+        spacing: angle between two beams [rad].
+    """
+    beams = reach.shape[2]
+    for window in part:
+        for step in range(reach.shape[1]):
+            x, y, heading = poses[window, step]
+            if not math.isfinite(x + y + heading):
+                continue  # nothing is seen from a pose that is not known
+            beam = 0
+            while beam < beams:
+                radius, end = reach[window, step, beam], beam + 1
+                while end < beams and reach[window, step, end] == radius and (end + 1 - beam) * spacing < math.pi / 2:
+                    end += 1  # beams that reach equally far, as misses do, are one sector
+                if radius >= 0:
+                    start, stop = heading + first + beam * spacing, heading + first + end * spacing
+                    _draw_sector(newest[window], x, y, start, stop, radius, step + 1)
+                beam = end
+
+
+@numba.njit(nogil=True)
+def _draw_sector(image: np.ndarray, x: float, y: float, start: float, stop: float, radius: float, value: int) -> None:
+    """Draws the part of a disc between two bearings [rad], less than half a turn apart, row by row.
+
+    A pixel on `start` belongs to it and one on `stop` does not, so that sectors side by side neither overlap nor leave
+    a gap.
+    """
+    size = len(image)
+    from_cos, from_sin, to_cos, to_sin = math.cos(start), math.sin(start), math.cos(stop), math.sin(stop)
+    lowest, highest = radius * min(0.0, from_sin, to_sin), radius * max(0.0, from_sin, to_sin)
+    if from_cos * to_cos <= 0:  # the y axis lies between them
+        lowest, highest = (lowest, radius) if from_sin + to_sin > 0 else (-radius, highest)
+    from_slope, to_slope = from_cos / (from_sin or 1.0), to_cos / (to_sin or 1.0)
+    for row in _whole(y + lowest, y + highest, size):
+        up = row - y
+        half = math.sqrt(max(0.0, radius * radius - up * up))
+        left, right = x - half, x + half
+        # left of or on the ray at `start`
+        if from_sin > 0:
+            right = min(right, x + up * from_slope)
+        elif from_sin < 0:
+            left = max(left, x + up * from_slope)
+        elif from_cos * up < 0:
+            continue
+        # right of the ray at `stop`
+        if to_sin > 0:
+            left = max(left, np.floor(x + up * to_slope) + 1)
+        elif to_sin < 0:
+            right = min(right, np.ceil(x + up * to_slope) - 1)
+        elif to_cos * up >= 0:
+            continue
+        for column in _whole(left, right, size):
+            image[size - 1 - row, column] = value
+
+
+@numba.njit(nogil=True)
+def _whole(low: float, high: float, size: int) -> range:
+    """Gives the whole numbers of 0 to size - 1 that are not below `low` nor above `high`, however far off those are."""
+    low, high = max(0.0, np.ceil(low)), min(size - 1.0, np.floor(high))
+    return range(int(low), int(high) + 1) if low <= high else range(0)
