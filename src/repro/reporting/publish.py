@@ -62,7 +62,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
         for kind, table in make_tables(runs).items():
             if len(table.frame):
-                write_text(new / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.4f"))
+                write_text(new / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.6f"))
                 write_text(new / f"{kind}.txt", table.caption + "\n")
         write_text(new / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})

@@ -56,8 +56,11 @@ def _published(directory: Path, name: str) -> Table:
 
 
 def _rows_of_model(directory: Path, model: str) -> Table:
-    """Takes the rows of one model, or of the average, in the main table and the ablation."""
-    main, ablation = (_published(directory, name) for name in ("main", "ablation"))
-    ablation.frame["experiment"] += ", no decay"
-    rows: Any = pd.concat([main.frame, ablation.frame]).query("model == @model")
+    """Takes the rows of one model, or of the average, in the main table and, where it is published, the ablation."""
+    main = _published(directory, "main")
+    frames = [main.frame]
+    if (directory / "ablation.csv").is_file():
+        ablation = _published(directory, "ablation").frame
+        frames.append(ablation.assign(experiment=ablation["experiment"] + ", no decay"))
+    rows: Any = pd.concat(frames).query("model == @model")
     return Table(rows, main.caption[main.caption.index("Scale ") :])
