@@ -122,6 +122,7 @@ def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
         assert listing(results / "laptop") == before
     publish(Outputs(other), results, "laptop", force=True)
     assert not (results / "laptop" / "ablation.csv").exists()
+    assert "ablation" not in (results / "laptop" / "README.md").read_text()
     assert (target / "kept").read_text() == "weights"
     assert [path.name for path in results.iterdir()] == ["laptop"]
 

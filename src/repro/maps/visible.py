@@ -63,7 +63,7 @@ def beam_spacing(angles: Tensor) -> float:
     gaps = angles.double().diff()
     spacing = float(gaps.mean()) if len(gaps) else 0.0
     if not 0 < spacing < math.pi or (gaps - spacing).abs().max() > 0.01 * spacing:
-        raise ValueError("the beam angles must rise evenly, so that the beam over a pixel is known")
+        raise ValueError("the beam angles must rise evenly, by less than half a turn, for each pixel to have its beam")
     return spacing
 
 

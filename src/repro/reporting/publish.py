@@ -115,10 +115,12 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
     precisions = sorted({step["precision"] for step in steps if "precision" in step})
     words += f" runtime.precision={precisions[0]}" if len(precisions) == 1 else ""
     commits = sorted({str(step["commit"]) for step in steps})
+    ablated = not runs["decay"].all()
+    tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
     lines = [
         f"# Published results, {name}\n",
         caption(runs) + "\n",
-        "`main.csv` and `ablation.csv` are the tables, `runs.csv` has every run with its seed, all metrics and times,",
+        f"{tables} `runs.csv` has every run with its seed, all metrics and times,",
         "`provenance.json` where every run came from"
         + ("; `evidence/` and `report.html` what they say beyond the tables.\n" if with_evidence else ".\n"),
         *(f"- {verb} on: {'; '.join(found)}" for verb, found in machines.items()),
@@ -135,7 +137,7 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         command = f"python run.py -m model={model}{other} exp={experiments} seed={seeds} {words}"
         minutes = mine["training_seconds"].mean() / 60
         lines.append(f"| {predictor_title(model, encoding)} | {len(mine)} | {minutes:.1f} | `{command}` |")
-    if not runs["decay"].all():
+    if ablated:
         lines.append("\nThe ablation: `exp=3,4 decay=false` in place of `exp=...`.")
     return "\n".join(lines) + "\n"
 
