@@ -234,6 +234,8 @@ def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int
     # processes, also inside a worker of a launcher: IR-SIM keeps its environment in module variables
     parallel = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
     done = worlds - sum(shard.worlds for shard in shards)
-    with tqdm(total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}") as bar:
+    with tqdm(
+        total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}", disable=None
+    ) as bar:
         for count in parallel(jobs):
             bar.update(2 * count)
