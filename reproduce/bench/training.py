@@ -13,6 +13,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from repro.config import NETWORKS, Training
 from repro.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
+from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 from repro.learning.training import TrainingModule, quiet
@@ -109,7 +110,8 @@ def our_epoch(
     """An epoch of `training.train`'s own loop, validation left out."""
     images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
     data = Pairs(images, images // 128, Projection())
-    network = create_model(name).to(memory_format=torch.channels_last)
+    network = create_model(name)
+    accelerate(network, device)
     module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
     if compiled:
         network.compile()

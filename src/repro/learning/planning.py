@@ -6,6 +6,7 @@ import torch
 
 from repro.config import Scale
 from repro.devices import clock, resolve_device, resolve_precision
+from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.models import create_model
 
@@ -16,7 +17,8 @@ _RECORDING_SECONDS = 0.008  # a recording on one core
 def seconds_per_image(architecture: str, size_px: int, batch_size: int, precision: str, steps: int = 2) -> float:
     """Measures forward, backward and step for one image on this machine [s]."""
     device = resolve_device()
-    model = create_model(architecture).to(device).to(memory_format=torch.channels_last)
+    model = create_model(architecture).to(device)
+    accelerate(model, device)
     optimizer, loss = torch.optim.Adam(model.parameters()), MapLoss()
     image = torch.rand(batch_size, 1, size_px, size_px, device=device)
     for step in range(steps + 1):

@@ -26,6 +26,7 @@ from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_
 from repro.files import lock
 from repro.learning.callbacks import Budget, History, Stop, weight_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
+from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.models import Network, create_model
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
@@ -156,9 +157,8 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
     torch.manual_seed(config.seed)
     network = _create_network(config.model, train_pairs.encoding.channels)
-    return TrainingModule(
-        network.to(memory_format=torch.channels_last), train_pairs, val_pairs, config.train, config.seed
-    )
+    accelerate(network, device)
+    return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 
 def _fit(
