@@ -72,10 +72,11 @@ def fake_run(outputs, experiment, model, decay, seed, value, status=Status.evalu
     """A run directory as evaluation leaves it, with every metric at one value."""
     run = Outputs(outputs).run(experiment, model, "decay" if decay else "no-decay", seed)
     run.prepare(run_config(experiment=experiment, model=model, decay=decay, seed=seed, **changes))
-    pd.DataFrame([dict.fromkeys(METRICS, value)]).to_csv(run.metrics, index=False)
+    pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), value)]).to_csv(run.metrics, index=False)
     run.use_recordings("hash of recordings")
     if model in NETWORKS:
-        run.begin_step("trained", Status.trained, train_pairs=24, epochs=3, training_seconds=1.0, precision="32-true")
+        facts = {"train_pairs": 24, "epochs": 3, "training_seconds": 1.0, "precision": "32-true"}
+        run.begin_step("trained", Status.trained, **facts, weights_sha256=f"weights that score {value}")
     run.begin_step("evaluated", status, test_pairs=8)
     return run
 

@@ -9,18 +9,18 @@ ORDER = [
     *("simulation.recording", "simulation.shards", "simulation.store"),
     *(f"maps.{name}" for name in ("grid", "truth", "visible", "projection", "encodings", "datasets")),
     *("learning.convlstm", "learning.models", "prediction"),
-    *(f"learning.{name}" for name in ("losses", "planning", "callbacks", "checkpoints", "training")),
+    *(f"learning.{name}" for name in ("losses", "kernels", "planning", "callbacks", "checkpoints", "training")),
     *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
     *(f"evaluation.{name}" for name in ("grids", "tracking", "rivals", "predictions", "visibility", "examples")),
     *(f"evaluation.{name}" for name in ("strata", "breakdown", "evidence", "transfer", "curves", "samples")),
     *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
     *(f"reporting.{name}" for name in ("results", "tables", "status", "figures", "plots", "comparison_figures")),
     *(f"reporting.{name}" for name in ("evidence_figures", "sections", "page", "animation", "digest")),
-    *("reporting.publish", "reporting.readme"),
+    *("reporting.publish", "reporting.verification", "reporting.readme"),
     *("checks", "messages", "calls", "outcomes", "tasks"),
 ]
 STANDALONE = ["config", "faults", "files", "messages", "scans", "devices"]
-STANDALONE += ["maps.grid", "learning.losses", "evaluation.metrics"]
+STANDALONE += ["maps.grid", "learning.losses", "learning.kernels", "evaluation.metrics"]
 
 
 def imported(module: str) -> set[str]:

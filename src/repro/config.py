@@ -49,6 +49,7 @@ class Task(enum.Enum):
     status = "status"
     world = "world"
     publish = "publish"
+    verify = "verify"
     export = "export"
     readme = "readme"
 

@@ -204,6 +204,20 @@ def publish(config: Config) -> None:
     readme(config)
 
 
+def verify(config: Config) -> None:
+    """Says whether the runs here came out as those published at this scale, and writes verification.csv."""
+    from repro.files import write_text
+    from repro.reporting.verification import verification_to_markdown
+    from repro.reporting.verification import verify as compare
+
+    outputs = outputs_of(config)
+    compared = compare(outputs, RESULTS / config.scale.name)
+    print(verification_to_markdown(compared))
+    path = outputs.path / "verification.csv"
+    write_text(path, compared.to_csv(index=False, float_format="%.6g"))
+    print(path)
+
+
 def export(config: Config) -> None:
     """Writes the weights of one run as float16 with a model card into reproduce/results."""
     from repro.reporting.publish import export_weights

@@ -6,12 +6,12 @@ import sys
 from repro.calls import outputs_of, recordings_of, run_config, run_of
 from repro.config import NETWORKS, Config, Task, world_spec
 from repro.messages import announce
-from repro.outcomes import animate, curves, evaluate_rival, evidence, export, publish, readme, report, transfer
+from repro.outcomes import animate, curves, evaluate_rival, evidence, export, publish, readme, report, transfer, verify
 from repro.provenance import Status
 from repro.studies import Study
 
 # done for all runs together
-ONCE = (Task.report, Task.evidence, Task.curves, Task.plan, Task.status, Task.publish, Task.readme)
+ONCE = (Task.report, Task.evidence, Task.curves, Task.plan, Task.status, Task.publish, Task.verify, Task.readme)
 
 
 def record(config: Config) -> None:
@@ -160,6 +160,7 @@ TASKS = {
     Task.status: status,
     Task.world: world,
     Task.publish: publish,
+    Task.verify: verify,
     Task.export: export,
     Task.readme: readme,
 }

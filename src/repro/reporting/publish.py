@@ -20,17 +20,15 @@ from repro.files import replacing_directory, write_json, write_text
 from repro.names import NAMES, SETUPS, predictor_title
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
-from repro.reporting.results import caption, read_results
+from repro.reporting.results import RUN_KEYS, caption, read_results
 from repro.reporting.tables import make_tables
 from repro.runs import Outputs, Run
-
-RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")
 
 
 def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False) -> Path:
     """Puts what an outputs directory has measured in place of the directory of the same name in results.
 
-    The directory is replaced whole or not at all; exported weights and costs in it are kept.
+    The directory is replaced whole or not at all; exported weights, costs and what a verification found are kept.
 
     Args:
         outputs: the outputs directory of one scale, named after it or after what is special about its runs.
@@ -58,7 +56,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         raise ValueError(f"not published to {target}: {'; '.join(found)}; publish.force=true does it all the same")
     with replacing_directory(target) as new:
         for kept in target.glob("*"):
-            if (kept.is_dir() and kept.name != "evidence") or kept.stem == "costs":
+            if (kept.is_dir() and kept.name != "evidence") or kept.stem in ("costs", "verification"):
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
         for kind, table in make_tables(runs).items():
             if len(table.frame):

@@ -13,6 +13,7 @@ from repro.reporting.audit import audit
 from repro.reporting.paper import KEYS, read_paper
 from repro.runs import Outputs, Run
 
+RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")  # what tells one run from another
 OURS = ("unet", "stack10")  # the input that has come out best, see DEVIATIONS D17
 ORDER = (*NETWORKS, "average", "ours", *RIVALS)  # of the rows of a table
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")

@@ -1,0 +1,47 @@
+import pytest
+from conftest import fake_run, fake_study
+
+from repro.reporting.publish import publish
+from repro.reporting.verification import verification_to_markdown, verify
+from repro.runs import Outputs
+
+
+@pytest.fixture
+def published(tmp_path, monkeypatch):
+    monkeypatch.setattr("repro.provenance._commit", lambda: "0123abc")
+    fake_study(tmp_path / "first" / "laptop", seeds=(0, 1))
+    target = publish(Outputs(tmp_path / "first" / "laptop"), tmp_path / "results", "laptop")
+    monkeypatch.setattr("repro.provenance._commit", lambda: "4567def")
+    return target
+
+
+def test_runs_that_came_out_as_published_are_told_from_those_that_did_not(tmp_path, published):
+    again = tmp_path / "again"
+    for model, seed, value in (("unet", 0, 0.5), ("fpn", 0, 0.61), ("all_free", 0, 0.9), ("unet", 7, 0.5)):
+        fake_run(again, "3", model, True, seed, value)
+    found = verify(Outputs(again), published).set_index("model")
+    assert found["weights"].to_dict() == {"unet": "same", "fpn": "other", "all_free": ""}
+    assert set(found["recordings"]) == {"same"}
+    assert found["delta_accuracy"].to_dict() == pytest.approx({"unet": 0, "fpn": 0.01, "all_free": 0})
+    assert found.loc["fpn", ["commit", "published_commit"]].tolist() == ["4567def", "0123abc"]
+    text = verification_to_markdown(found.reset_index())
+    assert "| 3 | FPN | 0 | same | other | 0.6100 (0.6000) |" in text
+    assert "Of 3 runs 3 have the recordings that were published, of 2 trainings 1 the same weights" in text
+    assert "Acc. 0.0100" in text
+
+
+def test_other_recordings_are_seen(tmp_path, published):
+    run = fake_run(tmp_path / "again", "3", "unet", True, 0, 0.5)
+    path = run.path / "provenance.json"
+    path.write_text(path.read_text().replace("hash of recordings", "another hash"))
+    assert verify(Outputs(tmp_path / "again"), published)["recordings"].tolist() == ["other"]
+
+
+def test_runs_that_cannot_be_compared_are_refused(tmp_path, published):
+    with pytest.raises(ValueError, match=r"nothing is published in .*nowhere"):
+        verify(Outputs(tmp_path / "first" / "laptop"), tmp_path / "nowhere")
+    with pytest.raises(ValueError, match=r"none of the 9 runs in .* has been evaluated in .*empty"):
+        verify(Outputs(tmp_path / "empty"), published)
+    fake_run(tmp_path / "coarse", "3", "unet", True, 0, 0.5, size_px=16)
+    with pytest.raises(ValueError, match=r"published are 32 px, in .*coarse are 16"):
+        verify(Outputs(tmp_path / "coarse"), published)
