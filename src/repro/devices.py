@@ -82,6 +82,11 @@ def peak_memory_gb() -> float:
 
 
 def hardware() -> dict[str, Any]:
-    """Describes the machine: architecture, cores, GPU or None."""
-    gpu = torch.cuda.get_device_name() if torch.cuda.is_available() else None
-    return {"machine": platform.machine(), "cpu_cores": os.cpu_count(), "gpu": gpu}
+    """Describes the machine, and the threads it computes with here, on which the last digits depend; GPU or None."""
+    return {
+        "machine": platform.machine(),
+        "cpu": torch.cpu.get_capabilities().get("cpu_name"),
+        "cpu_cores": os.cpu_count(),
+        "threads": torch.get_num_threads(),
+        "gpu": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
+    }
