@@ -99,7 +99,8 @@ def test_surroundings_are_noted(tmp_path):
     run.use_recordings("abc")
     step = json.loads((tmp_path / "provenance.json").read_text())["steps"][0]
     assert step["versions"]["ir-sim"] == "2.12.0"
-    assert step["hardware"]["cpu_cores"] > 0 and step["hardware"]["threads"] > 0
+    assert step["hardware"]["cpu_cores"] > 0
+    assert step["hardware"]["threads"] > 0
     assert step["written"].endswith("+00:00")
 
 

@@ -1,5 +1,6 @@
+import pandas as pd
 import pytest
-from conftest import fake_run, fake_study
+from conftest import ROOT, fake_run, fake_study
 
 from repro.reporting.publish import publish
 from repro.reporting.verification import verification_to_markdown, verify
@@ -45,3 +46,14 @@ def test_runs_that_cannot_be_compared_are_refused(tmp_path, published):
     fake_run(tmp_path / "coarse", "3", "unet", True, 0, 0.5, size_px=16)
     with pytest.raises(ValueError, match=r"published are 32 px, in .*coarse are 16"):
         verify(Outputs(tmp_path / "coarse"), published)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "reproduce" / "results").glob("*/verification.csv")), ids=str)
+def test_published_verifications_are_of_published_runs_that_came_out_the_same(path):
+    found, runs = pd.read_csv(path), pd.read_csv(path.with_name("runs.csv"))
+    keys = ["experiment", "model", "encoding", "decay", "seed"]
+    both = found.merge(runs, on=keys, suffixes=("", "_of_run"))
+    assert len(both) == len(found) > 0
+    assert (both["published_accuracy"] - both["accuracy_of_run"]).abs().max() < 1e-6
+    assert set(found["recordings"]) == set(found["weights"].dropna()) == {"same"}
+    assert found.filter(like="delta_").abs().max(axis=None) == 0
