@@ -207,12 +207,11 @@ def publish(config: Config) -> None:
 def verify(config: Config) -> None:
     """Says whether the runs here came out as those published at this scale, and writes verification.csv."""
     from repro.files import write_text
-    from repro.reporting.verification import verification_to_markdown
-    from repro.reporting.verification import verify as compare
+    from repro.reporting import verification
 
     outputs = outputs_of(config)
-    compared = compare(outputs, RESULTS / config.scale.name)
-    print(verification_to_markdown(compared))
+    compared = verification.verify(outputs, RESULTS / config.scale.name)
+    print(verification.verification_to_markdown(compared))
     path = outputs.path / "verification.csv"
     write_text(path, compared.to_csv(index=False, float_format="%.6g"))
     print(path)

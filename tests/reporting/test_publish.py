@@ -16,7 +16,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.prediction import Predictor
 from repro.provenance import Status
-from repro.reporting.publish import export_weights, publish
+from repro.reporting.publish import doubts, export_weights, publish
 from repro.reporting.readme import readme_with_results
 from repro.reporting.results import OURS, read_results
 from repro.reporting.tables import write_tables
@@ -125,6 +125,16 @@ def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
     assert "ablation" not in (results / "laptop" / "README.md").read_text()
     assert (target / "kept").read_text() == "weights"
     assert [path.name for path in results.iterdir()] == ["laptop"]
+
+
+def test_a_published_run_with_another_input_is_missed(tmp_path):
+    fake_study(tmp_path / "laptop")
+    runs = read_results(Outputs(tmp_path / "laptop"))
+    unet = runs[runs["model"] == "unet"]
+    pd.concat([runs, unet.assign(encoding="stack10")]).to_csv(tmp_path / "runs.csv", index=False)
+    assert doubts(runs, [], tmp_path) == ["1 of the 6 published runs are not here"]
+    runs.drop(columns="encoding").to_csv(tmp_path / "runs.csv", index=False)  # as the earliest were published
+    assert doubts(runs, [], tmp_path) == []
 
 
 def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@ import pytest
 from conftest import ROOT, fake_run, fake_study
 
 from repro.reporting.publish import publish
+from repro.reporting.results import RUN_KEYS, read_published
 from repro.reporting.verification import verification_to_markdown, verify
 from repro.runs import Outputs
 
@@ -50,9 +51,8 @@ def test_runs_that_cannot_be_compared_are_refused(tmp_path, published):
 
 @pytest.mark.parametrize("path", sorted((ROOT / "reproduce" / "results").glob("*/verification.csv")), ids=str)
 def test_published_verifications_are_of_published_runs_that_came_out_the_same(path):
-    found, runs = pd.read_csv(path), pd.read_csv(path.with_name("runs.csv"))
-    keys = ["experiment", "model", "encoding", "decay", "seed"]
-    both = found.merge(runs, on=keys, suffixes=("", "_of_run"))
+    found, runs = pd.read_csv(path, dtype={"experiment": str}), read_published(path.parent)
+    both = found.merge(runs, on=[*RUN_KEYS], suffixes=("", "_of_run"))
     assert len(both) == len(found) > 0
     assert (both["published_accuracy"] - both["accuracy_of_run"]).abs().max() < 1e-6
     assert set(found["recordings"]) == set(found["weights"].dropna()) == {"same"}

@@ -20,7 +20,7 @@ from repro.files import replacing_directory, write_json, write_text
 from repro.names import NAMES, SETUPS, predictor_title
 from repro.prediction import load_predictor
 from repro.provenance import Provenance
-from repro.reporting.results import RUN_KEYS, caption, read_results
+from repro.reporting.results import RUN_KEYS, SIZES, caption, read_published, read_results
 from repro.reporting.tables import make_tables
 from repro.runs import Outputs, Run
 
@@ -87,12 +87,12 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
     if any(commit.endswith("+") for commit in commits):
         found.append("the code was not committed when some of it was made")
     if (target / "runs.csv").is_file():
-        before = pd.read_csv(target / "runs.csv", dtype={"experiment": str})
-        for fact, word in (("size_px", "px"), ("train_pairs", "training pairs"), ("test_pairs", "test pairs")):
-            now, then = runs[fact].max(), before[fact].max()
+        before = read_published(target)
+        for size, word in SIZES.items():
+            now, then = runs[size].max(), before[size].max()
             if now < then:
                 found.append(f"{then:.0f} {word} are published, here are {now:.0f}")
-        keys = ["experiment", "model", "decay", "seed"]
+        keys = [*RUN_KEYS]
         missing = set(before[keys].itertuples(index=False, name=None)) - set(
             runs[keys].itertuples(index=False, name=None)
         )

@@ -1,5 +1,6 @@
 """Run directories to tidy rows, and tidy rows to the paper's two tables with the difference to it."""
 
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -14,6 +15,7 @@ from repro.reporting.paper import KEYS, read_paper
 from repro.runs import Outputs, Run
 
 RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")  # what tells one run from another
+SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs"}  # of runs, in words
 OURS = ("unet", "stack10")  # the input that has come out best, see DEVIATIONS D17
 ORDER = (*NETWORKS, "average", "ours", *RIVALS)  # of the rows of a table
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
@@ -50,6 +52,18 @@ def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFr
         if len(values) > 1:
             raise ValueError(f"the runs in {outputs.path} differ in {fact}: {values}; one table cannot hold them")
     return table
+
+
+def read_published(directory: Path) -> pd.DataFrame:
+    """Reads the runs.csv of a published directory, rows as of `read_results`; the earliest name no encoding.
+
+    Raises:
+        ValueError: nothing is published there.
+    """
+    if not (directory / "runs.csv").is_file():
+        raise ValueError(f"nothing is published in {directory}")
+    runs = pd.read_csv(directory / "runs.csv", dtype={"experiment": str})
+    return runs if "encoding" in runs else runs.assign(encoding="projection")
 
 
 def _row(outputs: Outputs, run: Run) -> dict[str, Any]:

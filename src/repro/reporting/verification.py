@@ -9,11 +9,10 @@ from repro.evaluation.metrics import METRICS
 from repro.files import read_typed
 from repro.names import predictor_title
 from repro.provenance import Provenance
-from repro.reporting.results import RUN_KEYS, read_results
+from repro.reporting.results import RUN_KEYS, SIZES, read_published, read_results
 from repro.runs import Outputs
 
 COMPARED = (*METRICS, "obstacle_iou")
-SETTINGS = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs"}
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 
 
@@ -32,15 +31,12 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
     Raises:
         ValueError: nothing is published there, no run is in both, or they are of different resolutions or pairs.
     """
-    if not (published / "runs.csv").is_file():
-        raise ValueError(f"nothing is published in {published}, so there is nothing to compare {outputs.path} with")
-    theirs, ours = pd.read_csv(published / "runs.csv", dtype={"experiment": str}), read_results(outputs)
-    theirs = theirs if "encoding" in theirs else theirs.assign(encoding="projection")
+    theirs, ours = read_published(published), read_results(outputs)
     both = ours.merge(theirs, on=[*RUN_KEYS], suffixes=("", "_published")) if len(ours) else ours
     if both.empty:
         raise ValueError(f"none of the {len(theirs)} runs in {published} has been evaluated in {outputs.path}")
-    for setting, word in SETTINGS.items():
-        here, there = both[setting].dropna(), both[f"{setting}_published"].dropna()
+    for size, word in SIZES.items():
+        here, there = both[size].dropna(), both[f"{size}_published"].dropna()
         if set(here) != set(there):
             raise ValueError(f"published are {there.max():.0f} {word}, in {outputs.path} are {here.max():.0f}")
     origins = read_typed(dict[str, Provenance], published / "provenance.json", "git has it")
