@@ -55,6 +55,15 @@ def replacing_directory(path: Path) -> Iterator[Path]:
         shutil.rmtree(new, ignore_errors=True)
 
 
+def clear_leftovers(directory: Path) -> None:
+    """Removes what killed processes left half written in a directory, where no other process may be writing now."""
+    for leftover in directory.glob("*.tmp"):
+        if leftover.is_dir():
+            shutil.rmtree(leftover)
+        else:
+            leftover.unlink()
+
+
 def write_text(path: Path, text: str) -> None:
     """Writes a text file whole or not at all, however the process ends."""
     with replacing(path) as temporary:

@@ -16,6 +16,7 @@ outputs/<scale>/
 
 import dataclasses
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ import yaml
 from pydantic import TypeAdapter
 
 from repro.config import Encoding, Model, PairCounts, Training
-from repro.files import read_typed, write_json, write_text
+from repro.files import clear_leftovers, lock, read_typed, write_json, write_text
 from repro.provenance import Provenance, Status, surroundings
 
 
@@ -68,17 +69,29 @@ class Run:
     def metrics(self) -> Path:
         return self.path / "metrics.csv"
 
+    @property
+    def _has_begun(self) -> bool:
+        return any((self.path / name).is_file() for name in ("config.yaml", "provenance.json"))
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keeps other processes out of the directory, and clears it of what a killed one left half written."""
+        with lock(self.path):
+            clear_leftovers(self.path)
+            yield
+
     def prepare(self, config: RunConfig) -> None:
         """Makes the directory and its config.yaml, or checks that the one there is the same run.
 
         Raises:
             ValueError: the directory holds a run of another configuration; the message names the differences.
         """
-        if not (self.path / "config.yaml").is_file() and not (self.path / "provenance.json").is_file():
+        if not self._has_begun:
             self.path.mkdir(parents=True, exist_ok=True)
-            content = TypeAdapter(RunConfig).dump_python(config)
-            write_text(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False))
-            return
+            with self.alone():
+                if not self._has_begun:  # by a process that was here first
+                    content = TypeAdapter(RunConfig).dump_python(config)
+                    write_text(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False))
         there, wanted = (_flatten(dataclasses.asdict(one)) for one in (self.config(), config))
         differ = [key for key in there | wanted if there.get(key) != wanted.get(key)]
         if differ:
@@ -91,10 +104,9 @@ class Run:
         Raises:
             ValueError: this is no run directory, or its config.yaml cannot be read.
         """
-        path = self.path / "config.yaml"
-        if not path.is_file() and not (self.path / "provenance.json").is_file():
+        if not self._has_begun:
             raise ValueError(f"{self} is no run directory: it has no config.yaml")
-        return read_typed(RunConfig, path, self._cure)
+        return read_typed(RunConfig, self.path / "config.yaml", self._cure)
 
     def provenance(self) -> Provenance:
         """Reads where the run came from; empty when it has not got so far."""

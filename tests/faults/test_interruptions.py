@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, prepared
 
+from repro.evaluation.predictions import evaluate
 from repro.files import replacing
 from repro.learning import training
 from repro.learning.training import train
@@ -109,6 +110,17 @@ def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
     assert weights[0] == weights[1]
     assert len(killed.provenance().steps) > 2
     assert not list(killed.path.rglob("*.tmp"))
+
+
+def test_what_a_killed_process_left_half_written_is_cleared(recorded, tmp_path):
+    run = prepared(tmp_path / "run", max_epochs=1)
+    for step in (train, evaluate):
+        (run.path / "model.0a.tmp").mkdir()
+        (run.path / "model.0a.tmp" / "config.json").write_text("{")
+        (run.path / "predictions.npz.0b.tmp").write_bytes(b"half")
+        step(run, recorded, accelerator="cpu")
+        assert not list(run.path.rglob("*.tmp")), step
+    assert run.is_evaluated
 
 
 @pytest.mark.parametrize("moment", ["recordings/exp3/.lock", f"{RUN}/history.csv"])

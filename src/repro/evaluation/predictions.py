@@ -17,7 +17,7 @@ from torch import Tensor
 from repro.devices import resolve_device
 from repro.evaluation.metrics import METRICS, confusion, scores, ssim
 from repro.evaluation.rivals import RIVALS
-from repro.files import lock, read_table, replacing, write_text
+from repro.files import read_table, replacing, write_text
 from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
 from repro.prediction import load_predictor
 from repro.provenance import Status
@@ -39,7 +39,7 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
     Raises:
         ValueError: the run is not trained, or the recordings are not those it was trained on.
     """
-    with lock(run.path):
+    with run.alone():
         if run.is_evaluated:
             return read_metrics(run)
         config = run.config()
@@ -75,7 +75,7 @@ def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
     Raises:
         ValueError: the run is not trained, or the recordings are not those it was trained on.
     """
-    with lock(run.path):
+    with run.alone():
         val, probability = _predict_split("val", run, recordings, accelerator)
         row, _ = measure(probability, val.maps)
         _write_row(row, run.path / "validation.csv")

@@ -23,7 +23,6 @@ from torch import Tensor
 
 from repro.config import Model, Training
 from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
-from repro.files import lock
 from repro.learning.callbacks import Budget, History, Stop, weight_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
@@ -117,7 +116,7 @@ def train(
         ValueError: the recordings are missing, broken or others than the run began with.
         FloatingPointError: the loss is not finite; the run is marked failed.
     """
-    with lock(run.path):
+    with run.alone():
         if run.is_trained:
             return run.status
         if Budget.is_spent(max_minutes):

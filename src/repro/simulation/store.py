@@ -16,7 +16,7 @@ from typing import Any
 import joblib
 from tqdm import tqdm
 
-from repro.files import lock, read_typed, sha256, write_json
+from repro.files import clear_leftovers, lock, read_typed, sha256, write_json
 from repro.scans import Scans
 from repro.simulation.shards import (
     FORMAT,
@@ -87,8 +87,7 @@ def record_experiment(
             )
         pairs = before.pairs if before else pairs
         shards = list(shards_of(pairs))
-        for leftover in directory.glob("*.tmp"):
-            leftover.unlink()  # of a process that was killed
+        clear_leftovers(directory)
         checksums = {name: entry.sha256 for name, entry in before.shards.items()} if before else {}
         missing = [s for s in shards if not _is_whole(directory / s.name, fingerprint, checksums.get(s.name))]
         if before and not missing:
