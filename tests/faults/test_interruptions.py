@@ -101,10 +101,11 @@ def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
         f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
     whole, killed = (prepared(tmp_path / name, max_epochs=12, patience=50) for name in ("whole", "killed"))
+    began = time.monotonic()
     assert train(whole, recorded, accelerator="cpu") is Status.trained
-    rng = random.Random(0)
+    rng, seconds = random.Random(0), time.monotonic() - began
     for _ in range(KILLS):
-        kill_at_random(code.format(str(killed.path)), rng, 3)
+        kill_at_random(code.format(str(killed.path)), rng, seconds)
     assert train(killed, recorded, accelerator="cpu") is Status.trained
     weights = [(run.model / "model.safetensors").read_bytes() for run in (whole, killed)]
     assert weights[0] == weights[1]

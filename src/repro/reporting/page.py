@@ -98,7 +98,7 @@ def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
                 cell["interval"] = f"[{low:.3f}, {high:.3f}]"
             delta = row[f"delta_{metric}"]
             if pd.notna(delta):
-                cell |= {"delta": f"{100 * delta:+.1f}", "side": "above" if delta > 0 else "below"}
+                cell |= {"delta": f"{100 * delta:+z.1f}", "side": "above" if delta > 0 else "below"}
                 cell["tint"] = round(min(abs(delta) / 0.1, 1) * 0.45, 3)
             cells.append(cell)
         model = row["model"]
