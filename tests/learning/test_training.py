@@ -3,6 +3,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -11,7 +12,8 @@ import torch
 from conftest import ROOT, prepared
 
 from repro.files import sha256
-from repro.learning import training
+from repro.learning import callbacks, training
+from repro.learning.callbacks import Crowding
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
 from repro.maps.datasets import Batches, load_pairs_of_run
@@ -133,6 +135,24 @@ def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, re
 def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
     begin(tmp_path, recorded, max_epochs=40, patience=2, min_delta=10.0)
     assert losses(tmp_path)["epoch"].tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "used", "threads", "says"),
+    [(10, 19, 2, ""), (10, 12, 2, "60% of the time of its 2 threads"), (10, 5, 1, ""), (4, 4, 2, "")],
+)
+def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, seconds, used, threads, says):
+    clock = {"monotonic": 100.0, "process_time": 50.0}
+    monkeypatch.setattr(callbacks, "time", SimpleNamespace(**{name: lambda n=name: clock[n] for name in clock}))
+    monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
+    crowding = Crowding()
+    for _ in range(2):
+        crowding.on_train_epoch_start(None, None)
+        clock = {"monotonic": clock["monotonic"] + seconds, "process_time": clock["process_time"] + used}
+        crowding.on_train_epoch_end(None, None)
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == bool(says)
+    assert all(says in line and "OMP_NUM_THREADS=1" in line for line in said)
 
 
 def test_best_weights_are_kept_not_the_last(recorded, tmp_path):

@@ -1,4 +1,4 @@
-"""What a training does at the end of every epoch: note it, and stop early or because its time is up."""
+"""What a training does at the end of every epoch: note it, say what slows it, stop early or because time is up."""
 
 import math
 import time
@@ -7,6 +7,7 @@ from typing import Any
 
 import lightning as L
 import pandas as pd
+import torch
 from lightning.pytorch.callbacks import Callback, EarlyStopping, WeightAveraging
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
@@ -62,6 +63,37 @@ class Stop(EarlyStopping):
         Budget.epochs += 1
         if Budget.is_spent(self.minutes) and not trainer.should_stop and not last:
             self.paused = trainer.should_stop = True
+
+
+class Crowding(Callback):
+    """Says once when other work takes the cores from a training of several threads, which then wait for one another.
+
+    Args:
+        least_seconds: an epoch shorter than that says nothing.
+        least_share: the share of its threads' time that the process must get.
+    """
+
+    def __init__(self, least_seconds: float = 5.0, least_share: float = 0.75) -> None:
+        self.least_seconds = least_seconds
+        self.least_share = least_share
+        self.since: tuple[float, float] | None = None
+
+    def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        self.since = time.monotonic(), time.process_time()
+
+    def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        threads = torch.get_num_threads()
+        if self.since is None or threads == 1:
+            return
+        seconds, used = time.monotonic() - self.since[0], time.process_time() - self.since[1]
+        share = used / (seconds * threads)
+        if seconds > self.least_seconds and share < self.least_share:
+            print(
+                f"note: other work on this machine leaves this training {share:.0%} of the time of its {threads} "
+                "threads, and they wait for one another: begun with OMP_NUM_THREADS=1 it is faster beside that work",
+                flush=True,
+            )
+            self.least_seconds = math.inf
 
 
 def weight_average(decay: float) -> WeightAveraging:

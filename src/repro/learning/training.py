@@ -23,7 +23,7 @@ from torch import Tensor
 
 from repro.config import Model, Training
 from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
-from repro.learning.callbacks import Budget, History, Stop, weight_average
+from repro.learning.callbacks import Budget, Crowding, History, Stop, weight_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
@@ -171,6 +171,7 @@ def _fit(
     callbacks = [
         history,
         stop,
+        *([Crowding()] if device == "cpu" else []),
         *([weight_average(settings.weight_average)] if settings.weight_average else []),
         _checkpoint(checkpoints, "best", monitor="val_loss"),
         _checkpoint(checkpoints, "last"),
