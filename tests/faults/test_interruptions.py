@@ -59,20 +59,35 @@ def whole(tmp_path_factory):
     return outputs
 
 
-def kill_at_random(code, rng, longest_s):
-    """Starts some code and kills it, and all that it started, at a random moment after its imports."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+def start_code(code):
+    """Starts some code that says "ready" after its imports, and waits for that."""
+    output = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True, **output)
     assert process.stdout
-    process.stdout.readline()  # "ready"
-    time.sleep(rng.uniform(0, longest_s))
+    assert process.stdout.readline() == b"ready\n"
+    return process
+
+
+def seconds_of(code):
+    """How long some code takes here and now, after its imports."""
+    process = start_code(code)
+    began = time.monotonic()
+    process.communicate(timeout=300)
+    assert process.returncode == 0
+    return time.monotonic() - began
+
+
+def kill(process):
+    """Kills a process and all that it started."""
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
+
+
+def kill_at_random(code, rng, longest_s):
+    """Starts some code and kills it at a random moment after its imports."""
+    process = start_code(code)
+    time.sleep(rng.uniform(0, longest_s))
+    kill(process)
 
 
 def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
@@ -83,10 +98,9 @@ def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
         "spec = world_spec(read_world(Path('conf/world/paper.yaml')), '4')\n"
         "store.record_experiment(Path({!r}), spec, {{'train': 40, 'val': 4, 'test': 4}}, workers=1)\n"
     )
-    subprocess.run([sys.executable, "-c", code.format(str(tmp_path / "whole"))], cwd=ROOT, check=True, timeout=120)
-    rng = random.Random(0)
+    rng, seconds = random.Random(0), seconds_of(code.format(str(tmp_path / "whole")))
     for _ in range(KILLS):
-        kill_at_random(code.format(str(tmp_path / "killed")), rng, 4)
+        kill_at_random(code.format(str(tmp_path / "killed")), rng, seconds)
     subprocess.run([sys.executable, "-c", code.format(str(tmp_path / "killed"))], cwd=ROOT, check=True, timeout=120)
     whole, killed = (
         {path.name: path.read_bytes() for path in (tmp_path / name).iterdir() if path.name != ".lock"}
@@ -101,9 +115,11 @@ def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
         f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
     whole, killed = (prepared(tmp_path / name, max_epochs=12, patience=50) for name in ("whole", "killed"))
-    began = time.monotonic()
-    assert train(whole, recorded, accelerator="cpu") is Status.trained
-    rng, seconds = random.Random(0), time.monotonic() - began
+    rng, seconds = random.Random(0), seconds_of(code.format(str(whole.path)))
+    begun = start_code(code.format(str(killed.path)))
+    wait_for("history.csv", killed.path, begun)
+    kill(begun)
+    assert not killed.is_trained
     for _ in range(KILLS):
         kill_at_random(code.format(str(killed.path)), rng, seconds)
     assert train(killed, recorded, accelerator="cpu") is Status.trained
