@@ -138,13 +138,21 @@ def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("seconds", "used", "threads", "says"),
-    [(10, 19, 2, ""), (10, 12, 2, "60% of the time of its 2 threads"), (10, 5, 1, ""), (4, 4, 2, "")],
+    ("seconds", "used", "threads", "load", "says"),
+    [
+        (10, 12, 2, 2.5, "60% of the time of its 2 threads"),
+        (10, 19, 2, 2.5, ""),  # gets its share
+        (10, 12, 2, 1.2, ""),  # nothing else runs
+        (10, 5, 1, 2.5, ""),  # one thread waits for none
+        (4, 4, 2, 2.5, ""),  # too short to tell
+    ],
 )
-def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, seconds, used, threads, says):
+def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, seconds, used, threads, load, says):
     clock = {"monotonic": 100.0, "process_time": 50.0}
     monkeypatch.setattr(callbacks, "time", SimpleNamespace(**{name: lambda n=name: clock[n] for name in clock}))
     monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
+    monkeypatch.setattr(callbacks.os, "getloadavg", lambda: (load, load, load))
+    monkeypatch.setattr(callbacks.os, "cpu_count", lambda: 2)
     crowding = Crowding()
     for _ in range(2):
         crowding.on_train_epoch_start(None, None)

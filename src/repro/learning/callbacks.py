@@ -1,6 +1,7 @@
 """What a training does at the end of every epoch: note it, say what slows it, stop early or because time is up."""
 
 import math
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,9 @@ class Stop(EarlyStopping):
 class Crowding(Callback):
     """Says once when other work takes the cores from a training of several threads, which then wait for one another.
 
+    It does when the process gets little of its threads' time though no core is free; where cores are free, the threads
+    had nothing to do.
+
     Args:
         least_seconds: an epoch shorter than that says nothing.
         least_share: the share of its threads' time that the process must get.
@@ -87,7 +91,8 @@ class Crowding(Callback):
             return
         seconds, used = time.monotonic() - self.since[0], time.process_time() - self.since[1]
         share = used / (seconds * threads)
-        if seconds > self.least_seconds and share < self.least_share:
+        crowded = os.getloadavg()[0] > (os.cpu_count() or 1)  # more to run, of the last minute, than cores
+        if crowded and seconds > self.least_seconds and share < self.least_share:
             print(
                 f"note: other work on this machine leaves this training {share:.0%} of the time of its {threads} "
                 "threads, and they wait for one another: begun with OMP_NUM_THREADS=1 it is faster beside that work",
