@@ -71,34 +71,31 @@ class Crowding(Callback):
 
     It does when the process gets little of its threads' time though no core is free; where cores are free, the threads
     had nothing to do.
-
-    Args:
-        least_seconds: an epoch shorter than that says nothing.
-        least_share: the share of its threads' time that the process must get.
     """
 
-    def __init__(self, least_seconds: float = 5.0, least_share: float = 0.75) -> None:
-        self.least_seconds = least_seconds
-        self.least_share = least_share
-        self.since: tuple[float, float] | None = None
+    LEAST_SECONDS = 5.0  # a shorter epoch tells nothing
+    LEAST_SHARE = 0.75  # of its threads' time, that the process must get
+
+    def __init__(self) -> None:
+        self.since = time.monotonic(), time.process_time()
+        self.said = False
 
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         self.since = time.monotonic(), time.process_time()
 
     def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         threads = torch.get_num_threads()
-        if self.since is None or threads == 1:
-            return
         seconds, used = time.monotonic() - self.since[0], time.process_time() - self.since[1]
         share = used / (seconds * threads)
         crowded = os.getloadavg()[0] > (os.cpu_count() or 1)  # more to run, of the last minute, than cores
-        if crowded and seconds > self.least_seconds and share < self.least_share:
+        slowed = threads > 1 and seconds > self.LEAST_SECONDS and share < self.LEAST_SHARE
+        if crowded and slowed and not self.said:
             print(
                 f"note: other work on this machine leaves this training {share:.0%} of the time of its {threads} "
                 "threads, and they wait for one another: begun with OMP_NUM_THREADS=1 it is faster beside that work",
                 flush=True,
             )
-            self.least_seconds = math.inf
+            self.said = True
 
 
 def weight_average(decay: float) -> WeightAveraging:
