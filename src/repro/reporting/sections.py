@@ -164,7 +164,7 @@ def _foretold(frame: pd.DataFrame | None) -> dict[str, Any]:
 
 def _number(value: float) -> str:
     is_count = abs(value) >= 10 or (value >= 1 and float(value).is_integer())
-    return f"{value:,.0f}" if is_count else f"{value:.4f}"
+    return f"{value:,.0f}" if is_count else f"{value:z.4f}"
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
