@@ -46,7 +46,7 @@ def run_config(**changes: Any) -> RunConfig:
         changes.pop("pairs", PairCounts(24, 8, 8)),
         "hash",
     )
-    mine = {"learning_rate", "min_delta", "patience", "max_epochs", "mirror", "weight_average"} & set(changes)
+    mine = {"learning_rate", "min_delta", "patience", "max_epochs", "flip_augmentation", "ema_decay"} & set(changes)
     settings = {key: changes.pop(key) for key in mine}
     train = Training(1e-3, 0.001, 5, 8, 3, 1e-6)
     is_network = name in NETWORKS
@@ -54,7 +54,7 @@ def run_config(**changes: Any) -> RunConfig:
         "3",
         0,
         Model(name, "mit_b0") if is_network else Model(name),
-        Encoding("projection", {"decay": decay, "lightest": 0.8}),
+        Encoding("projection", {"decay": decay, "oldest_gray": 0.8}),
         data,
         dataclasses.replace(train, **settings) if is_network else None,
     )

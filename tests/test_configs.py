@@ -67,7 +67,7 @@ def test_runs_lie_where_they_should():
 
 
 def test_decay_belongs_to_the_encoding():
-    assert typed(composed("decay=false", "lightest=0.5")).encoding.parameters == {"decay": False, "lightest": 0.5}
+    assert typed(composed("decay=false", "oldest_gray=0.5")).encoding.parameters == {"decay": False, "oldest_gray": 0.5}
 
 
 def test_the_grid_is_as_large_as_the_world():

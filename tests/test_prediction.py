@@ -21,7 +21,7 @@ PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 def saved(tmp_path_factory):
     """A predictor of an unusual encoding and map, and where it was saved."""
     torch.manual_seed(0)
-    predictor = Predictor(create_model("fpn").eval(), Projection(decay=False, lightest=0.5), Grid(64, 80.0))
+    predictor = Predictor(create_model("fpn").eval(), Projection(decay=False, oldest_gray=0.5), Grid(64, 80.0))
     directory = tmp_path_factory.mktemp("predictor") / "model"
     predictor.save(directory)
     return predictor, directory
@@ -112,4 +112,4 @@ def test_the_published_card_says_what_is_beside_it():
     card, content = (PUBLISHED / "README.md").read_text(), json.loads((PUBLISHED / "predictor.json").read_text())
     assert f'load_predictor("{PUBLISHED.relative_to(ROOT)}")' in card
     assert f"({content['grid']['size_px']} px)" in card
-    assert f"lightest {content['encoding']['parameters']['lightest']}" in card
+    assert f"oldest_gray {content['encoding']['parameters']['oldest_gray']}" in card

@@ -81,7 +81,7 @@ def _library_faults(config: Config) -> list[Fault]:
     for key, place in {"outputs": config.outputs, "recordings": config.recordings}.items():
         if Path(place).exists() and not Path(place).is_dir():
             faults.append(Fault(key, place, "is a file, a directory is needed"))
-    if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "lightest"}:
+    if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:
         from repro.maps.encodings import ENCODINGS, create_encoding
 
         try:

@@ -100,8 +100,8 @@ class Scale:
     learning_rate: Positive
     batch_size: Annotated[int, Field(ge=2)]
     max_epochs: Count
-    mirror: bool
-    weight_average: Share | None
+    flip_augmentation: bool
+    ema_decay: Share | None
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,8 @@ class Training:
     batch_size: Annotated[int, Field(ge=2)]  # batch norm needs two
     max_epochs: Count
     dice_eps: Positive
-    mirror: bool = False
-    weight_average: Share | None = None
+    flip_augmentation: bool = False
+    ema_decay: Share | None = None
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Config:
     task: Task
     exp: str
     decay: bool
-    lightest: Annotated[float, Field(ge=0, lt=1)]
+    oldest_gray: Annotated[float, Field(ge=0, lt=1)]
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     outputs: Annotated[str, Field(min_length=1)]
     recordings: Annotated[str, Field(min_length=1)]

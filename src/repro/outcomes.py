@@ -239,7 +239,7 @@ def evaluate_rival(outputs: Outputs, settings: RunConfig, name: str) -> None:
     """Evaluates a rival, unless that is done, on the worlds and the grid of some run."""
     from repro.evaluation import predictions
 
-    encoding = Encoding("projection", {"decay": True, "lightest": 0.8})  # a rival draws no images
+    encoding = Encoding("projection", {"decay": True, "oldest_gray": 0.8})  # a rival draws no images
     rival = outputs.run(settings.experiment, name, encoding.variant, 0)
     rival.prepare(dataclasses.replace(settings, model=Model(name), encoding=encoding, seed=0, train=None))
     if not rival.is_evaluated:

@@ -68,7 +68,7 @@ def test_what_keeps_to_the_papers_schedule_is_not_fitted():
 
 def test_points_are_the_unets_with_the_papers_input(tmp_path):
     for seed, decay in ((0, True), (1, True), (0, False)):
-        fake_run(tmp_path, "3", "unet", decay, seed, 0.8, mirror=True, weight_average=0.99)
+        fake_run(tmp_path, "3", "unet", decay, seed, 0.8, flip_augmentation=True, ema_decay=0.99)
     fake_run(tmp_path, "4", "unet", True, 0, 0.9)
     fake_run(tmp_path, "3", "fpn", True, 0, 0.7)
     fake_run(tmp_path, "3", "all_free", True, 0, 0.6)

@@ -189,7 +189,7 @@ def test_a_run_copied_to_another_place_is_not_counted_there(copy, to, capsys):
     [
         ("train.dice_eps=1e-5", "train.dice_eps is 1e-06, asked for 1e-05"),
         ("scale.size_px=32", "data.size_px is 64, asked for 32"),
-        ("lightest=0.5", "encoding.parameters.lightest is 0.8, asked for 0.5"),
+        ("oldest_gray=0.5", "encoding.parameters.oldest_gray is 0.8, asked for 0.5"),
         ("world.obstacles.moving.disc_share=1", "data.worlds is"),
     ],
 )

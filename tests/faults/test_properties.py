@@ -112,12 +112,12 @@ def learn(examples, training, model="fpn"):
 SETTINGS = st.fixed_dictionaries(
     {
         "seed": st.integers(-2, 2**33),
-        "lightest": st.floats(-0.2, 1.2),
+        "oldest_gray": st.floats(-0.2, 1.2),
         "size_px": st.integers(-32, 160),
         "pairs": st.integers(-2, 40),
         "batch_size": st.integers(-1, 40),
         "learning_rate": st.floats(-1e-3, 1e-2),
-        "weight_average": st.none() | st.floats(-0.1, 1.1),
+        "ema_decay": st.none() | st.floats(-0.1, 1.1),
         "model": st.sampled_from([*NETWORKS, "vgg"]),
         "patience": st.integers(-1, 3),
     }
@@ -128,13 +128,13 @@ SETTINGS = st.fixed_dictionaries(
 @given(SETTINGS)
 def test_settings_that_are_accepted_train_a_step(v):
     counts = {"train": v["pairs"], "val": 2, "test": 2}
-    numbers = {key: v[key] for key in ("learning_rate", "batch_size", "weight_average")}
+    numbers = {key: v[key] for key in ("learning_rate", "batch_size", "ema_decay")}
     values = {
-        "task": "all", "exp": "3", "decay": True, "seed": v["seed"], "lightest": v["lightest"],
+        "task": "all", "exp": "3", "decay": True, "seed": v["seed"], "oldest_gray": v["oldest_gray"],
         "outputs": "outputs/x", "recordings": "outputs/x/recordings", "world": WORLD,
-        "encoding": {"name": "projection", "parameters": {"decay": True, "lightest": v["lightest"]}},
+        "encoding": {"name": "projection", "parameters": {"decay": True, "oldest_gray": v["oldest_gray"]}},
         "model": {"name": v["model"], "encoder_name": "mit_b0", "encoder_weights": None},
-        "scale": {"name": "x", "size_px": v["size_px"], "pairs": counts, "max_epochs": 1, "mirror": True, **numbers},
+        "scale": {"name": "x", "size_px": v["size_px"], "pairs": counts, "max_epochs": 1, "flip_augmentation": True, **numbers},
         "train": {"min_delta": 0, "patience": v["patience"], "max_epochs": 1, "dice_eps": 1e-6, **numbers},
         "runtime": {"workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None},
         "publish": {"force": False},

@@ -21,7 +21,7 @@ LIDAR = "world.robot.sensors.0"
 SQUARE = "world.motions.square"
 NUMBERS = {  # key: values that are not allowed
     "seed": (-1, 2**32),
-    "lightest": (-0.1, 1, 2, "nan"),
+    "oldest_gray": (-0.1, 1, 2, "nan"),
     "scale.size_px": (0, -32, 31, 50, 100, 8192),
     "scale.pairs.train": (0, -2, 3),
     "scale.pairs.val": (0, 1),
@@ -29,7 +29,7 @@ NUMBERS = {  # key: values that are not allowed
     "scale.learning_rate": (0, -1, "nan", "inf"),
     "scale.batch_size": (0, 1, -8, 20_000),
     "scale.max_epochs": (0, -1),
-    "scale.weight_average": (0, 1, -1, "nan"),
+    "scale.ema_decay": (0, 1, -1, "nan"),
     "train.learning_rate": (0, "nan"),
     "train.min_delta": (-1, "nan", "inf"),
     "train.patience": (-1,),
@@ -106,7 +106,7 @@ ALLOWED = (
     "runtime.max_minutes=0",
     "train.patience=0",
     "train.min_delta=0",
-    "lightest=0",
+    "oldest_gray=0",
     f"{MOVING}.speed_m_s=[1,2]",
     "world.obstacles.static.disc_share=0",
     f"{LIDAR}.angle_range=6.283185307179586 & {LIDAR}.number=360",

@@ -11,8 +11,8 @@ SCALE = Scale(
     learning_rate=1e-4,
     batch_size=2,
     max_epochs=100,
-    mirror=False,
-    weight_average=None,
+    flip_augmentation=False,
+    ema_decay=None,
 )
 
 

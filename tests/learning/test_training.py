@@ -68,7 +68,7 @@ def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp
 
 
 def test_an_average_of_the_weights_is_validated_kept_and_resumed(recorded, tmp_path, monkeypatch):
-    settings = {"max_epochs": 4, "mirror": True, "weight_average": 0.9}
+    settings = {"max_epochs": 4, "flip_augmentation": True, "ema_decay": 0.9}
     assert begin(tmp_path / "whole", recorded, **settings) is Status.trained
     run = prepared(tmp_path / "parts", **settings)
     monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
@@ -86,7 +86,7 @@ def test_an_average_of_the_weights_is_validated_kept_and_resumed(recorded, tmp_p
         parts = [MapLoss()(network(image), target) for image, target in Batches(val, 8)]
     assert losses(run.path)["val_loss"].min() == pytest.approx(torch.stack(parts).mean().item(), abs=2e-3)
 
-    begin(tmp_path / "plain", recorded, **{**settings, "weight_average": None})
+    begin(tmp_path / "plain", recorded, **{**settings, "ema_decay": None})
     assert not same_weights(run.path, tmp_path / "plain")
 
 

@@ -61,7 +61,9 @@ def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
 
 def test_mirrored_batches_flip_image_and_map_together(recorded):
     pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
-    plain, mirrored = (list(Batches(pairs, 8, seed=3, mirror=mirror)) for mirror in (False, True))
+    plain, mirrored = (
+        list(Batches(pairs, 8, seed=3, flip_augmentation=flip_augmentation)) for flip_augmentation in (False, True)
+    )
     flipped = 0
     for (image, target), (other_image, other_target) in zip(plain, mirrored, strict=True):
         for k in range(8):
@@ -70,7 +72,7 @@ def test_mirrored_batches_flip_image_and_map_together(recorded):
             assert same or turned
             flipped += not same
     assert 4 < flipped < 20  # of 24
-    again = list(Batches(pairs, 8, seed=3, mirror=True))
+    again = list(Batches(pairs, 8, seed=3, flip_augmentation=True))
     assert all(torch.equal(a[0], b[0]) for a, b in zip(mirrored, again, strict=True))
 
 

@@ -41,7 +41,7 @@ def test_a_window_is_drawn_alike_alone_and_in_a_batch(scans, encoding):
 
 
 def test_an_exponential_gray_is_half_way_after_its_half_life():
-    law = Exponential(half_life=10, lightest=0.8)._law(100)
+    law = Exponential(half_life=10, oldest_gray=0.8)._law(100)
     assert law[-1] == 0
     assert law[-11].item() == pytest.approx(0.4)
     assert law[-21].item() == pytest.approx(0.6)
@@ -56,9 +56,9 @@ def test_a_negative_is_the_same_image_with_other_numbers(scans):
 
 
 def test_ages_keep_hit_and_age_apart(scans):
-    images = Ages(lightest=0.5).encode(scans, GRID)
+    images = Ages(oldest_gray=0.5).encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection(decay=False).encode(scans, GRID))
-    assert torch.equal(images[:, 1:], Projection(lightest=0.5).encode(scans, GRID))
+    assert torch.equal(images[:, 1:], Projection(oldest_gray=0.5).encode(scans, GRID))
 
 
 def test_where_a_beam_passed_last_is_the_second_image_of_seen_free(scans):
@@ -80,10 +80,10 @@ def test_a_stack_cuts_the_window_into_its_parts(scans):
 
 
 def test_an_encoding_is_made_from_its_name_and_parameters():
-    assert create_encoding("projection", {"decay": False, "lightest": 0.5}) == Projection(False, 0.5)
+    assert create_encoding("projection", {"decay": False, "oldest_gray": 0.5}) == Projection(False, 0.5)
     with pytest.raises(ValueError, match=r"encoding must be one of projection.*got 'stack'"):
         create_encoding("stack", {})
-    with pytest.raises(ValueError, match="encoding projection takes decay, lightest, got dark"):
+    with pytest.raises(ValueError, match="encoding projection takes decay, oldest_gray, got dark"):
         create_encoding("projection", {"dark": 1})
     assert create_encoding("stack4", {"frames": 4}) == Stack(4)
     with pytest.raises(ValueError, match=r"stack4 is not what its parameters .* make, which is stack5"):
@@ -96,7 +96,7 @@ def test_an_encoding_is_made_from_its_name_and_parameters():
         ("exponential", {"half_life": 0}, "half_life must be positive, got 0"),
         ("seen_free", {"range_max_m": -1}, "range_max_m must be positive, got -1"),
         ("stack4", {"frames": 0}, "frames must be at least 1, got 0"),
-        ("ages", {"lightest": 1}, "lightest must be in"),
+        ("ages", {"oldest_gray": 1}, "oldest_gray must be in"),
     ],
 )
 def test_parameters_without_meaning_are_refused(name, parameters, message):

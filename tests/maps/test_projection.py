@@ -10,13 +10,13 @@ from repro.scans import Scans
 from repro.simulation.store import read_shards
 
 
-def slow_projection(ranges, angles, poses, size_px, decay, lightest):
+def slow_projection(ranges, angles, poses, size_px, decay, oldest_gray):
     """The projection as one would explain it: oldest scan first, every hit painted over what is there."""
     image = np.full((size_px, size_px), 255, dtype=np.uint8)
     steps = len(ranges)
     for step in range(steps):
         x, y, heading = poses[step]
-        gray = lightest * (1 - step / (steps - 1)) if decay else 0.0
+        gray = oldest_gray * (1 - step / (steps - 1)) if decay else 0.0
         for distance, angle in zip(ranges[step], angles, strict=True):
             if not np.isfinite(distance):
                 continue
@@ -60,7 +60,7 @@ def one_beam(hits):
 
 
 def test_the_newest_reading_wins():
-    image = project(one_beam([10.0, 20.0, 10.0]), Grid(50, 50.0), lightest=0.8)[0]
+    image = project(one_beam([10.0, 20.0, 10.0]), Grid(50, 50.0), oldest_gray=0.8)[0]
     row = 24
     assert image[row, 35] == 0  # hit first and last
     assert image[row, 45] == round(255 * 0.4)  # hit in the middle
@@ -69,7 +69,7 @@ def test_the_newest_reading_wins():
 
 def test_gray_falls_linearly_from_the_oldest_to_the_newest():
     scans = one_beam([2.0 * step for step in range(1, 11)])
-    shades = project(scans, Grid(50, 50.0), lightest=0.9)[0, 24, 27::2][:10]
+    shades = project(scans, Grid(50, 50.0), oldest_gray=0.9)[0, 24, 27::2][:10]
     assert shades.tolist() == pytest.approx([255 * 0.9 * (1 - k / 9) for k in range(10)], abs=0.51)
 
 
@@ -95,8 +95,8 @@ def test_turning_the_poses_turns_the_image(shard):
 
 
 def test_bad_grays_are_refused():
-    with pytest.raises(ValueError, match=r"lightest must be in \[0, 1\)"):
-        Projection(lightest=1.0)
+    with pytest.raises(ValueError, match=r"oldest_gray must be in \[0, 1\)"):
+        Projection(oldest_gray=1.0)
 
 
 def test_a_network_is_fed_with_numbers_from_0_to_1():

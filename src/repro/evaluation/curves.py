@@ -54,7 +54,7 @@ def _row(run: Run) -> dict[str, Any] | None:
         "scale": config.data.scale,
         "pairs": config.data.pairs.train,
         "size_px": config.data.size_px,
-        "schedule": FITTED if config.train.mirror and config.train.weight_average else "stated",
+        "schedule": FITTED if config.train.flip_augmentation and config.train.ema_decay else "stated",
         **{name: origin.fact(name) for name in ("epochs", "training_seconds", "recordings")},
         "commit": trained["commit"],
         **{str(name): value for name, value in read_metrics(run).items()},

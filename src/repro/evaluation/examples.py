@@ -22,7 +22,7 @@ class Example:
         prediction: probability of free, (H, W).
         truth: true map, 1 is free, (H, W).
         scans: the recording itself, ranges (T, N).
-        lightest: gray of the oldest hit, 1 is white.
+        oldest_gray: gray of the oldest hit, 1 is white.
     """
 
     experiment: str
@@ -31,7 +31,7 @@ class Example:
     prediction: np.ndarray
     truth: np.ndarray
     scans: Scans
-    lightest: float
+    oldest_gray: float
 
 
 def load_example(outputs: Outputs, experiment: str, *, decay: bool, model: str = "unet", index: int = 0) -> Example:
@@ -59,5 +59,5 @@ def load_example(outputs: Outputs, experiment: str, *, decay: bool, model: str =
         read_predictions(run)[index],
         pairs.maps[index, 0].numpy(),
         scans,
-        config.encoding.parameters["lightest"],
+        config.encoding.parameters["oldest_gray"],
     )

@@ -98,7 +98,7 @@ class Crowding(Callback):
             self.said = True
 
 
-def weight_average(decay: float) -> WeightAveraging:
+def exponential_moving_average(decay: float) -> WeightAveraging:
     """Creates a moving average of the weights, updated every step, which is what is validated and kept.
 
     Args:

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from repro.config import Model, Training
 from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
-from repro.learning.callbacks import Budget, Crowding, History, Stop, weight_average
+from repro.learning.callbacks import Budget, Crowding, History, Stop, exponential_moving_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
@@ -49,7 +49,9 @@ class TrainingModule(L.LightningModule):
 
     def train_dataloader(self) -> Batches:
         settings = self.settings
-        return Batches(self.pairs["train"], settings.batch_size, self._epoch_seed(), mirror=settings.mirror)
+        return Batches(
+            self.pairs["train"], settings.batch_size, self._epoch_seed(), flip_augmentation=settings.flip_augmentation
+        )
 
     def val_dataloader(self) -> Batches:
         return Batches(self.pairs["val"], self.settings.batch_size)
@@ -172,7 +174,7 @@ def _fit(
         history,
         stop,
         *([Crowding()] if device == "cpu" else []),
-        *([weight_average(settings.weight_average)] if settings.weight_average else []),
+        *([exponential_moving_average(settings.ema_decay)] if settings.ema_decay else []),
         _checkpoint(checkpoints, "best", monitor="val_loss"),
         _checkpoint(checkpoints, "last"),
     ]

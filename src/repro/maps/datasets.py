@@ -74,18 +74,20 @@ class Batches:
         pairs: what to gather from.
         batch_size: pairs in a batch.
         seed: shuffles them; None keeps their order.
-        mirror: flips half of them, drawn by the seed, top to bottom. That is an exact symmetry of the paper's worlds:
+        flip_augmentation: flips half of them, drawn by the seed, top to bottom. That is an exact symmetry of the paper's worlds:
             obstacles are placed alike above and below, and the path mirrored is the path of the twin.
 
     Raises:
         ValueError: there are fewer training pairs than a batch takes.
     """
 
-    def __init__(self, pairs: Pairs, batch_size: int, seed: int | None = None, *, mirror: bool = False) -> None:
+    def __init__(
+        self, pairs: Pairs, batch_size: int, seed: int | None = None, *, flip_augmentation: bool = False
+    ) -> None:
         self.pairs = pairs
         self.batch_size = batch_size
         self.seed = seed
-        self.mirror = mirror
+        self.flip_augmentation = flip_augmentation
         if seed is not None and len(pairs) < batch_size:
             raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
 
@@ -99,13 +101,13 @@ class Batches:
         if self.seed is not None:
             generator = torch.Generator().manual_seed(self.seed)
             order = torch.randperm(len(self.pairs), generator=generator)
-            if self.mirror:
+            if self.flip_augmentation:
                 flipped = torch.rand(len(self.pairs), generator=generator) < 0.5
         device = self.pairs.images.device
         parts = zip(order.to(device).split(self.batch_size), flipped.to(device).split(self.batch_size), strict=True)
         for index, flip in islice(parts, len(self)):
             image, target = self.pairs.batch(index)
-            yield (_flip(image, flip), _flip(target, flip)) if self.mirror else (image, target)
+            yield (_flip(image, flip), _flip(target, flip)) if self.flip_augmentation else (image, target)
 
 
 def load_pairs(

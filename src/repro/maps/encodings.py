@@ -48,7 +48,7 @@ class Negative(Projection):
 
 @dataclass(frozen=True)
 class Exponential(Projection):
-    """The projection with a gray that fades by halves: after `half_life` steps half way from black to `lightest`.
+    """The projection with a gray that fades by halves: after `half_life` steps half way from black to `oldest_gray`.
 
     Args:
         half_life: steps.
@@ -67,7 +67,7 @@ class Exponential(Projection):
             raise ValueError(f"half_life must be positive, got {self.half_life}")
 
     def _law(self, steps: int) -> Tensor:
-        return self.lightest * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
+        return self.oldest_gray * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ class Projection:
     """The cumulative dynamic sensor projection: one gray-scale image, 0 black to 255 white.
 
     Every hit is placed in the global frame by pose and beam angle. The newest hit of a pixel wins. Of T steps, a hit of
-    the last is black (0), one of the first has the gray `lightest`, those between lie on a straight line; the
+    the last is black (0), one of the first has the gray `oldest_gray`, those between lie on a straight line; the
     background is white.
 
     Paper: "Cumulative Dynamic Sensor Projection" and, for `decay=False`, "Ablation Study". The decay law is not
@@ -23,21 +23,21 @@ class Projection:
 
     Args:
         decay: False makes every hit equally black.
-        lightest: gray of the oldest hit, in [0, 1), where 1 is white.
+        oldest_gray: gray of the oldest hit, in [0, 1), where 1 is white.
 
     Raises:
-        ValueError: `lightest` is not in [0, 1).
+        ValueError: `oldest_gray` is not in [0, 1).
     """
 
     name: ClassVar[str] = "projection"
     channels: ClassVar[int] = 1
 
     decay: bool = True
-    lightest: float = 0.8
+    oldest_gray: float = 0.8
 
     def __post_init__(self) -> None:
-        if not 0 <= self.lightest < 1:
-            raise ValueError(f"lightest must be in [0, 1), got {self.lightest}")
+        if not 0 <= self.oldest_gray < 1:
+            raise ValueError(f"oldest_gray must be in [0, 1), got {self.oldest_gray}")
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draws the projection of each window.
@@ -65,7 +65,7 @@ class Projection:
 
     def _law(self, steps: int) -> Tensor:
         """Gray of each step, from the oldest to the newest, (T,)."""
-        return torch.linspace(self.lightest, 0, steps)
+        return torch.linspace(self.oldest_gray, 0, steps)
 
 
 def newest_hits(scans: Scans, grid: Grid) -> Tensor:

@@ -88,7 +88,7 @@ def data_representation(examples: list[Example]) -> Figure:
     figure, axes = plt.subplots(1, len(examples), figsize=(3 * len(examples), 3.3), layout="constrained")
     for ax, example in zip(np.atleast_1d(axes), examples, strict=True):
         shown = _image(ax, example.projection, _title(example))
-    bar = figure.colorbar(shown, ax=axes, fraction=0.012, pad=0.01, ticks=[0, 255 * examples[0].lightest, 255])
+    bar = figure.colorbar(shown, ax=axes, fraction=0.012, pad=0.01, ticks=[0, 255 * examples[0].oldest_gray, 255])
     bar.ax.set_yticklabels(["last step", "first step", "no hit"])
     return figure
 
