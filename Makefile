@@ -3,13 +3,13 @@ PYTHON ?= python3
 ARGS ?= # more words for the sweeps of `make reproduce`
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
-ENCODINGS := projection,negative,seen_free,stack4,stack10,exponential,ages
+ENCODINGS := projection,negative,observed_free,stack4,stack10,exponential,ages
 # of the learning curves, px:pairs:epochs; 2,000 pairs at 64 px are laptop scale, 3,000 at 128 px workstation scale
 POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:2000:5 128:4000:5
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce evidence curves test test-slurm torture check bench readme clean
+.PHONY: help setup reproduce analysis curves test test-slurm stress check bench readme clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -42,12 +42,12 @@ reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|paper], pap
 	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 scale=$$scale $(ARGS); \
 	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false scale=$$scale $(ARGS); \
 	$(PY) run.py task=report scale=$$scale; \
-	$(PY) run.py task=evidence scale=$$scale
+	$(PY) run.py task=analysis scale=$$scale
 
-evidence: setup ## what needs more training than the paper's study: other inputs, three seeds; other worlds: [SCALE=laptop]
+analysis: setup ## what needs more training than the paper's study: other inputs, three seeds; other worlds: [SCALE=laptop]
 	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
 	$(PY) run.py task=transfer exp=4 scale=$(or $(SCALE),laptop)
-	$(PY) run.py task=evidence scale=$(or $(SCALE),laptop)
+	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop)
 
 curves: setup ## learning curves to paper scale: U-Net with fewer pairs and pixels; 3 hours on 2 cores
 	$(PY) run.py -m task=record exp=1,2,3,4 scale=laptop scale.pairs.train=8000 outputs=outputs/curves
@@ -66,7 +66,7 @@ test: setup ## the tests, without GPU and network
 test-slurm: setup ## the sweep on a real Slurm of one node; needs root and Debian's slurm-wlm and munge
 	REPRO_SLURM=1 $(PY) -m pytest tests/slurm
 
-torture: setup ## an hour of kills, damage, generated configurations and processes at once
+stress: setup ## an hour of kills, damage, generated configurations and processes at once
 	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/faults
 
 check: setup ## ruff (lint and format) and mypy

@@ -1,150 +1,180 @@
-"""One entry point: maps a task to one function of `repro`. The only file that knows Hydra.
+"""The entry point: Hydra composes the configuration, `repro.cli` checks it and runs a task.
 
-python run.py task=record exp=3                                        simulate and store one experiment
 python run.py exp=3 model=unet                                         record what is missing, train, evaluate
-python run.py -m model=unet,fpn,upernet,segformer exp=3,4 decay=false  a sweep, then the tables
-python run.py task=report                                              tables and figures from what is there
+python run.py -m model=unet,fpn,upernet,segformer exp=3,4 decay=false  a sweep, then its table
+python run.py task=record exp=3                                        simulate and store one experiment
+python run.py task=report                                              tables and figures from the runs that are there
 python run.py task=world exp=3 seed=17                                 write one world and its twin as IR-SIM YAML
 """
 
+import argparse
 import os
 import signal
 import sys
 import traceback
 import uuid
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import hydra
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra._internal.utils import get_args_parser
 from hydra.core.config_store import ConfigStore
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
-from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from repro.checks import all_faults, remarks
-from repro.config import Config, Task, plain, schema, to_typed, variant
-from repro.messages import JobFailed, explain, stopped
-from repro.outcomes import print_tables
-from repro.runs import Outputs
-from repro.tasks import ONCE, TASKS, warn_of_cost
+from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
+from repro.cli.errors import explain
+from repro.cli.jobs import resolve
+from repro.cli.tasks import run_task
+from repro.cli.validation import all_errors, has_gpu, renamed_errors, warnings_of
+from repro.config import NO_DECAY, plain
+from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
 
+CONF = Path(__file__).parent / "conf"
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
-FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a sweep, in whatever process, note their failures
+FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a call, in whatever process, note their failures
 
 
-def place(task: Task, exp: str, model: str, encoding: str, decay: bool, seed: int) -> str:
-    """Says where a call's own files, and so Hydra's, lie below the outputs directory."""
-    outputs = Outputs(Path())
-    if task in (Task.all, Task.train, Task.evaluate):
-        return str(outputs.run(exp, model, variant(encoding, decay), seed).path)
-    return str(outputs.recordings(exp)) if task is Task.record else "hydra"
+class Refused(Exception):
+    """A call that cannot be run; its arguments are the reasons, one line each."""
 
 
-OmegaConf.register_new_resolver("place", place, replace=True)
+def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, seed: int) -> str:
+    """Return where Hydra writes its files of a job, below the outputs directory: the job's own directory."""
+    if task in ("all", "train", "evaluate"):
+        return str(RunKey(exp, model, encoding if decay else f"{encoding}{NO_DECAY}", seed).path)
+    return f"recordings/exp{exp}" if task == "record" else "hydra"
+
+
+OmegaConf.register_new_resolver("job_directory", job_directory, replace=True)
+OmegaConf.register_new_resolver("default_scale", lambda: "paper" if has_gpu() else "laptop", replace=True)
+OmegaConf.register_new_resolver("first_key", lambda mapping: next(iter(mapping), ""), replace=True)
 ConfigStore.instance().store(name="schema", node=schema())
-
-
-class Gate(Callback):
-    """Checks a call, or every job of a sweep, before Hydra writes anything; notes whose tables are due at the end."""
-
-    due: ClassVar[list[Outputs]] = []
-
-    def on_run_start(self, config: DictConfig, **_: Any) -> None:
-        check([config])
-
-    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
-        jobs = [hydra.compose("config", overrides=words) for words in jobs_of(config.hydra.overrides.task)]
-        check(jobs)
-        if config.task in (Task.all, Task.evaluate):
-            self.due.append(Outputs(Path(config.outputs)))
-        os.environ[FAILURES] = str(Path(config.outputs).absolute() / f".failures-{uuid.uuid4().hex}")
-
-
-def jobs_of(overrides: list[str]) -> list[list[str]]:
-    """Splits the words of a sweep into those of its jobs."""
-    jobs: list[list[str]] = [[]]
-    for override in OverridesParser.create().parse_overrides(list(overrides)):
-        key = override.get_key_element()
-        is_sweep = override.is_discrete_sweep()
-        values = list(override.sweep_string_iterator()) if is_sweep else [override.get_value_element_as_str()]
-        jobs = [[*job, f"{key}={value}"] for value in values for job in jobs]
-    return jobs
-
-
-def check(configs: list[DictConfig]) -> None:
-    """Ends the call with status 2 and a list of all that is wrong with its configurations, if anything is."""
-    values = [
-        plain(OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])) for config in configs
-    ]
-    faults = dict.fromkeys(str(fault) for each in values for fault in all_faults(each))
-    if len({config.outputs for config in configs}) < len(configs) and configs[0].task in ONCE:
-        faults[f"task={configs[0].task.value}: is done once for all runs; leave out the sweep"] = None
-    if faults:
-        print("error: this cannot be run", *(f"  {fault}" for fault in faults), sep="\n", file=sys.stderr)
-        sys.exit(2)
-    typed = [to_typed(each) for each in values]
-    for remark in dict.fromkeys(remark for each in typed for remark in remarks(each)):
-        print(f"note: {remark}", file=sys.stderr)
-    warn_of_cost(typed)
 
 
 @hydra.main(version_base="1.3", config_path="conf", config_name="config")
 def main(config: DictConfig) -> None:
+    """Run one job; a failure is printed and noted, so that the other jobs of a sweep go on."""
     call = to_typed(plain(config))
     try:
-        TASKS[call.task](call)
-    except JobFailed:
-        raise
+        run_task(resolve(call))
     except Exception as error:
-        fail(call, error)
+        report_failure(call, error)
 
 
-def fail(config: Config, error: Exception) -> None:
-    """Says why a job failed, notes it for the end of the sweep, and lets the other jobs go on."""
+def report_failure(config: Config, error: Exception) -> None:
     message = explain(error)
     if message is None or WANTS_TRACEBACKS:
         traceback.print_exception(error)
-    job = f"exp={config.exp} model={config.model.name} decay={str(config.decay).lower()} seed={config.seed}"
     line = (message or f"{type(error).__name__}: {error}").split("\n")[0]
     print(f"error: {message or line}", file=sys.stderr, flush=True)
-    if FAILURES in os.environ:
-        with open(os.environ[FAILURES], "a") as file:
-            file.write(f"{job}: {line}\n")
-    raise JobFailed(line) from None
+    job = f"exp={config.exp} model={config.model.name} decay={str(config.decay).lower()} seed={config.seed}"
+    with open(os.environ[FAILURES], "a") as file:
+        file.write(f"{job}: {line}\n")
 
 
-def command_line() -> int:
-    """Runs the call; returns its exit status: 1 when a job failed, 2 when it cannot be run, 130 when interrupted."""
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
-    status = 0
+def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
+    """Compose and check every job of a call before Hydra writes anything.
+
+    Raises:
+        Refused: a job cannot be run.
+    """
+    if arguments.config_name or arguments.config_path:
+        raise Refused("--config-name and --config-path are not supported: use overrides, or --config-dir for groups")
+    overrides = list(arguments.overrides)
+    if arguments.config_dir:
+        overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
     try:
-        main()
-    except JobFailed:
-        status = 1
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+            parsed = parser.parse_overrides(overrides)
+            given = [(override.key_or_group, (override.input_line or "").partition("=")[2]) for override in parsed]
+            renamed = renamed_errors(given)
+            if renamed:
+                raise Refused(*renamed)
+            batches = BasicSweeper.split_arguments(parsed, None) if arguments.multirun else [[overrides]]
+            jobs = [job for batch in batches for job in batch]
+            if not jobs:
+                raise Refused("the sweep has no jobs: a pattern matches nothing")
+            values = [plain(hydra.compose("config", overrides=job)) for job in jobs]
     except (HydraException, OmegaConfBaseException) as error:
         if WANTS_TRACEBACKS:
             raise
-        print(f"error: {error}", *filter(None, [error.__cause__]), sep="\n", file=sys.stderr)
+        raise Refused(str(error), *filter(None, [str(error.__cause__ or "")])) from error
+    errors = dict.fromkeys(str(error) for each in values for error in all_errors(each))
+    if errors:
+        raise Refused(*errors)
+    configs = [to_typed(each) for each in values]
+    if len({config.outputs for config in configs}) < len(configs) and configs[0].task in STUDY_TASKS:
+        raise Refused(f"task={configs[0].task}: is done once for all runs; leave out the sweep")
+    return configs
+
+
+def print_notes(configs: list[Config], arguments: argparse.Namespace) -> None:
+    """Print the scale where it was not chosen, what it costs, and warnings."""
+    scale, chosen = configs[0].scale, any(override.startswith("scale=") for override in arguments.overrides)
+    if not chosen and configs[0].task != "docs":
+        why = "a CUDA GPU is visible" if has_gpu() else "no CUDA GPU is visible"
+        other = "laptop" if scale.name == "paper" else "paper"
+        takes = OmegaConf.load(CONF / "scale" / f"{other}.yaml").takes
+        print(f"scale={scale.name} ({why}): {scale.size_px} px, the whole study takes {scale.takes}", flush=True)
+        print(f"  the other default, scale={other}, takes {takes}; scale=smoke takes minutes", flush=True)
+    for warning in dict.fromkeys(warning for each in configs for warning in warnings_of(each)):
+        print(f"note: {warning}", file=sys.stderr)
+    trainings = [config for config in configs if config.task in ("all", "train") and config.scale.name == "paper"]
+    if trainings and not has_gpu():
+        from repro.cli.cost import print_cost  # imports torch
+
+        print_cost([resolve(config) for config in trainings])
+
+
+def run_jobs(configs: list[Config], multirun: bool) -> int:
+    """Run the jobs of a call by Hydra, then print the tables of a sweep and the failures; return the exit status."""
+    outputs = {Path(config.outputs) for config in configs}
+    failures = min(outputs).absolute() / f".failures-{uuid.uuid4().hex}"
+    failures.parent.mkdir(parents=True, exist_ok=True)
+    os.environ[FAILURES] = str(failures)
+    try:
+        main()
+        left_out: list[str] = []
+        if multirun and configs[0].task in ("all", "evaluate"):
+            from repro.cli.output import print_tables  # imports pandas
+
+            tables = tuple({config.decay: "main" if config.decay else "ablation" for config in configs}.values())
+            left_out = [error for path in sorted(outputs) for error in print_tables(Outputs(path), tables)]
+        failed = failures.read_text().splitlines() if failures.is_file() else []
+    finally:
+        failures.unlink(missing_ok=True)
+    if failed and multirun:
+        print("failed:", *(f"  {line}" for line in failed), sep="\n", file=sys.stderr)
+    return int(bool(failed or left_out))
+
+
+def command_line() -> int:
+    """Run the call; return 0, 1 when a job failed, 2 when the call is refused, 130 when it is interrupted."""
+    arguments = get_args_parser().parse_args()
+    informational: list[Any] = [arguments.help, arguments.hydra_help, arguments.cfg, arguments.info]
+    if any(informational) or arguments.shell_completion:
+        main()
+        return 0
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
+    try:
+        configs = compose_jobs(arguments)
+        print_notes(configs, arguments)
+        return run_jobs(configs, arguments.multirun)
+    except Refused as reasons:
+        print("error: this cannot be run", *(f"  {reason}" for reason in reasons.args), sep="\n", file=sys.stderr)
         return 2
     except OSError as error:
         if WANTS_TRACEBACKS or explain(error) is None:
             raise
         print(f"error: {explain(error)}", file=sys.stderr)
         return 1
-    left_out = [print_tables(outputs) for outputs in Gate.due]
-    return max([status, print_failures(), *left_out])
-
-
-def print_failures() -> int:
-    """Lists the failed jobs of a sweep, one line each; returns 1 when there are some."""
-    path = Path(os.environ.get(FAILURES, ""))
-    if not path.is_file():
-        return 0
-    print("failed:", *(f"  {line}" for line in path.read_text().splitlines()), sep="\n", file=sys.stderr)
-    path.unlink()
-    return 1
 
 
 if __name__ == "__main__":
@@ -152,5 +182,5 @@ if __name__ == "__main__":
     try:
         sys.exit(command_line())
     except KeyboardInterrupt:
-        print(f"\n{stopped()}", file=sys.stderr)
+        print("\ninterrupted: the same command resumes", file=sys.stderr)
         sys.exit(130)

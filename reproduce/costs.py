@@ -19,15 +19,15 @@ import torch
 from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.config import NETWORKS, Training
-from repro.devices import clock
-from repro.learning.models import create_model
+from repro.config import NETWORKS, Training, paper_model
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.networks.create import create_network
 from repro.reporting.tables import Table, costs_to_markdown
 from repro.scans import Scans
+from repro.system.devices import clock
 
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
 LATENCIES = ("cpu_eager_ms", "cpu_compiled_ms", "cpu_onnx_ms", "cuda_eager_ms", "cuda_compiled_ms")
@@ -89,7 +89,7 @@ def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float 
     torch.cuda.reset_peak_memory_stats()
     image = torch.zeros(batch_size, 1, size_px, size_px, dtype=torch.uint8, device="cuda")
     pairs, settings = Pairs(image, image, Projection()), Training(1e-4, 0.001, 5, batch_size, 1, 1e-6)
-    module = TrainingModule(create_model(architecture), pairs, pairs, settings, seed=0).cuda()
+    module = TrainingModule(create_network(paper_model(architecture)), pairs, pairs, settings, seed=0).cuda()
     optimizer = module.configure_optimizers()
     for _ in range(2):
         with torch.autocast("cuda", torch.bfloat16):
@@ -102,7 +102,7 @@ def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float 
 
 def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, object]:
     """One row of the table."""
-    grid, model = Grid(size_px, 50.0), create_model(architecture).eval()
+    grid, model = Grid(size_px, 50.0), create_network(paper_model(architecture)).eval()
     image = torch.rand(1, 1, size_px, size_px)
     counter = FlopCounterMode(display=False)
     with counter:
@@ -142,7 +142,7 @@ def note(runs: pd.DataFrame) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=Path, help="published results, say reproduce/results/laptop")
-    parser.add_argument("--batch-size", type=int, default=16, help="of the training whose GPU memory is measured")
+    parser.add_argument("--batch-size", type=int, default=16, help="of the training source GPU memory is measured")
     options = parser.parse_args()
     runs = pd.read_csv(options.results / "runs.csv")
     trained_px = int(runs["size_px"].iloc[0])

@@ -9,11 +9,11 @@
 #   SEEDS="0"           one after the other
 #   KEEP=folder         what must outlast the machine is copied there at the end of a call, and from there at the
 #                       beginning of one: everything but recordings, checkpoints and weights
-#   WHEELS=folder       wheels, for a machine without network whose python3 has PyTorch and Lightning
+#   WHEELS=folder       wheels, for a machine without network source python3 has PyTorch and Lightning
 #   COMMIT=hash         of the code, where it was copied without its git history; stands in the provenance
 #   SCALE=paper LAUNCHER=one_gpu JOBS=3 WORKERS=<cores>
 #
-# Then, at leisure and on any machine: run.py task=evidence scale=paper, task=publish scale=paper.
+# Then, at leisure and on any machine: run.py task=analysis scale=paper, task=publish scale=paper.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -10,10 +10,10 @@ import pytest
 
 import repro.config
 from repro.config import NETWORKS, Encoding, Model, PairCounts, Training
-from repro.evaluation.metrics import METRICS
-from repro.provenance import Status
-from repro.runs import Data, Outputs, Run, RunConfig
-from repro.simulation.store import record_experiment
+from repro.metrics.names import METRICS
+from repro.runs.directories import Data, Outputs, Run, RunConfig
+from repro.runs.provenance import Status
+from repro.simulation.recorder import record_experiment
 
 ROOT = Path(__file__).parents[1]
 
@@ -37,7 +37,7 @@ def recorded(tmp_path_factory) -> Path:
 
 
 def run_config(**changes: Any) -> RunConfig:
-    """The configuration of a small run; a rival's name as `model` leaves out what only networks have."""
+    """The configuration of a small run; a baseline's name as `model` leaves out what only networks have."""
     decay, name = changes.pop("decay", True), changes.pop("model", "unet")
     data = Data(
         changes.pop("scale", "laptop"),

@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from repro import devices
-from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
-from repro.learning.models import create_model
+from repro.networks.create import create_network
+from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 
 
 def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
@@ -11,10 +11,10 @@ def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
         self.forward = None  # the compiler's failure shows at the first call
 
     monkeypatch.setattr(torch.nn.Module, "compile", fail)
-    assert not compiles(create_model("fpn"), torch.zeros(2, 1, 64, 64))
+    assert not compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
     assert "torch.compile fails here (TypeError)" in capsys.readouterr().out
     monkeypatch.setattr(torch.nn.Module, "compile", lambda self: None)
-    assert compiles(create_model("fpn"), torch.zeros(2, 1, 64, 64))
+    assert compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
 
 
 @pytest.mark.parametrize(("native", "auto"), [(True, "bf16-mixed"), (False, "32-true")])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from repro.files import lock, read_mapping, read_table, replacing, sha256, write_json, write_text
+from repro.system.files import lock, read_mapping, read_table, replacing, sha256, write_json, write_text
 
 
 def _write_often(path: Path, word: str, faults) -> None:

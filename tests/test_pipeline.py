@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
-from repro.evaluation.metrics import METRICS
+from repro.metrics.names import METRICS
 
 COMMAND = ["run.py", "-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
 

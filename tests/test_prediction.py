@@ -6,13 +6,13 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, world_spec
 
-from repro.learning.models import create_model
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
-from repro.prediction import Predictor, load_predictor
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor, load_predictor
 from repro.scans import Scans
-from repro.simulation.recording import simulate
-from repro.simulation.worlds import sample_world, turn_around, write_world
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 
@@ -21,7 +21,9 @@ PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 def saved(tmp_path_factory):
     """A predictor of an unusual encoding and map, and where it was saved."""
     torch.manual_seed(0)
-    predictor = Predictor(create_model("fpn").eval(), Projection(decay=False, oldest_gray=0.5), Grid(64, 80.0))
+    predictor = Predictor(
+        create_network(paper_model("fpn")).eval(), Projection(decay=False, oldest_gray=0.5), Grid(64, 80.0)
+    )
     directory = tmp_path_factory.mktemp("predictor") / "model"
     predictor.save(directory)
     return predictor, directory
@@ -30,7 +32,7 @@ def saved(tmp_path_factory):
 @pytest.fixture(scope="module")
 def scans():
     world = sample_world(world_spec("4"), 17)
-    return Scans.stack([simulate(item).scans for item in (world, turn_around(world))])
+    return Scans.stack([simulate(item).scans for item in (world, reverse_direction(world))])
 
 
 def test_encoding_and_grid_travel_with_the_weights(saved, scans):

@@ -3,8 +3,8 @@ import json
 import pytest
 from conftest import prepared, run_config
 
-from repro.provenance import Status
-from repro.runs import Outputs, Run
+from repro.runs.directories import Outputs, Run
+from repro.runs.provenance import Status
 
 
 def test_directories_are_named_by_what_the_run_is(tmp_path):
@@ -66,7 +66,7 @@ def test_lost_provenance_is_not_a_run_that_never_was(tmp_path):
 
 def test_every_step_says_where_it_was_done_and_none_is_overwritten(tmp_path, monkeypatch):
     def on(machine):
-        monkeypatch.setattr("repro.runs.surroundings", lambda: {"commit": machine, "hardware": machine})
+        monkeypatch.setattr("repro.runs.directories.environment", lambda: {"commit": machine, "hardware": machine})
 
     run = prepared(tmp_path)
     assert run.status is Status.prepared

@@ -2,10 +2,10 @@ import pytest
 from conftest import fake_run
 
 from repro.config import PairCounts
-from repro.provenance import Status
 from repro.reporting.status import describe_outputs
-from repro.runs import Outputs
-from repro.studies import CELLS, Study
+from repro.reporting.study import CELLS, Study
+from repro.runs.directories import Outputs
+from repro.runs.provenance import Status
 
 PAIRS = PairCounts(200, 4, 4)
 
@@ -27,7 +27,7 @@ def test_a_training_knows_its_place_and_what_is_left(tmp_path):
     assert (
         place == "training 2 of 24: exp 4, FPN, no decay; 0 min of training behind it, about 0 left, as measured so far"
     )
-    assert study.place(Outputs(tmp_path).run("3", "unet", "seen_free", 0)) is None
+    assert study.place(Outputs(tmp_path).run("3", "unet", "observed_free", 0)) is None
 
 
 def test_what_stands_where_is_said_for_every_run(tmp_path):

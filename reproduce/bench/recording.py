@@ -11,9 +11,9 @@ from table import head, row
 
 from repro.config import read_world, world_spec
 from repro.simulation import behaviors  # noqa: F401  registers them
-from repro.simulation.recording import simulate
-from repro.simulation.store import record_experiment
-from repro.simulation.worlds import sample_world, turn_around, write_world
+from repro.simulation.recorder import record_experiment
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 ROOT = Path(__file__).parents[2]
 PAPER_RUNS = 4 * (10_000 + 128 + 500)
@@ -49,7 +49,7 @@ def _one_core(folder: Path, worlds: int = 12) -> None:
     head("Recording, one core", "experiment", "plain [ms/run]", "ours [ms/run]", "ratio", "largest difference [m]")
     for experiment in "1234":
         items = [sample_world(world_of(experiment), seed) for seed in range(worlds)]
-        items += [turn_around(item) for item in items]
+        items += [reverse_direction(item) for item in items]
         ours = plain = apart = 0.0
         for item in items:
             write_world(item, folder / "world.yaml")

@@ -9,7 +9,7 @@ from table import head, row
 STEPS = """
 import time
 from training import our_epoch
-from repro.devices import resolve_precision
+from repro.system.devices import resolve_precision
 epoch = our_epoch("unet", 64, 8, 32, "cpu", resolve_precision("auto", "cpu"))
 epoch()
 until, times = time.monotonic() + 8, []

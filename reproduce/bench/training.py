@@ -11,15 +11,15 @@ from table import head, row
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.config import NETWORKS, Training
-from repro.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
+from repro.config import NETWORKS, Training, paper_model
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
-from repro.learning.models import create_model
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.datasets import Pairs
 from repro.maps.projection import Projection
-from repro.names import NAMES
+from repro.networks.create import create_network
+from repro.reporting.names import model_title
+from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 SIZES = {"cpu": [(64, 8, 96), (128, 8, 32)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
@@ -49,7 +49,9 @@ def training_rows(
         ways: dict[str, Epoch] = {"plain, 32-true": plain_epoch(name, size_px, batch_size, pairs, device)}
         for precision in sorted({"32-true", best}):
             ways[f"ours, {precision}"] = our_epoch(name, size_px, batch_size, pairs, device, precision)
-        if with_compile and compiles(create_model(name).to(device), torch.zeros(2, 1, size_px, size_px, device=device)):
+        if with_compile and compiles(
+            create_network(paper_model(name)).to(device), torch.zeros(2, 1, size_px, size_px, device=device)
+        ):
             ways[f"ours, {best}, compiled"] = our_epoch(name, size_px, batch_size, pairs, device, best, True)
         for epoch in ways.values():
             epoch()
@@ -60,7 +62,7 @@ def training_rows(
         for way, (seconds, between) in times.items():
             rate = operations / seconds
             yield (
-                NAMES[name], way, f"{pairs / seconds:.0f}", f"{plain / seconds:.2f} x", f"{rate / 1e9:.0f}",
+                model_title(name), way, f"{pairs / seconds:.0f}", f"{plain / seconds:.2f} x", f"{rate / 1e9:.0f}",
                 f"{rate / peaks[torch.bfloat16 if 'bf16' in way else torch.float32]:.0%}",
                 f"{between:.1%}" if "ours" in way else "",
             )  # fmt: skip
@@ -70,7 +72,7 @@ def training_operations(name: str, size_px: int) -> float:
     """Floating-point operations of forward and backward for one image."""
     counter = FlopCounterMode(display=False)
     with counter:
-        create_model(name)(torch.rand(2, 1, size_px, size_px)).sum().backward()
+        create_network(paper_model(name))(torch.rand(2, 1, size_px, size_px)).sum().backward()
     return counter.get_total_flops() / 2
 
 
@@ -88,7 +90,7 @@ def matrix_rate(device: str, dtype: torch.dtype) -> float:
 
 def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str) -> Epoch:
     """An epoch written the plain way: smp model, DataLoader, float32, eager."""
-    model, loss = create_model(name).to(device), MapLoss()
+    model, loss = create_network(paper_model(name)).to(device), MapLoss()
     optimizer = torch.optim.Adam(model.parameters(), 1e-4)
     images, maps = torch.rand(pairs, 1, size_px, size_px), torch.rand(pairs, 1, size_px, size_px).round()
     loader = DataLoader(TensorDataset(images, maps), batch_size, shuffle=True, drop_last=True)
@@ -110,7 +112,7 @@ def our_epoch(
     """An epoch of `training.train`'s own loop, validation left out."""
     images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
     data = Pairs(images, images // 128, Projection())
-    network = create_model(name)
+    network = create_network(paper_model(name))
     accelerate(network, device)
     module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
     if compiled:

@@ -1,29 +1,30 @@
-"""The typed configuration: its values stand in conf/, Hydra composes them, `checks` finds what is wrong."""
+"""Typed parts of the configuration that decide a result, and the error type that names a wrong value.
 
-import dataclasses
-import enum
-import os
+The values themselves are in conf/, Hydra composes them, `cli.validation` checks them.
+"""
+
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
-from omegaconf import MISSING, DictConfig, OmegaConf
-from pydantic import AfterValidator, Field, TypeAdapter
+from omegaconf import DictConfig, OmegaConf
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError
 
-NETWORKS = ("unet", "fpn", "upernet", "segformer")  # in the paper's order
-LEARNED = (*NETWORKS, "convlstm")  # and ours, which takes a series of images
+NETWORKS = ("unet", "fpn", "upernet", "segformer")  # the paper's four, in its order
+PAPER_ENCODER = "mit_b0"
+UNKNOWN_KEY = "is not a known key"
 
+STRICT = ConfigDict(extra="forbid")  # unknown keys are errors
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
-PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # as Lightning names them
-MOST_WORKERS = max(8, 2 * (os.cpu_count() or 1))
+Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 
 
 def choice(*allowed: str) -> AfterValidator:
-    """Creates a check that a value is one of a list."""
+    """Return a pydantic validator that accepts one of a list of strings."""
 
     def check(value: str) -> str:
         if value not in allowed:
@@ -33,57 +34,60 @@ def choice(*allowed: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-class Task(enum.Enum):
-    """What a call does."""
-
-    all = "all"
-    record = "record"
-    train = "train"
-    evaluate = "evaluate"
-    report = "report"
-    evidence = "evidence"
-    curves = "curves"
-    transfer = "transfer"
-    animate = "animate"
-    plan = "plan"
-    status = "status"
-    world = "world"
-    publish = "publish"
-    verify = "verify"
-    export = "export"
-    readme = "readme"
-
-
 @dataclass(frozen=True)
 class Model:
-    """What predicts: a network with its encoder, or by its name alone a rival that learns nothing."""
+    """A network and its encoder, or a baseline, which has a name alone.
 
-    name: str
+    Args:
+        name: name of the model in paths and tables.
+        architecture: `convlstm` or an architecture of segmentation-models-pytorch; None means the name is one.
+        encoder_name: encoder of segmentation-models-pytorch; None for a network with an encoder of its own.
+        encoder_weights: pretrained weights of the encoder; None trains from scratch.
+    """
+
+    __pydantic_config__ = STRICT
+
+    name: Name
+    architecture: str | None = None
     encoder_name: str | None = None
     encoder_weights: str | None = None
 
 
+def paper_model(name: str) -> Model:
+    """Return one of the paper's networks with the paper's encoder, trained from scratch."""
+    return Model(name, encoder_name=PAPER_ENCODER)
+
+
 @dataclass(frozen=True)
 class Encoding:
-    """How scans become the network's input: a name and what `maps.encodings.create_encoding` takes with it."""
+    """How scans become the input of a network: a name and the parameters of `maps.encodings.create_encoding`."""
 
-    name: str
+    __pydantic_config__ = STRICT
+
+    name: Name
     parameters: dict[str, Any]
 
     @property
-    def variant(self) -> str:
-        """Names it in paths: `decay` and `no-decay` for the paper's, its name for any other."""
-        return variant(self.name, self.decay)
+    def label(self) -> str:
+        """Name of the encoding in paths and tables: its name, with `-no-decay` in the ablation."""
+        return self.name if self.decay else f"{self.name}{NO_DECAY}"
 
     @property
     def decay(self) -> bool:
-        """Whether its images fade with age."""
+        """Whether the gray of a hit depends on its age."""
         return self.parameters.get("decay", True)
+
+
+NO_DECAY = "-no-decay"
+PROJECTION = "projection"  # the paper's input
+PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 
 
 @dataclass(frozen=True)
 class PairCounts:
-    """Pairs of each split; a world and its twin are two."""
+    """Number of pairs in each split; a world and its twin are two."""
+
+    __pydantic_config__ = STRICT
 
     train: Even
     val: Even
@@ -92,9 +96,16 @@ class PairCounts:
 
 @dataclass(frozen=True)
 class Scale:
-    """How much of everything."""
+    """Resolution, amount of data and training schedule; see conf/scale.
 
-    name: Annotated[str, Field(pattern=r"^[\w-]+$")]
+    Args:
+        takes: how long the study takes, in words.
+    """
+
+    __pydantic_config__ = STRICT
+
+    name: Name
+    takes: str
     size_px: Annotated[int, Field(ge=32, le=4096, multiple_of=32)]  # the encoder halves its images five times
     pairs: PairCounts
     learning_rate: Positive
@@ -106,12 +117,14 @@ class Scale:
 
 @dataclass(frozen=True)
 class Training:
-    """How a network is trained; see conf/train."""
+    """Training settings of a network; see conf/train."""
+
+    __pydantic_config__ = STRICT
 
     learning_rate: Positive
     min_delta: NotNegative
     patience: Annotated[int, Field(ge=0)]
-    batch_size: Annotated[int, Field(ge=2)]  # batch norm needs two
+    batch_size: Annotated[int, Field(ge=2)]  # batch normalization needs two
     max_epochs: Count
     dice_eps: Positive
     flip_augmentation: bool = False
@@ -119,78 +132,41 @@ class Training:
 
 
 @dataclass(frozen=True)
-class Runtime:
-    """What may differ from one call to the next without making another run directory of it."""
+class ConfigError:
+    """A wrong value of the configuration: its key, the value received (None when missing) and what is expected."""
 
-    workers: Annotated[int, Field(ge=1, le=MOST_WORKERS)]
-    accelerator: Annotated[str, choice("auto", "cpu", "gpu")]
-    precision: Annotated[str, choice("auto", *PRECISIONS)]
-    compile: bool
-    max_minutes: NotNegative | None
-    part: Annotated[int, Field(ge=0)]
-    parts: Count
+    key: str
+    value: Any
+    expected: str
 
-
-@dataclass(frozen=True)
-class Publish:
-    """How results are published."""
-
-    force: bool
+    def __str__(self) -> str:
+        return f"{self.key}: {self.expected}" if self.value is None else f"{self.key}={self.value}: {self.expected}"
 
 
-@dataclass(frozen=True)
-class Config:
-    """The whole configuration of a call."""
-
-    task: Task
-    exp: str
-    decay: bool
-    oldest_gray: Annotated[float, Field(ge=0, lt=1)]
-    seed: Annotated[int, Field(ge=0, lt=2**32)]
-    outputs: Annotated[str, Field(min_length=1)]
-    recordings: Annotated[str, Field(min_length=1)]
-    world: dict[str, Any]
-    encoding: Encoding
-    model: Model
-    scale: Scale
-    train: Training
-    runtime: Runtime
-    publish: Publish
-
-
-def schema(cls: type = Config) -> Any:
-    """Makes the dataclass that Hydra composes into: the same fields, not frozen, none with a default."""
-    fields: list[Any] = []
-    for name, kind in get_type_hints(cls).items():
-        is_part = isinstance(kind, type) and dataclasses.is_dataclass(kind)
-        fields.append((name, schema(kind) if is_part else kind, dataclasses.field(default=MISSING)))
-    return dataclasses.make_dataclass(cls.__name__, fields)
-
-
-def to_typed(values: dict[str, Any]) -> Config:
-    """Gives the plain values of a checked configuration their types."""
-    return TypeAdapter(Config).validate_python(values)
+def config_errors_of(error: ValidationError, prefix: str = "") -> list[ConfigError]:
+    """Convert the errors of pydantic, with keys written as on the command line after `prefix`."""
+    errors = []
+    known = dict.fromkeys(("extra_forbidden", "unexpected_keyword_argument"), UNKNOWN_KEY) | {"missing": "is missing"}
+    for found in error.errors():
+        key = prefix + ".".join(str(part) for part in found["loc"])
+        message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))
+        value = None if found["type"] == "missing" else found["input"]
+        errors.append(ConfigError(key, value, message))
+    return errors
 
 
 def plain(config: DictConfig) -> dict[str, Any]:
-    """Resolves a part of the configuration to plain values."""
+    """Return a part of the configuration as plain values, its interpolations resolved."""
     return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
 
 
-def variant(encoding: str, decay: bool) -> str:
-    """Names an encoding in paths, see `Encoding.variant`."""
-    if encoding == "projection":
-        return "decay" if decay else "no-decay"
-    return encoding if decay else f"{encoding}-no-decay"
-
-
 def read_world(path: Path) -> dict[str, Any]:
-    """Reads a file of conf/world by itself, its references meaning what they mean in the whole configuration."""
+    """Load a file of conf/world on its own, its interpolations resolved as in the whole configuration."""
     return plain(OmegaConf.create({"world": OmegaConf.load(path)}))["world"]
 
 
 def world_spec(world: dict[str, Any], experiment: str) -> dict[str, Any]:
-    """Takes from `world` what decides the worlds of an experiment, as `worlds.sample_world` takes it."""
+    """Return the part of `world` that decides the worlds of an experiment, as `worlds.sample_world` takes it."""
     return {
         "experiment": experiment,
         "world": world["world"],

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from sklearn.metrics import average_precision_score, brier_score_loss, log_loss
 
-from repro.evaluation import calibration
-from repro.evaluation.levels import PROBABILITY, average_precision, count_levels, pooled_scores
+from repro.metrics import calibration
+from repro.metrics.counts import PROBABILITY, average_precision, count_quantized, pooled_scores
 
 
 @pytest.fixture(scope="module")
@@ -12,13 +12,13 @@ def drawn():
     rng = np.random.default_rng(0)
     free = rng.integers(0, 256, (4, 16, 16)).astype(np.uint8)
     truth = (rng.random((4, 16, 16)) < free / 255).astype(np.uint8)
-    return free, truth, count_levels(free, truth)[:, 0].sum(0)
+    return free, truth, count_quantized(free, truth)[:, 0].sum(0)
 
 
 def test_counts_add_up_by_image_group_truth_and_level(drawn):
     free, truth, _ = drawn
     groups = np.arange(4)[:, None, None] % 3 + np.zeros((4, 16, 16), dtype=np.uint8)
-    counts = count_levels(free, truth, groups, 3)
+    counts = count_quantized(free, truth, groups, 3)
     assert counts.shape == (4, 3, 2, 256)
     assert counts[1].sum() == counts[1, 1].sum() == 256
     assert counts[2, 2, 1, 17] == ((free[2] == 17) & (truth[2] == 1)).sum()
@@ -49,13 +49,13 @@ def test_what_comes_true_as_often_as_predicted_is_calibrated():
 
 def test_temperature_scaling_mends_overconfidence():
     true = PROBABILITY
-    shown = calibration.tempered(0.5)  # logits twice as large as they should be
+    shown = calibration.temperature_scaled(0.5)  # logits twice as large as they should be
     level = (255 * shown).round().astype(int)
     counts = np.zeros((2, 256))
     np.add.at(counts[1], level, 1000 * true)
     np.add.at(counts[0], level, 1000 * (1 - true))
     assert calibration.fit_temperature(counts) == pytest.approx(2, abs=0.15)
-    before, after = calibration.summary(counts), calibration.summary(counts, calibration.tempered(2))
+    before, after = calibration.summary(counts), calibration.summary(counts, calibration.temperature_scaled(2))
     assert after["calibration_error"] < 0.3 * before["calibration_error"]
     assert after["log_loss"] < before["log_loss"]
 

@@ -5,9 +5,8 @@ import pandas as pd
 import pytest
 from conftest import fake_run
 
-from repro.evaluation import curves
-from repro.evaluation.curves import METRICS, fit_law, foretell, read_points
-from repro.runs import Outputs
+from repro.evaluation.learning_curves import METRICS, extrapolate, fit_law, read_points
+from repro.runs.directories import Outputs
 
 CURVES = {("3", True): (0.95, 0.02, 0.01), ("3", False): (0.93, 0.03, 0.02)}
 
@@ -40,7 +39,7 @@ def test_a_law_is_found_again():
 
 
 def test_paper_scale_and_what_was_left_out_are_foretold_within_their_intervals():
-    table = foretell(made(noise=2e-4))
+    table = extrapolate(made(noise=2e-4))
     rows = table[(table["metric"] == "accuracy") & (table["what"] == "paper scale")].set_index("decay")
     for (_, decay), (c, a, b) in CURVES.items():
         truth = c - a * 10**-0.4 - b * 4**-0.8
@@ -54,7 +53,7 @@ def test_paper_scale_and_what_was_left_out_are_foretold_within_their_intervals()
 
 @pytest.mark.parametrize("sizes", [(64,), (64, 128)])
 def test_fewer_than_three_resolutions_say_nothing_of_another(sizes):
-    table = foretell(made(sizes=sizes))
+    table = extrapolate(made(sizes=sizes))
     assert set(table["size_px"]) == {64}
     rows = table[table["what"] == "paper scale"].set_index(["decay", "metric"])["value"]
     assert rows[True, "accuracy"] == pytest.approx(0.95 - 0.01 - 0.02 * 10**-0.4, abs=1e-3)
@@ -63,7 +62,7 @@ def test_fewer_than_three_resolutions_say_nothing_of_another(sizes):
 def test_what_keeps_to_the_papers_schedule_is_not_fitted():
     points = made()
     anchor = points.iloc[[0]].assign(pairs=10_000, schedule="stated", **dict.fromkeys(METRICS, 0.1))
-    pd.testing.assert_frame_equal(foretell(pd.concat([points, anchor])), foretell(points))
+    pd.testing.assert_frame_equal(extrapolate(pd.concat([points, anchor])), extrapolate(points))
 
 
 def test_points_are_the_unets_with_the_papers_input(tmp_path):
@@ -81,6 +80,6 @@ def test_points_are_the_unets_with_the_papers_input(tmp_path):
 
 
 def test_too_few_points_are_not_fitted():
-    assert foretell(made(sizes=(64,)).query("pairs <= 2000")).empty
+    assert extrapolate(made(sizes=(64,)).query("pairs <= 2000")).empty
     with pytest.raises(ValueError, match="at least 3 points, got 2"):
         fit_law(np.zeros(2, int), np.array([1.0, 2.0]), np.full(2, 64.0), np.array([0.9, 0.91]))

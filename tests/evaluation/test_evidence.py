@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 from conftest import prepared
 
-from repro.evaluation.breakdown import by_last_hit, by_stratum, load_test_set
-from repro.evaluation.evidence import gather
-from repro.evaluation.intervals import draw_weights
-from repro.evaluation.levels import count_levels
-from repro.evaluation.predictions import evaluate
-from repro.evaluation.strata import GROUPS, OUT_OF_RANGE, STRATA, age_bin, newest_hits_of_obstacles, pixel_groups
+from repro.evaluation.analysis import gather
+from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
+from repro.evaluation.evaluate import evaluate
+from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
 from repro.maps.grid import Grid
-from repro.runs import Outputs
-from repro.simulation.store import read_shards
+from repro.metrics.bootstrap import draw_weights
+from repro.metrics.counts import count_quantized
+from repro.recordings.reader import read_shards
+from repro.runs.directories import Outputs
 
 GRID = Grid(32, 50.0)
 
@@ -23,7 +23,7 @@ def test_set(recorded):
 
 @pytest.fixture(scope="module")
 def outputs(recorded):
-    """Two seeds of a network and a rival, evaluated beside their recordings."""
+    """Two seeds of a network and a baseline, evaluated beside their recordings."""
     found = Outputs(recorded.parents[1])
     for seed in (0, 1):
         run = prepared(found.run("3", "unet", "decay", seed).path, seed=seed, max_epochs=1)
@@ -35,7 +35,7 @@ def outputs(recorded):
 
 def test_ages_fall_into_bins():
     assert age_bin(np.array([1, 5, 6, 10, 11, 95, 96, 100, 250])).tolist() == [0, 0, 1, 1, 2, 18, 19, 19, 19]
-    names = [group for groups in STRATA.values() for group in groups]
+    names = [group for groups in RECENCY.values() for group in groups]
     assert names == list(range(GROUPS))
 
 
@@ -43,8 +43,8 @@ def test_what_lies_beyond_the_lidar_is_out_of_range(recorded):
     shard = next(read_shards(recorded, "test"))
     groups = pixel_groups(shard.scans, GRID, 30.0)
     distance = (GRID.centers() - 25).norm(dim=-1).view(32, 32).numpy()
-    assert (groups[:, distance > 30] == OUT_OF_RANGE).all()
-    assert (groups[:, distance < 29] != OUT_OF_RANGE).all()  # the robot turns round once, in the middle
+    assert (groups[:, distance > 30] == NEVER_IN_VIEW).all()
+    assert (groups[:, distance < 29] != NEVER_IN_VIEW).all()  # the robot turns round once, in the middle
 
 
 def test_obstacles_hit_are_those_the_recorder_saw_hit(recorded):
@@ -58,9 +58,9 @@ def test_obstacles_hit_are_those_the_recorder_saw_hit(recorded):
 
 def test_a_perfect_prediction_is_perfect_in_every_stratum(test_set):
     perfect = 255 * test_set.truth
-    counts = count_levels(perfect, test_set.truth, test_set.groups, GROUPS)
-    table = by_stratum(counts.reshape(4, 2, *counts.shape[1:]).sum(1), draw_weights(4, draws=50))
-    values = table.pivot(index="stratum", columns="metric", values="value")
+    counts = count_quantized(perfect, test_set.truth, test_set.groups, GROUPS)
+    table = by_recency(counts.reshape(4, 2, *counts.shape[1:]).sum(1), draw_weights(4, draws=50))
+    values = table.pivot(index="recency", columns="metric", values="value")
     for metric in ("obstacle_recall", "free_recall", "obstacle_iou", "pr_auc"):
         assert np.allclose(values[metric].dropna(), 1, atol=1e-6), metric
     assert np.allclose(values["brier"].dropna(), 0)
@@ -80,7 +80,7 @@ def test_nothing_found_is_no_recall(test_set):
 
 def test_evidence_is_gathered_from_what_lies_there(outputs):
     frames = gather(outputs)
-    names = {"intervals", "differences", "strata", "ages", "obstacles", "calibration", "reliability", "cost"}
+    names = {"intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"}
     assert set(frames) == names
     for name, frame in frames.items():
         keys = ["experiment", "model", "encoding", "decay"]
@@ -91,7 +91,7 @@ def test_evidence_is_gathered_from_what_lies_there(outputs):
     assert (rows["value"] <= rows["high"] + 1e-9).all()
     assert rows.loc[("unet", "accuracy"), "seeds"] == 2
     whats = frames["calibration"]["what"].unique().tolist()
-    assert whats == ["as it is", "tempered", "mean of 2 seeds"]
+    assert whats == ["as it is", "temperature_scaled", "mean of 2 seeds"]
     assert (frames["cost"]["channels"] == 1).all()
     assert frames["differences"]["what"].unique().tolist() == ["networks"]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from repro.evaluation.intervals import Measured, by_world, difference, draw_weights, interval, resample
+from repro.metrics.bootstrap import Measured, by_world, difference, draw_weights, interval, resample
 
 
 def measured(shares, worlds=200, pixels=400, seed=0):
@@ -52,9 +52,9 @@ def test_a_paired_difference_is_narrower_than_its_parts():
     one, other = (resample(measured([share]), weights) for share in (0.80, 0.79))
     row = value_of(difference(one, other), "recall")
     alone = value_of(interval(one), "recall")
-    assert row["is_clear"]
-    assert row["high"] - row["low"] < 0.6 * (alone["high"] - alone["low"])
-    assert not value_of(difference(one, one), "recall")["is_clear"]
+    assert row["excludes_zero"]
+    assert row["high"] - row["low"] < 0.6 * (alone["high"] - exclusive["low"])
+    assert not value_of(difference(one, one), "recall")["excludes_zero"]
 
 
 def test_seeds_that_differ_widen_the_interval():

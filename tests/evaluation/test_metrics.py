@@ -3,7 +3,7 @@ import torch
 from torchmetrics.functional import classification as tm
 from torchmetrics.functional.image import structural_similarity_index_measure
 
-from repro.evaluation.metrics import METRICS, confusion, scores, ssim
+from repro.metrics.scores import METRICS, confusion, scores, ssim
 
 
 @pytest.fixture

@@ -3,15 +3,15 @@ import pytest
 import torch
 from conftest import prepared
 
-from repro.evaluation.metrics import METRICS, confusion, scores
-from repro.evaluation.predictions import evaluate, read_predictions, validate
+from repro.evaluation.evaluate import evaluate, read_predictions, validate
 from repro.learning.training import train
 from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.prediction import load_predictor
-from repro.provenance import Status
-from repro.simulation.store import recordings_hash
+from repro.metrics.scores import METRICS, confusion, scores
+from repro.networks.predictor import load_predictor
+from repro.recordings.reader import recordings_hash
+from repro.runs.provenance import Status
 
 
 @pytest.fixture(scope="module")

@@ -3,14 +3,13 @@ import pytest
 import torch
 from conftest import prepared
 
-from repro.evaluation import tracking
-from repro.evaluation.grids import log_odds, transitional
-from repro.evaluation.metrics import confusion, scores
-from repro.evaluation.predictions import evaluate
-from repro.evaluation.rivals import RIVALS, grow
+from repro.baselines.occupancy_grids import log_odds, transitional
+from repro.baselines.registry import BASELINES, grow
+from repro.evaluation.evaluate import evaluate
 from repro.maps.datasets import Recorded, load_recorded
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
+from repro.metrics.scores import confusion, scores
 from repro.scans import Scans
 
 GRID = Grid(50, 50.0)
@@ -32,10 +31,10 @@ def disc_ranges(x, y=25.0, radius=2.0):
     return torch.where(gap < radius**2, along - (radius**2 - gap).clamp(min=0).sqrt(), torch.inf)
 
 
-@pytest.mark.parametrize("name", RIVALS)
+@pytest.mark.parametrize("name", BASELINES)
 def test_rivals_predict_every_pixel_of_the_test_set(name, recorded):
     val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
-    free, tuned = RIVALS[name](val, test)
+    free, tuned = BASELINES[name](val, test)
     assert free.shape == test.maps.shape
     assert 0 <= free.min() <= free.max() <= 1
     assert bool(tuned) == (name != "all_free")

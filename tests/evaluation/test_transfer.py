@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from conftest import prepared, world_spec
 
-from repro.evaluation import transfer
 from repro.learning.training import train
-from repro.prediction import load_predictor
+from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 from repro.simulation.worlds import sample_world
 

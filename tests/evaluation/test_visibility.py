@@ -1,12 +1,12 @@
 import pytest
 import torch
 
-from repro.evaluation.visibility import describe
+from repro.evaluation.coverage import describe
 from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
 from repro.maps.projection import Projection
-from repro.maps.truth import rasterize
-from repro.simulation.store import read_shards
+from repro.recordings.reader import read_shards
 
 GRID = Grid(64, 50.0)
 

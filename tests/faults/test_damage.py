@@ -10,10 +10,10 @@ import run as entry  # noqa: F401  registers the schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
+from repro.cli.errors import JobFailed, explain
+from repro.cli.tasks_old import TASKS
 from repro.config import plain, to_typed
-from repro.messages import JobFailed, explain
-from repro.runs import Outputs, RunConfig
-from repro.tasks import TASKS
+from repro.runs.directories import Outputs, RunConfig
 
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
 WORDS = (

@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, prepared
 
-from repro.evaluation.predictions import evaluate
-from repro.files import replacing
+from repro.evaluation.evaluate import evaluate
 from repro.learning import training
 from repro.learning.training import train
-from repro.provenance import Status
+from repro.runs.provenance import Status
+from repro.system.files import replacing
 
 TINY = (
     *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
@@ -34,7 +34,7 @@ RUN = Path("runs/exp3/fpn/decay/seed0")
 def start(outputs, *words):
     command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *words]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
+    # Ctrl-C must reach it also where these tests run in the background, source children would ignore it
     heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     return subprocess.Popen(command, cwd=ROOT, start_new_session=True, preexec_fn=heed, **output)
 
@@ -111,7 +111,7 @@ def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
 
 def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
     code = (
-        "from pathlib import Path; from repro.learning.training import train; from repro.runs import Run\n"
+        "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
         f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
     whole, killed = (prepared(tmp_path / name, max_epochs=12, patience=50) for name in ("whole", "killed"))
@@ -303,7 +303,7 @@ def test_a_sweep_says_at_its_end_which_jobs_failed_and_why(whole, tmp_path):
 
 def test_a_fault_of_ours_shows_its_traceback(tmp_path):
     code = (
-        "import runpy, repro.simulation.store as store\n"
+        "import runpy, repro.recordings.reader as store\n"
         "store.record_experiment = lambda *_, **__: 1 / 0\n"
         "runpy.run_path('run.py', run_name='__main__')\n"
     )

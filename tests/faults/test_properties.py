@@ -11,18 +11,18 @@ from conftest import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import repro.checks
+import repro.cli.validation
 import repro.config
 from repro.config import NETWORKS, Encoding, Model, PairCounts, Scale, Training, world_spec
-from repro.evaluation.visibility import describe
-from repro.learning.models import create_model
+from repro.evaluation.coverage import describe
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.simulation.shards import shards_of, write_shard
-from repro.simulation.specs import world_faults
-from repro.simulation.store import record_experiment, recordings_hash
+from repro.networks.create import create_network
+from repro.recordings.format import shards_of, write_shard
+from repro.simulation.recorder import record_experiment, recordings_hash
+from repro.simulation.schema import world_errors
 
 EXAMPLES = int(os.environ.get("REPRO_EXAMPLES", "12"))
 WORLD = repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml")
@@ -72,7 +72,7 @@ def changed(values):
 @given(st.sets(st.sampled_from(list(WORLDS)), max_size=3), st.data())
 def test_a_world_that_is_accepted_can_be_recorded_and_learned_from(keys, data):
     world = changed({key: data.draw(WORLDS[key]) for key in keys})
-    faults = world_faults(world)
+    faults = world_errors(world)
     if faults:
         assert all(str(fault).startswith("world.") for fault in faults)
         return
@@ -100,7 +100,7 @@ def test_a_world_that_is_accepted_can_be_recorded_and_learned_from(keys, data):
 
 def learn(examples, training, model="fpn"):
     """One step, as a training does it."""
-    module = TrainingModule(create_model(model), examples, examples, training, 0)
+    module = TrainingModule(create_network(paper_model(model)), examples, examples, training, 0)
     optimizer = module.configure_optimizers()
     loss = module.training_step(next(iter(module.train_dataloader())), 0)
     loss.backward()
@@ -139,7 +139,7 @@ def test_settings_that_are_accepted_train_a_step(v):
         "runtime": {"workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None},
         "publish": {"force": False},
     }  # fmt: skip
-    faults = repro.checks.config_faults(values)
+    faults = repro.cli.validation.config_errors(values)
     if faults:
         assert all(fault.key.split(".")[0] in values for fault in faults)
         return

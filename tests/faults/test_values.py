@@ -13,7 +13,7 @@ from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from repro.checks import all_faults, remarks
+from repro.cli.validation import all_errors, warnings_of
 from repro.config import plain, to_typed
 
 MOVING = "world.obstacles.moving.behavior"
@@ -123,7 +123,7 @@ def hydra_is_ready():
 def faults(words: str) -> list[str]:
     overrides = words.split(" & ")
     try:
-        return [str(fault) for fault in all_faults(plain(compose("config", overrides=overrides)))]
+        return [str(fault) for fault in all_errors(plain(compose("config", overrides=overrides)))]
     except (HydraException, OmegaConfBaseException) as error:  # what Hydra refuses by itself
         return [f"{error} {error.__cause__}"]
 
@@ -204,14 +204,14 @@ def test_a_sweep_is_split_as_hydra_splits_it():
 
 
 @pytest.mark.parametrize(
-    ("words", "remark"),
+    ("words", "warning"),
     [
         ("runtime.precision=16-true", "few digits"),
         ("model.encoder_name=mit_b1", "not the paper's"),
         ("world.experiments.3.clear_radius_m=0", "no clear zone"),
     ],
 )
-def test_what_is_allowed_and_surprises_gets_a_word(words, remark):
+def test_what_is_allowed_and_surprises_gets_a_word(words, warning):
     surprising, usual = (to_typed(plain(compose("config", overrides=given))) for given in ([words], []))
-    assert [text for text in remarks(surprising) if remark in text]
-    assert remarks(usual) == []
+    assert [text for text in warnings_of(surprising) if warning in text]
+    assert warnings_of(usual) == []

@@ -1,7 +1,6 @@
 import torch
 
-from repro.learning.convlstm import ConvLSTM
-from repro.learning.models import create_model, load_model
+from repro.networks.convlstm import ConvLSTM
 
 
 def test_maps_a_series_of_images_to_one_map_of_logits():
@@ -34,4 +33,4 @@ def test_survives_saving_and_loading(tmp_path):
     network, images = ConvLSTM(4, hidden=16).eval(), torch.rand(1, 4, 32, 32)
     network.save_pretrained(tmp_path)
     with torch.inference_mode():
-        assert torch.equal(network(images), load_model(tmp_path).eval()(images))
+        assert torch.equal(network(images), load_network(tmp_path).eval()(images))

@@ -6,7 +6,7 @@ from torch import nn
 
 from repro.config import LEARNED
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
-from repro.learning.models import create_model
+from repro.networks.create import create_network
 
 
 def gradients(network, image):
@@ -20,7 +20,7 @@ def gradients(network, image):
 @pytest.mark.parametrize("architecture", LEARNED)
 def test_a_network_computes_what_it_did_and_names_its_weights_as_before(architecture):
     torch.manual_seed(1)
-    plain, image = create_model(architecture).double(), torch.rand(2, 1, 64, 64, dtype=torch.double)
+    plain, image = create_network(paper_model(architecture)).double(), torch.rand(2, 1, 64, 64, dtype=torch.double)
     fast = copy.deepcopy(plain)
     accelerate(fast, "cpu")
     assert list(fast.state_dict()) == list(plain.state_dict())
@@ -31,7 +31,7 @@ def test_a_network_computes_what_it_did_and_names_its_weights_as_before(architec
 
 
 def test_the_slow_modules_of_fpn_are_replaced_on_a_cpu_alone():
-    network = create_model("fpn")
+    network = create_network(paper_model("fpn"))
     accelerate(network, "cuda")
     assert not any(isinstance(module, DepthwiseConv2d | FloatGroupNorm) for module in network.modules())
     accelerate(network, "cpu")

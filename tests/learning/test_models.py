@@ -3,14 +3,14 @@ import segmentation_models_pytorch as smp
 import torch
 
 from repro.config import NETWORKS
-from repro.learning.models import create_model
+from repro.networks.create import create_network
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
 
 @pytest.mark.parametrize("architecture", NETWORKS)
 def test_maps_one_gray_image_to_one_map_of_logits(architecture):
-    model = create_model(architecture).eval()
+    model = create_network(paper_model(architecture)).eval()
     with torch.inference_mode():
         assert model(torch.rand(2, 1, 64, 64)).shape == (2, 1, 64, 64)
     assert sum(p.numel() for p in model.parameters()) / 1e6 == pytest.approx(MILLIONS[architecture], abs=0.01)
@@ -28,7 +28,7 @@ def test_takes_as_many_channels_as_the_encoding_has(channels):
 
 
 def test_weights_survive_saving_and_loading(tmp_path):
-    model = create_model("fpn").eval()
+    model = create_network(paper_model("fpn")).eval()
     model.save_pretrained(tmp_path)
     again, image = smp.from_pretrained(tmp_path).eval(), torch.rand(1, 1, 64, 64)
     with torch.inference_mode():
@@ -37,7 +37,7 @@ def test_weights_survive_saving_and_loading(tmp_path):
 
 def test_unknown_architecture_lists_the_known_ones():
     with pytest.raises(ValueError, match=r"unet, fpn, upernet, segformer, convlstm, got 'resnet'"):
-        create_model("resnet")
+        create_network(paper_model("resnet"))
 
 
 def test_weights_that_cannot_be_had_say_what_to_do(monkeypatch):

@@ -1,8 +1,7 @@
 import torch
 
 from repro.config import NETWORKS, PairCounts, Scale
-from repro.learning import planning
-from repro.learning.planning import cost_warning, plan_study
+from repro.learning.cost import cost_warning, plan_study
 
 SCALE = Scale(
     name="paper",

@@ -11,15 +11,15 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, prepared
 
-from repro.files import sha256
 from repro.learning import callbacks, training
-from repro.learning.callbacks import Crowding
+from repro.learning.callbacks import CPUContention
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
 from repro.maps.datasets import Batches, load_pairs_of_run
-from repro.prediction import load_predictor
-from repro.provenance import Status
-from repro.runs import Run
+from repro.networks.predictor import load_predictor
+from repro.runs.directories import Run
+from repro.runs.provenance import Status
+from repro.system.files import sha256
 
 
 def begin(path, recorded, **changes):
@@ -79,7 +79,7 @@ def test_an_average_of_the_weights_is_validated_kept_and_resumed(recorded, tmp_p
     assert losses(run.path).equals(losses(tmp_path / "whole"))
     assert same_weights(run.path, tmp_path / "whole")
 
-    # the kept weights are those whose validation loss was the lowest
+    # the kept weights are those source validation loss was the lowest
     val = load_pairs_of_run(recorded, "val", run.config(), "cpu")
     network = load_predictor(run.model).network.eval()
     with torch.inference_mode():
@@ -94,7 +94,7 @@ def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded,
     path = tmp_path / "killed"
     run = prepared(path, max_epochs=6)
     code = (
-        "from pathlib import Path; from repro.learning.training import train; from repro.runs import Run\n"
+        "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
         f"train(Run(Path({str(path)!r})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
     kills = 0
@@ -153,7 +153,7 @@ def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, secon
     monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
     monkeypatch.setattr(callbacks.os, "getloadavg", lambda: (load, load, load))
     monkeypatch.setattr(callbacks.os, "cpu_count", lambda: 2)
-    crowding = Crowding()
+    crowding = CPUContention()
     for _ in range(2):
         crowding.on_train_epoch_start(None, None)
         clock = {"monotonic": clock["monotonic"] + seconds, "process_time": clock["process_time"] + used}

@@ -6,9 +6,9 @@ from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.scans import Scans
-from repro.simulation.rays import scan
-from repro.simulation.recording import simulate
-from repro.simulation.worlds import sample_world, turn_around
+from repro.simulation.raycasting import scan
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import reverse_direction, sample_world
 
 
 def test_pairs_are_images_and_maps_of_the_split(recorded):
@@ -80,7 +80,7 @@ def test_mirrored_batches_flip_image_and_map_together(recorded):
 def test_a_mirrored_recording_is_one_of_its_twins_kind(experiment):
     """The world turned top to bottom, seen along the twin's path, gives the mirrored image."""
     world = sample_world(world_spec(experiment), 5)
-    recording, twin = simulate(world), simulate(turn_around(world))
+    recording, twin = simulate(world), simulate(reverse_direction(world))
     mirrored = recording.states * [1, -1, -1] + [0, 50, 0]
     outlines = recording.outlines * [1, -1]
     ranges, _ = scan(twin.scans.poses, twin.scans.angles, outlines, mirrored, 30.0)

@@ -3,15 +3,15 @@ import torch
 import yaml
 from conftest import ROOT
 
-from repro.maps.encodings import ENCODINGS, Ages, Exponential, Negative, SeenFree, Stack, create_encoding
+from repro.maps.encodings import ENCODINGS, Ages, Exponential, Negative, ObservedFree, Stack, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
-from repro.maps.visible import newest_visible
+from repro.maps.visibility import newest_visible
+from repro.recordings.reader import read_shards
 from repro.scans import Scans
-from repro.simulation.store import read_shards
 
 GRID = Grid(64, 50.0)
-ALL = [Projection(), Negative(), Exponential(), Ages(), SeenFree(), Stack(4), Stack(10)]
+ALL = [Projection(), Negative(), Exponential(), Ages(), ObservedFree(), Stack(4), Stack(10)]
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_ages_keep_hit_and_age_apart(scans):
 
 
 def test_where_a_beam_passed_last_is_the_second_image_of_seen_free(scans):
-    images = SeenFree().encode(scans, GRID)
+    images = ObservedFree().encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection().encode(scans, GRID))
     passed = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
     assert torch.equal(images[:, 1] < 255, passed > 0)
@@ -94,7 +94,7 @@ def test_an_encoding_is_made_from_its_name_and_parameters():
     ("name", "parameters", "message"),
     [
         ("exponential", {"half_life": 0}, "half_life must be positive, got 0"),
-        ("seen_free", {"range_max_m": -1}, "range_max_m must be positive, got -1"),
+        ("observed_free", {"range_max_m": -1}, "range_max_m must be positive, got -1"),
         ("stack4", {"frames": 0}, "frames must be at least 1, got 0"),
         ("ages", {"oldest_gray": 1}, "oldest_gray must be in"),
     ],

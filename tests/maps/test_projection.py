@@ -6,8 +6,8 @@ import torch
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.recordings.reader import read_shards
 from repro.scans import Scans
-from repro.simulation.store import read_shards
 
 
 def slow_projection(ranges, angles, poses, size_px, decay, oldest_gray):

@@ -5,8 +5,8 @@ from shapely import affinity, contains_xy
 from shapely.geometry import Polygon
 
 from repro.maps.grid import Grid
-from repro.maps.truth import rasterize
-from repro.simulation.store import read_shards
+from repro.maps.ground_truth import rasterize
+from repro.recordings.reader import read_shards
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from shapely import LineString, Point, Polygon
 from shapely.ops import unary_union
 
 from repro.maps.grid import Grid
-from repro.maps.visible import newest_in_view, newest_visible
+from repro.maps.visibility import newest_in_view, newest_visible
+from repro.recordings.reader import read_shards
 from repro.scans import Scans
-from repro.simulation.store import read_shards
 
 
 def march(shard, recording, step, grid):

@@ -7,10 +7,10 @@ from conftest import prepared, world_spec
 from PIL import Image
 
 from repro.learning.training import train
-from repro.maps.truth import rasterize
-from repro.prediction import load_predictor
+from repro.maps.ground_truth import rasterize
+from repro.networks.predictor import load_predictor
 from repro.reporting.animation import make_frames, write_animation
-from repro.simulation.recording import simulate
+from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 
 

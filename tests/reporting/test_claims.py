@@ -4,14 +4,14 @@ import pytest
 import yaml
 from conftest import ROOT
 
-from repro.evaluation.metrics import METRICS
+from repro.metrics.names import METRICS
 from repro.reporting.audit import audit, audit_averages
 from repro.reporting.claims import Verdict, judge, read_claims
 from repro.reporting.numbers import Numbers, paper_rows
 from repro.reporting.paper import read_paper
 
 LEDGER = ROOT / "reproduce" / "claims.yaml"
-KEYS = {"of": "tables", "encoding": "projection", "stratum": "all", "decay": True, "low": np.nan, "high": np.nan}
+KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "decay": True, "low": np.nan, "high": np.nan}
 
 
 def ledger_of(tmp_path, **claim):

@@ -1,6 +1,6 @@
 import pandas as pd
 
-from repro.reporting.digest import claims_to_markdown, foretold_to_markdown, methods_to_markdown
+from repro.reporting.summaries import claims_to_markdown, extrapolated_to_markdown, methods_to_markdown
 
 
 def test_every_claim_has_its_row_and_every_verdict_its_count():
@@ -23,7 +23,7 @@ def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
         for experiment in ("3", "4")
         for model, encoding, value in (
             ("tracker", "projection", 0.3),
-            ("unet", "seen_free", 0.6),
+            ("unet", "observed_free", 0.6),
             ("unet", "projection", 0.5),
         )
         for metric in ("accuracy", "specificity", "obstacle_iou", "ssim")
@@ -33,9 +33,9 @@ def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
     lines = methods_to_markdown(pd.DataFrame(rows, columns=columns), "Methods").splitlines()
     assert lines[0] == "**Methods**"
     assert lines[2].count("Exp. 3") == lines[2].count("Exp. 4") == 3
-    assert [line.split(" | ")[0] for line in lines[4:]] == ["| U-Net", "| U-Net, seen_free", "| Tracker"]
+    assert [line.split(" | ")[0] for line in lines[4:]] == ["| U-Net", "| U-Net, observed_free", "| Tracker"]
     assert lines[5].split(" | ")[1:3] == ["2", "0.600 [0.590, 0.610]"]
-    assert lines[6].split(" | ")[1] == ""  # a rival has no seeds
+    assert lines[6].split(" | ")[1] == ""  # a baseline has no seeds
 
 
 def test_what_is_foretold_stands_beside_the_paper_and_what_was_measured():
@@ -46,7 +46,7 @@ def test_what_is_foretold_stands_beside_the_paper_and_what_was_measured():
         for metric, paper in (("accuracy", 0.948), ("obstacle_iou", None))
         for what, pairs, measured in (("paper scale", 10_000, None), ("largest left out", 8000, 0.91))
     ]  # fmt: skip
-    lines = foretold_to_markdown(pd.DataFrame(rows)).splitlines()
+    lines = extrapolated_to_markdown(pd.DataFrame(rows)).splitlines()
     assert "10,000 pairs and 256 px" in lines[0]
     assert lines[3] == "| Exp. | Acc. | Obstacle IoU | Acc. left out | Obstacle IoU left out |"
     cell = "0.900 [0.800, 0.950]"

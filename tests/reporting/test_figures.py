@@ -5,8 +5,8 @@ import torch
 from conftest import run_config, world_spec
 
 from repro.config import PairCounts
+from repro.evaluation.evaluate import write_predictions
 from repro.evaluation.examples import Example, load_example
-from repro.evaluation.predictions import write_predictions
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.reporting.figures import (
@@ -16,10 +16,9 @@ from repro.reporting.figures import (
     method_overview,
     results,
 )
-from repro.runs import Outputs
-from repro.simulation import shards
-from repro.simulation.recording import simulate
-from repro.simulation.store import record_experiment
+from repro.runs.directories import Outputs
+from repro.simulation.recorder import record_experiment
+from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 
 

@@ -26,11 +26,11 @@ def call(outputs, *words):
 
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory):
-    """A small study with its evidence: U-Net with and without decay and with another input."""
+    """A small study with its analysis: U-Net with and without decay and with another input."""
     outputs = tmp_path_factory.mktemp("page") / "smoke"
     call(outputs, "decay=true,false", "-m")
-    call(outputs, "encoding=seen_free")
-    for task in ("transfer", "report", "evidence"):
+    call(outputs, "encoding=observed_free")
+    for task in ("transfer", "report", "analysis"):
         call(outputs, f"task={task}")
     return outputs
 
@@ -41,14 +41,14 @@ def page(outputs):
 
 
 def test_every_part_has_its_rows_beside_it(outputs):
-    names = {path.stem for path in outputs.glob("evidence/*.csv")}
+    names = {path.stem for path in outputs.glob("analysis/*.csv")}
     assert names == {
-        *("intervals", "differences", "strata", "ages", "obstacles", "calibration", "reliability", "cost"),
+        *("intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"),
         *("audit", "claims", "transfer"),
     }
-    figures = {path.stem for path in outputs.glob("evidence/*.png")}
-    assert figures == {"strata", "ages", "obstacles", "reliability", "rivals", "encodings", "transfer"}
-    claims = pd.read_csv(outputs / "evidence" / "claims.csv")
+    figures = {path.stem for path in outputs.glob("analysis/*.png")}
+    assert figures == {"recency", "ages", "obstacles", "reliability", "baselines", "encodings", "transfer"}
+    claims = pd.read_csv(outputs / "analysis" / "claims.csv")
     assert claims["id"].tolist() == [claim.id for claim in read_claims(ROOT / "reproduce" / "claims.yaml").claims]
     assert claims["verdict"].notna().all()
     table = pd.read_csv(outputs / "tables" / "main.csv")
@@ -97,7 +97,7 @@ def test_the_page_has_every_claim_and_says_what_it_is_from(page):
         "samples",
         "where",
         "calibration",
-        "rivals",
+        "baselines",
         "transfer",
         "provenance",
     ):
@@ -136,7 +136,7 @@ def test_in_a_browser_it_works_at_any_width_and_alone(browser, outputs, width, s
     tab.wait_for_function(f"{picture} !== {before!r}")
     assert tab.inner_text("#score") != words
     kinds = tab.locator("#model option").all_inner_texts()
-    assert {"U-Net", "U-Net, no decay", "U-Net, seen_free", "Tracker"} <= set(kinds)
+    assert {"U-Net", "U-Net, no decay", "U-Net, observed_free", "Tracker"} <= set(kinds)
     seen = tab.evaluate("document.getElementById('input').toDataURL()")
     tab.select_option("#model", label="U-Net, no decay")
     tab.wait_for_function(f"document.getElementById('input').toDataURL() !== {seen!r}")

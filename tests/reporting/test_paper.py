@@ -1,6 +1,6 @@
 import pytest
 
-from repro.evaluation.metrics import METRICS
+from repro.metrics.names import METRICS
 from repro.reporting.paper import implied_coverage, read_paper, targets
 
 

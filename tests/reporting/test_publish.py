@@ -8,26 +8,26 @@ import torch
 from conftest import ROOT, fake_run, fake_study, prepared
 
 from repro.config import NETWORKS
-from repro.evaluation.metrics import METRICS
-from repro.evaluation.predictions import evaluate
-from repro.learning.models import create_model
+from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.prediction import Predictor
-from repro.provenance import Status
+from repro.metrics.names import METRICS
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor
 from repro.reporting.publish import doubts, export_weights, publish
 from repro.reporting.readme import readme_with_results
 from repro.reporting.results import OURS, read_results
 from repro.reporting.tables import write_tables
-from repro.runs import Outputs
+from repro.runs.directories import Outputs
+from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"
 
 
 @pytest.fixture(autouse=True)
 def committed(monkeypatch):
-    monkeypatch.setattr("repro.provenance._commit", lambda: "0123abc")
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
 
 
 def test_readme_and_published_results_agree():
@@ -81,14 +81,14 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
 def test_evidence_and_page_are_published_with_the_tables_and_what_is_stale_goes(tmp_path):
     fake_study(tmp_path / "laptop")
     outputs, results = Outputs(tmp_path / "laptop"), tmp_path / "results"
-    outputs.evidence.mkdir()
+    outputs.analysis.mkdir()
     for name in ("claims.csv", "ages.png", "ages.pdf", "old.csv"):
-        (outputs.evidence / name).write_text(name)
+        (outputs.analysis / name).write_text(name)
     (outputs.path / "report.html").write_text("page")
     publish(outputs, results, "laptop")
-    (outputs.evidence / "old.csv").unlink()
+    (outputs.analysis / "old.csv").unlink()
     target = publish(outputs, results, "laptop")
-    assert sorted(path.name for path in target.glob("evidence/*")) == ["ages.png", "claims.csv"]
+    assert sorted(path.name for path in target.glob("analysis/*")) == ["ages.png", "claims.csv"]
     assert (target / "report.html").read_text() == "page"
 
 
@@ -138,7 +138,7 @@ def test_a_published_run_with_another_input_is_missed(tmp_path):
 
 
 def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
-    monkeypatch.setattr("repro.provenance._commit", lambda: "0123abc+")
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc+")
     fake_study(tmp_path / "laptop")
     with pytest.raises(ValueError, match=r"not committed when some of it was made; publish\.force=true"):
         publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
@@ -148,7 +148,7 @@ def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
 def test_finer_weights_are_not_replaced_by_coarser(tmp_path):
     run = fake_run(tmp_path / "laptop", "3", "unet", True, 0, 0.4)
     pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)]).to_csv(run.metrics, index=False)
-    network = create_model("unet")
+    network = create_network(paper_model("unet"))
     Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
     Predictor(network, Projection(), Grid(64, 50.0)).save(tmp_path / "weights")
     with pytest.raises(ValueError, match=r"holds weights for 64 px, .* has 32 px: publish\.force=true"):
@@ -234,7 +234,7 @@ def test_a_mark_without_its_end_deletes_nothing(text, tmp_path):
 def test_a_page_says_on_what_each_step_was_done(tmp_path, monkeypatch):
     run = fake_run(tmp_path / "laptop", "3", "unet", True, 0, 0.4, status=Status.trained)
     where = {"commit": "B", "hardware": {"gpu": "none at all"}, "versions": run.provenance().steps[-1]["versions"]}
-    monkeypatch.setattr("repro.runs.surroundings", lambda: where)
+    monkeypatch.setattr("repro.runs.directories.environment", lambda: where)
     run.begin_step("evaluated", Status.evaluated, test_pairs=8)
     page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop") / "README.md").read_text()
     trained, evaluated = (
@@ -247,7 +247,7 @@ def test_a_page_says_on_what_each_step_was_done(tmp_path, monkeypatch):
 def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     """A fifth experiment has no set-up of the paper's to be named by."""
     run = fake_run(tmp_path / "laptop", "office", "unet", True, 0, 0.4)
-    network = create_model("unet")
+    network = create_network(paper_model("unet"))
     Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
     metrics = pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)])
     metrics.to_csv(run.metrics, index=False)

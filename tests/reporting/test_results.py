@@ -3,11 +3,11 @@ import pytest
 from conftest import fake_run, fake_study
 
 from repro.config import NETWORKS, Encoding
-from repro.evaluation.metrics import METRICS
-from repro.provenance import Status
+from repro.metrics.names import METRICS
 from repro.reporting.paper import read_paper
 from repro.reporting.results import caption, compare, read_results
-from repro.runs import Outputs
+from repro.runs.directories import Outputs
+from repro.runs.provenance import Status
 
 
 def test_every_metric_stands_beside_the_papers(tmp_path):

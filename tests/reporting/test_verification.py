@@ -5,15 +5,15 @@ from conftest import ROOT, fake_run, fake_study
 from repro.reporting.publish import publish
 from repro.reporting.results import RUN_KEYS, read_published
 from repro.reporting.verification import verification_to_markdown, verify
-from repro.runs import Outputs
+from repro.runs.directories import Outputs
 
 
 @pytest.fixture
 def published(tmp_path, monkeypatch):
-    monkeypatch.setattr("repro.provenance._commit", lambda: "0123abc")
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
     fake_study(tmp_path / "first" / "laptop", seeds=(0, 1))
     target = publish(Outputs(tmp_path / "first" / "laptop"), tmp_path / "results", "laptop")
-    monkeypatch.setattr("repro.provenance._commit", lambda: "4567def")
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "4567def")
     return target
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.simulation.rays import scan
-from repro.simulation.recording import beam_angles, check_replay, make, replay, simulate
-from repro.simulation.worlds import sample_world, turn_around, write_world
+from repro.simulation.raycasting import scan
+from repro.simulation.simulator import beam_angles, check_replay, make, replay, simulate
+from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 
 @pytest.mark.parametrize("seed", [0, 7])
 def test_plain_irsim_replays_to_the_same_run(spec, seed, tmp_path):
-    for world in (sample_world(spec, seed), turn_around(sample_world(spec, seed))):
+    for world in (sample_world(spec, seed), reverse_direction(sample_world(spec, seed))):
         write_world(world, tmp_path / "world.yaml")
         truth, found = replay(tmp_path / "world.yaml"), simulate(world)
         hit = np.isfinite(truth.scans.ranges)
@@ -89,7 +89,7 @@ def test_only_hit_obstacles_are_seen():
 
 def test_twins_share_the_obstacle_motion():
     world = sample_world(world_spec("4"), 9)
-    assert np.array_equal(simulate(world).states, simulate(turn_around(world)).states)
+    assert np.array_equal(simulate(world).states, simulate(reverse_direction(world)).states)
 
 
 def test_beams_span_the_field_of_view():
@@ -130,4 +130,4 @@ def test_replay_check_notices_another_scan():
     recording = simulate(world)
     assert check_replay(world, recording) < 1e-9
     with pytest.raises(ValueError, match="plain IR-SIM"):
-        check_replay(world, simulate(turn_around(world)))
+        check_replay(world, simulate(reverse_direction(world)))

@@ -12,11 +12,8 @@ import numpy as np
 import pytest
 from conftest import ROOT, world_spec
 
-from repro.files import lock
-from repro.simulation import shards
-from repro.simulation.recording import simulate
-from repro.simulation.shards import read_shard, spec_fingerprint
-from repro.simulation.store import (
+from repro.recordings.format import read_shard, spec_fingerprint
+from repro.recordings.reader import (
     read_manifest,
     read_scans,
     read_shards,
@@ -24,7 +21,9 @@ from repro.simulation.store import (
     record_part,
     recordings_hash,
 )
-from repro.simulation.worlds import sample_world, turn_around
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import reverse_direction, sample_world
+from repro.system.files import lock
 
 PAIRS = {"train": 8, "val": 4, "test": 4}
 
@@ -42,7 +41,7 @@ def test_what_is_read_is_what_was_simulated(recorded):
     for number in range(4):
         world = sample_world(world_spec("3"), shards.SPLITS["test"] + number)
         mine = shard.world == number
-        for twin, item in enumerate((world, turn_around(world))):
+        for twin, item in enumerate((world, reverse_direction(world))):
             recording, stored = simulate(item), 2 * number + twin
             assert np.array_equal(shard.scans.ranges[stored], recording.scans.ranges.astype(np.float32))
             assert np.array_equal(shard.scans.poses[stored], recording.scans.poses)
@@ -54,7 +53,7 @@ def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
     monkeypatch.setattr(shards, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
     record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
     world = sample_world(world_spec("3"), shards.SPLITS["train"] + 3)
-    for index, item in ((6, world), (7, turn_around(world))):
+    for index, item in ((6, world), (7, reverse_direction(world))):
         scans = read_scans(tmp_path, "train", index)
         assert np.array_equal(scans.ranges, simulate(item).scans.ranges.astype(np.float32))
         assert np.array_equal(scans.poses, simulate(item).scans.poses)

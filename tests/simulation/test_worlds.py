@@ -6,8 +6,8 @@ import pytest
 import yaml
 from conftest import world_spec
 
-from repro.simulation.recording import drive_robot
-from repro.simulation.worlds import sample_world, shape_radius, turn_around, write_world
+from repro.simulation.simulator import drive_robot
+from repro.simulation.worlds import reverse_direction, sample_world, shape_radius, write_world
 
 
 def test_same_seed_same_world_other_seed_other_world(spec):
@@ -34,14 +34,14 @@ def test_obstacles_lie_apart_inside_the_map_and_clear_of_the_zone(spec, seed):
 
 def test_twins_share_obstacles_and_differ_in_direction_only(spec):
     world = sample_world(spec, 3)
-    twin = turn_around(world)
+    twin = reverse_direction(world)
     assert twin["obstacle"] == world["obstacle"]
     assert twin["robot"]["behavior"] == {**world["robot"]["behavior"], "direction": -1}
-    assert turn_around(twin) == world
+    assert reverse_direction(twin) == world
 
 
 def test_the_robot_comes_back_as_it_began(spec):
-    for world in (sample_world(spec, 0), turn_around(sample_world(spec, 0))):
+    for world in (sample_world(spec, 0), reverse_direction(sample_world(spec, 0))):
         x, y, heading = drive_robot(world)[-1]
         start_x, start_y, start_heading = world["robot"]["state"]
         assert (x, y) == pytest.approx((start_x, start_y), abs=1e-9)
@@ -49,7 +49,7 @@ def test_the_robot_comes_back_as_it_began(spec):
 
 
 def test_the_twin_takes_the_mirror_image_of_the_path(spec):
-    (there, back) = (drive_robot(w)[:, :2] for w in (sample_world(spec, 0), turn_around(sample_world(spec, 0))))
+    (there, back) = (drive_robot(w)[:, :2] for w in (sample_world(spec, 0), reverse_direction(sample_world(spec, 0))))
     assert np.allclose(there * [1, -1] + [0, 50], back, atol=1e-9)
 
 

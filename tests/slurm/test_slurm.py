@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 from repro.config import NETWORKS
-from repro.runs import Outputs
+from repro.runs.directories import Outputs
 
 pytestmark = pytest.mark.skipif("REPRO_SLURM" not in os.environ, reason="make test-slurm starts a Slurm for it")
 SMALL = ["scale=smoke", "scale.max_epochs=6", "hydra/launcher=slurm", "hydra.launcher.cpus_per_task=1"]

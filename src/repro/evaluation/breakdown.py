@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repro.evaluation.calibration import brier, entropy
-from repro.evaluation.intervals import bounds
-from repro.evaluation.levels import average_precision, pooled_scores
-from repro.evaluation.strata import (
+from repro.evaluation.recency import (
     BIN,
     BINS,
-    STRATA,
+    RECENCY,
     age_bin,
     newest_hits_of_obstacles,
     obstacle_masks,
@@ -22,9 +19,12 @@ from repro.evaluation.strata import (
 )
 from repro.maps.datasets import true_maps
 from repro.maps.grid import Grid
-from repro.simulation.store import read_manifest, read_shards
+from repro.metrics.bootstrap import bounds
+from repro.metrics.calibration import brier, entropy
+from repro.metrics.counts import average_precision, pooled_scores
+from repro.recordings.reader import read_manifest, read_shards
 
-HITS = {**dict(list(STRATA.items())[:4]), "never": range(BINS, BINS + 1)}
+HITS = {**dict(list(RECENCY.items())[:4]), "never": range(BINS, BINS + 1)}
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class TestSet:
 
     Args:
         truth: true maps, 1 is free, (M, H, W).
-        groups: see `strata.pixel_groups`, (M, H, W).
+        groups: see `recency.pixel_groups`, (M, H, W).
         masks: each obstacle by itself, (K, H, W).
         recording: the recording of each obstacle, of either twin, (2, K).
         newest: the newest step at which it was hit there, 0 for never, (2, K).
@@ -69,26 +69,26 @@ def load_test_set(recordings: Path, grid: Grid) -> TestSet:
     return TestSet(**whole, steps=steps)
 
 
-def by_stratum(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
-    """Measures each stratum, and all together, with intervals over worlds.
+def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
+    """Measures each recency, and all together, with intervals over worlds.
 
     Args:
         counts: of each world by group, truth and level, (W, G, 2, 256).
         weights: how often each world is taken in each draw, the first row every one once, (draws + 1, W).
 
     Returns:
-        stratum, metric, value, low, high, a row each; what has no pixel, or no obstacle, has no row.
+        recency, metric, value, low, high, a row each; what has no pixel, or no obstacle, has no row.
     """
-    strata = {"all": range(counts.shape[1]), **STRATA}
-    summed = np.stack([counts[:, list(groups)].sum(1) for groups in strata.values()], axis=1)
-    drawn = np.tensordot(weights.astype(np.float64), summed, axes=1)  # (draws + 1, strata, 2, 256)
+    recency = {"all": range(counts.shape[1]), **RECENCY}
+    summed = np.stack([counts[:, list(groups)].sum(1) for groups in recency.values()], axis=1)
+    drawn = np.tensordot(weights.astype(np.float64), summed, axes=1)  # (draws + 1, recency, 2, 256)
     measured = {"pixel_share": drawn.sum((2, 3)) / drawn[:, :1].sum((2, 3)), **measures(drawn)}
     rows = []
     for name, values in measured.items():
         low, high = bounds(values)
         rows += [
-            {"stratum": stratum, "metric": name, "value": values[0, i], "low": low[i], "high": high[i]}
-            for i, stratum in enumerate(strata)
+            {"recency": recency, "metric": name, "value": values[0, i], "low": low[i], "high": high[i]}
+            for i, recency in enumerate(recency)
             if np.isfinite([values[0, i], low[i], high[i]]).all()
         ]
     return pd.DataFrame(rows)
@@ -120,13 +120,13 @@ def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def by_last_hit(levels: list[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:
+def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:
     """Says how much of each obstacle is predicted, and how many at least half, by when each was last hit.
 
     Args:
-        levels: predictions of each seed, uint8, (M, H, W).
+        predictions: predictions of each seed, uint8, (M, H, W).
         test: the test recordings.
-        weights: see `by_stratum`.
+        weights: see `by_recency`.
 
     Returns:
         last_hit, metric (`obstacles` how many, `recall` their mean share found, `detected` the share of those found at
@@ -135,10 +135,10 @@ def by_last_hit(levels: list[np.ndarray], test: TestSet, weights: np.ndarray) ->
     area = test.masks.sum((1, 2))
     group = np.where(test.newest > 0, age_bin(test.steps - test.newest + 1), BINS)
     found = np.zeros_like(test.newest, dtype=float)
-    for free, twin in itertools.product(levels, (0, 1)):
+    for free, twin in itertools.product(predictions, (0, 1)):
         for number in np.flatnonzero(area):
             predicted = free[test.recording[twin, number]][test.masks[number]] < 128
-            found[twin, number] += predicted.mean() / len(levels)
+            found[twin, number] += predicted.mean() / len(predictions)
     rows = []
     for name, bins in HITS.items():
         chosen = np.isin(group, list(bins)) & (area > 0)

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from repro.evaluation.predictions import read_predictions
+from repro.evaluation.evaluate import read_predictions
 from repro.maps.datasets import load_pairs_of_run
-from repro.runs import Outputs
+from repro.recordings.reader import read_scans
+from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
 from repro.scans import Scans
-from repro.simulation.store import read_scans
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,7 @@ class Example:
 
     Args:
         experiment: the experiment.
-        decay: whether the projection fades with age.
+        encoding: label of the encoding, the paper's projection or that of its ablation.
         projection: gray image, 0 black to 255 white, (H, W).
         prediction: probability of free, (H, W).
         truth: true map, 1 is free, (H, W).
@@ -26,7 +27,7 @@ class Example:
     """
 
     experiment: str
-    decay: bool
+    encoding: str
     projection: np.ndarray
     prediction: np.ndarray
     truth: np.ndarray
@@ -34,27 +35,26 @@ class Example:
     oldest_gray: float
 
 
-def load_example(outputs: Outputs, experiment: str, *, decay: bool, model: str = "unet", index: int = 0) -> Example:
+def load_example(outputs: Outputs, key: RunKey, index: int = 0) -> Example:
     """Reads one test recording: what went into a network of seed 0, what came out, what was true.
 
     Args:
         outputs: an outputs directory with this network evaluated.
-        experiment: the experiment.
-        decay: with the paper's projection, or that of its ablation.
-        model: the network.
+        key: the run.
         index: which recording of the test split.
 
     Raises:
         ValueError: the run is not there, or there is no such recording.
     """
-    run = outputs.run(experiment, model, "decay" if decay else "no-decay", 0)
-    recordings = outputs.recordings(experiment)
+    run, recordings = outputs.run(key), outputs.recordings(key.experiment)
     config = run.config()
+    if config.encoding is None:
+        raise ValueError(f"{run} is a baseline, which has no encoding")
     scans = read_scans(recordings, "test", index)
     pairs = load_pairs_of_run(recordings, "test", config, "cpu")
     return Example(
-        experiment,
-        decay,
+        key.experiment,
+        key.encoding,
         pairs.images[index, 0].numpy(),
         read_predictions(run)[index],
         pairs.maps[index, 0].numpy(),

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from PIL import Image
 
-from repro.evaluation.predictions import read_levels
+from repro.evaluation.evaluate import read_quantized
 from repro.maps.datasets import encoding_of, grid_of, true_maps
-from repro.runs import Outputs, Run
-from repro.simulation.store import read_shards
+from repro.recordings.reader import read_shards
+from repro.runs.directories import Outputs, Run
 
 Sample = dict[str, Any]
 
@@ -36,10 +36,10 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int 
     inputs, predictions = {}, {}
     for run in runs:
         config = run.config()
-        predictions[str(run.path.relative_to(outputs.path))] = read_levels(run)[chosen]
-        if config.encoding.variant not in inputs and config.train:
+        predictions[str(run.path.relative_to(outputs.path))] = read_quantized(run)[chosen]
+        if config.encoding and config.encoding.label not in inputs:
             images = encoding_of(config).encode(shard.scans.tensors(), grid)
-            inputs[config.encoding.variant] = images[torch.as_tensor(chosen), -1].numpy()
+            inputs[config.encoding.label] = images[torch.as_tensor(chosen), -1].numpy()
     return [
         {
             "index": int(index),

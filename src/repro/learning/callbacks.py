@@ -12,7 +12,8 @@ import torch
 from lightning.pytorch.callbacks import Callback, EarlyStopping, WeightAveraging
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from repro.files import write_text
+from repro.learning.budget import Budget
+from repro.system.files import write_text
 
 
 class History(Callback):
@@ -50,9 +51,9 @@ class History(Callback):
 class Stop(EarlyStopping):
     """Early stopping that remembers, after a resume, that it had already stopped; and the time budget."""
 
-    def __init__(self, minutes: float | None, **options: Any) -> None:
+    def __init__(self, budget: Budget | None, **options: Any) -> None:
         super().__init__("val_loss", check_on_train_epoch_end=True, **options)
-        self.minutes = minutes
+        self.budget = budget or Budget(None)
         self.paused = False
 
     def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
@@ -61,12 +62,12 @@ class Stop(EarlyStopping):
     def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         super().on_train_epoch_end(trainer, module)
         last = trainer.current_epoch + 1 == trainer.max_epochs
-        Budget.epochs += 1
-        if Budget.is_spent(self.minutes) and not trainer.should_stop and not last:
+        self.budget.epochs += 1
+        if self.budget.is_spent() and not trainer.should_stop and not last:
             self.paused = trainer.should_stop = True
 
 
-class Crowding(Callback):
+class CPUContention(Callback):
     """Says once when other work takes the cores from a training of several threads, which then wait for one another.
 
     It does when the process gets little of its threads' time though no core is free; where cores are free, the threads
@@ -105,15 +106,3 @@ def exponential_moving_average(decay: float) -> WeightAveraging:
         decay: share of the average that stays at every step.
     """
     return WeightAveraging(multi_avg_fn=get_ema_multi_avg_fn(decay))
-
-
-class Budget:
-    """How long this process has been at work. It always trains one epoch, so that every call gets further."""
-
-    started = time.monotonic()
-    epochs = 0
-
-    @classmethod
-    def is_spent(cls, minutes: float | None) -> bool:
-        """Says whether so many minutes are over; None is no limit."""
-        return minutes is not None and cls.epochs > 0 and time.monotonic() - cls.started > 60 * minutes

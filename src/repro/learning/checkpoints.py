@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
-from repro.files import replacing
+from repro.system.files import replacing
 
 
 class WholeCheckpointIO(TorchCheckpointIO):

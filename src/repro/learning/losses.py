@@ -4,7 +4,7 @@ r"""The training loss of the paper: binary cross-entropy plus Dice.
     L_BCE = -1/N \sum_i [g_i log p_i + (1 - g_i) log(1 - p_i)]                      (Eq. 1)
     L_Dice = 1 - 2 \sum_i p_i g_i / (\sum_i p_i^2 + \sum_i g_i^2 + eps)             (Eq. 2)
 
-The sums run over all N pixels of the batch. Not to be confused with smp's `DiceLoss`, whose denominator has
+The sums run over all N pixels of the batch. Not to be confused with smp's `DiceLoss`, source denominator has
 no squares.
 """
 

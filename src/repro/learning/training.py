@@ -21,18 +21,19 @@ import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import Tensor
 
-from repro.config import Model, Training
-from repro.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
-from repro.learning.callbacks import Budget, Crowding, History, Stop, exponential_moving_average
+from repro.config import Training
+from repro.learning.budget import Budget
+from repro.learning.callbacks import CPUContention, History, Stop, exponential_moving_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
-from repro.learning.models import Network, create_model
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
-from repro.prediction import Predictor
-from repro.provenance import Status
-from repro.runs import Run, RunConfig
-from repro.simulation.store import recordings_hash
+from repro.networks.create import Network, create_network
+from repro.networks.predictor import Predictor
+from repro.recordings.reader import recordings_hash
+from repro.runs.directories import Run, RunConfig
+from repro.runs.provenance import Status
+from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 
 
 class TrainingModule(L.LightningModule):
@@ -99,7 +100,7 @@ def train(
     accelerator: str = "auto",
     precision: str = "auto",
     compile: bool = False,
-    max_minutes: float | None = None,
+    budget: Budget | None = None,
 ) -> Status:
     """Trains the network of a run directory, from where it was left if it was.
 
@@ -109,7 +110,7 @@ def train(
         accelerator: auto, cpu, gpu, see `devices.resolve_device`.
         precision: Lightning's: 32-true, bf16-mixed; auto is bf16-mixed where it is native, else 32-true.
         compile: whether to compile the network with torch.compile; where that fails it says so and goes on.
-        max_minutes: budget of this process; reaching it pauses the run at an epoch's end, after one epoch at least.
+        budget: time budget; when it is spent the run pauses at the end of an epoch. None is no limit.
 
     Returns:
         `trained` (or `evaluated`, where that is done already) or `paused`.
@@ -118,10 +119,10 @@ def train(
         ValueError: the recordings are missing, broken or others than the run began with.
         FloatingPointError: the loss is not finite; the run is marked failed.
     """
-    with run.alone():
+    with run.exclusive():
         if run.is_trained:
             return run.status
-        if Budget.is_spent(max_minutes):
+        if budget and budget.is_spent():
             return Status.paused
         config = run.config()
         forget_peak_memory()
@@ -132,13 +133,13 @@ def train(
         if compile:
             size_px = config.data.size_px
             channels = encoding_of(config).channels
-            spare = _create_network(config.model, channels).to(device)
+            spare = create_network(config.model, channels).to(device)
             compile = compiles(spare, torch.zeros(2, channels, size_px, size_px, device=device))
         if compile:
             module.network.compile()
         run.begin_step("trained", Status.training, precision=precision, compiled=compile)
         try:
-            finished = _fit(run, module, config, device, precision, max_minutes)
+            finished = _fit(run, module, config, device, precision, budget)
         except FloatingPointError as error:
             run.end_step(Status.failed, str(error))
             raise
@@ -147,33 +148,29 @@ def train(
         return run.status
 
 
-def _create_network(model: Model, channels: int) -> Network:
-    encoder = {"encoder_name": model.encoder_name} if model.encoder_name else {}
-    return create_model(model.name, **encoder, encoder_weights=model.encoder_weights, in_channels=channels)
-
-
 def _training_module(recordings: Path, config: RunConfig, device: str) -> TrainingModule:
     """Loads the data and creates the network that a run's configuration names."""
-    assert config.train
+    assert config.train is not None, "a baseline is not trained"
+    assert config.seed is not None, "a baseline is not trained"
     train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
     torch.manual_seed(config.seed)
-    network = _create_network(config.model, train_pairs.encoding.channels)
+    network = create_network(config.model, train_pairs.encoding.channels)
     accelerate(network, device)
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 
 def _fit(
-    run: Run, module: TrainingModule, config: RunConfig, device: str, precision: str, max_minutes: float | None
+    run: Run, module: TrainingModule, config: RunConfig, device: str, precision: str, budget: Budget | None
 ) -> bool:
     """Fits until early stopping, the last epoch or the budget; returns whether that was the end."""
     settings = module.settings
     checkpoints = run.path / "checkpoints"
     history = History(run.path / "history.csv")
-    stop = Stop(max_minutes, min_delta=settings.min_delta, patience=settings.patience)
+    stop = Stop(budget, min_delta=settings.min_delta, patience=settings.patience)
     callbacks = [
         history,
         stop,
-        *([Crowding()] if device == "cpu" else []),
+        *([CPUContention()] if device == "cpu" else []),
         *([exponential_moving_average(settings.ema_decay)] if settings.ema_decay else []),
         _checkpoint(checkpoints, "best", monitor="val_loss"),
         _checkpoint(checkpoints, "last"),

@@ -12,11 +12,11 @@ from tqdm import tqdm
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.maps.truth import rasterize
-from repro.runs import RunConfig
+from repro.maps.ground_truth import rasterize
+from repro.recordings.format import ShardContent
+from repro.recordings.reader import read_manifest, read_shards
+from repro.runs.directories import RunConfig
 from repro.scans import Scans
-from repro.simulation.shards import ShardContent
-from repro.simulation.store import read_manifest, read_shards
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Recorded:
-    """All recordings of one split beside their true maps: what a rival is given, which draws no images.
+    """All recordings of one split beside their true maps: what a baseline is given, which draws no images.
 
     Args:
         scans: as tensors, ranges (M, T, N).
@@ -74,8 +74,8 @@ class Batches:
         pairs: what to gather from.
         batch_size: pairs in a batch.
         seed: shuffles them; None keeps their order.
-        flip_augmentation: flips half of them, drawn by the seed, top to bottom. That is an exact symmetry of the paper's worlds:
-            obstacles are placed alike above and below, and the path mirrored is the path of the twin.
+        flip_augmentation: flip half of the pairs, drawn by the seed, top to bottom. This is an exact symmetry of the
+            paper's worlds: obstacles are placed alike above and below, and the mirrored path is that of the twin.
 
     Raises:
         ValueError: there are fewer training pairs than a batch takes.
@@ -182,4 +182,5 @@ def grid_of(config: RunConfig) -> Grid:
 
 def encoding_of(config: RunConfig) -> Encoding:
     """Creates the encoding of a run."""
+    assert config.encoding, "a baseline has no encoding"
     return create_encoding(config.encoding.name, config.encoding.parameters)

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
-from repro.maps.visible import newest_visible
+from repro.maps.visibility import newest_visible
 from repro.scans import Scans
 
 
@@ -87,7 +87,7 @@ class Ages(Negative):
 
 
 @dataclass(frozen=True)
-class SeenFree(Negative):
+class ObservedFree(Negative):
     """The projection, and a second image of when each pixel was last seen to be free.
 
     A beam that passed over a pixel says that it was free then, which the projection throws away. The second image has
@@ -101,7 +101,7 @@ class SeenFree(Negative):
         ValueError: `range_max_m` is not positive, or see `Projection`.
     """
 
-    name: ClassVar[str] = "seen_free"
+    name: ClassVar[str] = "observed_free"
     channels: ClassVar[int] = 2
 
     range_max_m: float = 30.0
@@ -157,7 +157,7 @@ ENCODINGS: dict[str, type[Encoding]] = {
     "negative": Negative,
     "exponential": Exponential,
     "ages": Ages,
-    "seen_free": SeenFree,
+    "observed_free": ObservedFree,
     "stack4": Stack,
     "stack10": Stack,
 }

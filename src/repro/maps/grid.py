@@ -61,5 +61,5 @@ class Grid:
         return (self.size_px - 0.5 - rows) * self.resolution_m
 
     def first_column(self, x: Tensor) -> Tensor:
-        """First column whose pixel centre is not left of `x` [m], clipped to [0, W]."""
+        """First column source pixel centre is not left of `x` [m], clipped to [0, W]."""
         return torch.ceil(x / self.resolution_m - 0.5).clamp(0, self.size_px).long()

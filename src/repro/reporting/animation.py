@@ -14,11 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Circle
 
-from repro.maps.truth import rasterize
-from repro.prediction import Predictor
+from repro.maps.ground_truth import rasterize
+from repro.networks.predictor import Predictor
 from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
-from repro.simulation.recording import Recording
+from repro.simulation.simulator import Recording
 
 TITLES = ("World, robot, 90° lidar", "What the network sees", "What it predicts", "The map as it is")
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from repro.evaluation.metrics import METRICS
+from repro.metrics.names import METRICS
 
 Row = dict[str, float]
 
@@ -54,20 +54,20 @@ def audit_averages(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
     """Compares the rows `average` with the means of their rows, metric by metric.
 
     Args:
-        table: experiment, model, decay and the metrics.
+        table: experiment, model, encoding and the metrics.
         digits: decimals the numbers are given to.
 
     Returns:
-        experiment, decay, metric, printed, mean, agrees.
+        experiment, encoding, metric, printed, mean, agrees.
     """
-    keys, printed = ["experiment", "decay"], table[table["model"] == "average"]
+    keys, printed = ["experiment", "encoding"], table[table["model"] == "average"]
     means = table[table["model"] != "average"].groupby(keys)[list(METRICS)].mean()
     rows = []
     for _, row in printed.iterrows():
         for metric in METRICS:
-            mean = float(means.loc[(row["experiment"], row["decay"]), metric])
+            mean = float(means.loc[(row["experiment"], row["encoding"]), metric])
             agrees = abs(mean - row[metric]) <= 1.01 * 10**-digits
-            rows.append([row["experiment"], row["decay"], metric, row[metric], mean, agrees])
+            rows.append([row["experiment"], row["encoding"], metric, row[metric], mean, agrees])
     return pd.DataFrame(rows, columns=[*keys, "metric", "printed", "mean", "agrees"])
 
 

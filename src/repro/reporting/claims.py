@@ -18,8 +18,8 @@ from pydantic import Field
 from uncertainties import nominal_value, std_dev
 
 from repro.config import choice
-from repro.files import read_typed
 from repro.reporting.numbers import Number, Numbers, Z, paper_rows
+from repro.system.files import read_typed
 
 ROUNDING = 1e-4  # a difference of two numbers of four digits
 
@@ -79,7 +79,7 @@ def judge(ledger: Ledger, ours: pd.DataFrame, paper: pd.DataFrame | None = None)
 
     Args:
         ledger: see `read_claims`.
-        ours: see `numbers.evidence_rows`.
+        ours: see `numbers.analysis_rows`.
         paper: see `numbers.paper_rows`.
 
     Returns:

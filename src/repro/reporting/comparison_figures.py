@@ -1,21 +1,22 @@
-"""Figures that compare: networks, inputs and rivals; other worlds than those learned from; more pairs and pixels."""
+"""Figures that compare: networks, inputs and baselines; other worlds than those learned from; more pairs and pixels."""
 
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.config import LEARNED
+from repro.baselines.names import rank
+from repro.config import NO_DECAY, PROJECTION
 from repro.maps.encodings import ENCODINGS
-from repro.names import NAMES, experiment_title, predictor_title
 from repro.reporting.figures import ACCENT, INK
+from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.plots import LOOKS, Frames, one_legend
 from repro.reporting.results import OURS
 
 
-def rivals(frames: Frames) -> Figure | None:
-    """Shows the obstacle IoU of every network from the paper's input, our best, and every rival, with intervals."""
+def baselines(frames: Frames) -> Figure | None:
+    """Shows the obstacle IoU of every network from the paper's input, our best, and every baseline, with intervals."""
     rows = _titled(frames["intervals"])
-    shown = (rows["encoding"] == "projection") | (rows["model"] == "convlstm") | (rows["encoding"] == OURS[1])
+    shown = rows["encoding"].isin(["", PROJECTION]) | (rows["model"] == "convlstm") | (rows["encoding"] == OURS[1])
     rows = rows[shown & ~rows["model"].isin(["average", "all_free"])]
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
@@ -33,43 +34,43 @@ def encodings(frames: Frames) -> Figure | None:
     return _dots(rows, names) if len(names) > 1 else None
 
 
-def transfer(frames: Frames) -> Figure | None:
+def generalization(frames: Frames) -> Figure | None:
     """Shows what U-Net loses on sensors, poses and speeds that it has not learned."""
-    if "transfer" not in frames:
+    if "generalization" not in frames:
         return None
-    rows = frames["transfer"]
-    rows = rows[(rows["what"] != "experiment") & rows["metric"].isin(["obstacle_iou", "accuracy"])]
+    rows = frames["generalization"]
+    rows = rows[(rows["shift"] != "experiment") & rows["metric"].isin(["obstacle_iou", "accuracy"])]
     if rows.empty:
         return None
-    whats = list(dict.fromkeys(rows["what"]))
-    size = (0.6 + 2.2 * len(whats), 4.2)
-    figure, axes = plt.subplots(2, len(whats), figsize=size, layout="constrained", sharey="row", squeeze=False)
-    for column, what in zip(axes.T, whats, strict=True):
-        for ax, (metric, label) in zip(
-            column, {"obstacle_iou": "obstacle IoU", "accuracy": "accuracy"}.items(), strict=True
-        ):
-            line = rows[(rows["what"] == what) & (rows["metric"] == metric)]
+    shifts = list(dict.fromkeys(rows["shift"]))
+    size = (0.6 + 2.2 * len(shifts), 4.2)
+    figure, axes = plt.subplots(2, len(shifts), figsize=size, layout="constrained", sharey="row", squeeze=False)
+    labels = {"obstacle_iou": "obstacle IoU", "accuracy": "accuracy"}
+    for column, shift in zip(axes.T, shifts, strict=True):
+        for ax, (metric, label) in zip(column, labels.items(), strict=True):
+            line = rows[(rows["shift"] == shift) & (rows["metric"] == metric)]
             amount = line["tested"].astype(float)
             spread = [line["value"] - line["low"], line["high"] - line["value"]]
             ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, **LOOKS[0])
-            ax.set_ylabel(label if what == whats[0] else "")
-        column[-1].set_xlabel(what)
+            ax.set_ylabel(label if shift == shifts[0] else "")
+        column[-1].set_xlabel(shift)
     return figure
 
 
 def curves(frames: Frames) -> Figure | None:
-    """Shows what more pairs and more pixels give, what the fitted law foretells at paper scale, and the paper's own."""
-    if "foretold" not in frames:
+    """Plot the learning curves, their extrapolation to paper scale, and the paper's numbers."""
+    if "extrapolated" not in frames:
         return None
-    foretold, points = frames["foretold"], frames["curves"].query("schedule == 'short'")
-    foretold = foretold[foretold["what"] == "paper scale"]
-    setups = list(dict.fromkeys(zip(foretold["experiment"], foretold["decay"], strict=True)))
+    extrapolated, points = frames["extrapolated"], frames["curves"].query("schedule == 'short'")
+    extrapolated = extrapolated[extrapolated["target"] == "paper scale"]
+    setups = list(dict.fromkeys(zip(extrapolated["experiment"], extrapolated["encoding"], strict=True)))
     measures = {"accuracy": "accuracy", "specificity": "specificity"}
     size = (0.6 + 2.2 * len(setups), 4.6)
     figure, axes = plt.subplots(2, len(setups), figsize=size, layout="constrained", sharex=True, squeeze=False)
-    for column, (experiment, decay) in zip(axes.T, setups, strict=True):
-        mine = points[(points["experiment"] == experiment) & (points["decay"] == decay)]
-        ahead = foretold[(foretold["experiment"] == experiment) & (foretold["decay"] == decay)].set_index("metric")
+    for column, (experiment, encoding) in zip(axes.T, setups, strict=True):
+        mine = points[(points["experiment"] == experiment) & (points["encoding"] == encoding)]
+        of_curve = (extrapolated["experiment"] == experiment) & (extrapolated["encoding"] == encoding)
+        ahead = extrapolated[of_curve].set_index("metric")
         for ax, metric in zip(column, measures, strict=True):
             for look, (size_px, line) in zip(LOOKS, mine.groupby("size_px"), strict=False):
                 means = line.groupby("pairs")[metric].mean()
@@ -77,12 +78,12 @@ def curves(frames: Frames) -> Figure | None:
             aim = ahead.loc[metric]
             spread = [[aim["value"] - aim["low"]], [aim["high"] - aim["value"]]]
             form = {"color": INK, "marker": "D", "markersize": 4, "capsize": 2, "markerfacecolor": "white"}
-            label = f"foretold, {aim['size_px']:.0f} px"
+            label = f"extrapolated, {aim['size_px']:.0f} px"
             ax.errorbar(aim["pairs"], aim["value"], yerr=spread, linestyle="none", label=label, **form)
             ax.plot(aim["pairs"], aim["paper"], color=INK, marker="_", markersize=12, linestyle="none", label="paper")
             ax.set(xscale="log", xlim=(400, 16_000))
         title = experiment_title(str(experiment), "\n{}")
-        column[0].set_title(title if decay else title.replace("\n", ", no decay\n"))
+        column[0].set_title(title if encoding == PROJECTION else title.replace("\n", ", no decay\n"))
         column[-1].set_xlabel("training pairs")
     for ax, label in zip(axes[:, 0], measures.values(), strict=True):
         ax.set_ylabel(label)
@@ -91,10 +92,10 @@ def curves(frames: Frames) -> Figure | None:
 
 
 def _titled(table: pd.DataFrame) -> pd.DataFrame:
-    """Takes the obstacle IoU with decay; adds the title of each predictor and its rank in the order of `NAMES`."""
-    rows = table[(table["metric"] == "obstacle_iou") & table["decay"]]
+    """Takes the obstacle IoU with decay; adds the title of each predictor and its rank."""
+    rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
     titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
-    return rows.assign(title=titles, rank=rows["model"].map(list(NAMES).index))
+    return rows.assign(title=titles, rank=rows["model"].map(rank))
 
 
 def _dots(rows: pd.DataFrame, names: list[str]) -> Figure:
@@ -104,7 +105,7 @@ def _dots(rows: pd.DataFrame, names: list[str]) -> Figure:
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
     for ax, experiment in zip(axes[0], experiments, strict=True):
         for row in rows[rows["experiment"] == experiment].itertuples():
-            own = row.model in LEARNED
+            own = row.encoding != ""
             form = {"color": ACCENT if own else INK, "marker": "o" if own else "s", "markersize": 4, "capsize": 2}
             spread = [[row.value - row.low], [row.high - row.value]]
             ax.errorbar(

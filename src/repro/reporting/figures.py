@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
+from repro.config import PROJECTION
 from repro.evaluation.examples import Example
-from repro.names import experiment_title
-from repro.simulation.recording import make
+from repro.reporting.names import experiment_title
+from repro.simulation.simulator import make
 from repro.simulation.worlds import World, write_world
 
 INK, ACCENT = "#222222", "#0b6e99"
@@ -30,7 +31,7 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
     Returns:
         the PNG files written.
     """
-    decayed = [example for example in examples if example.decay]
+    decayed = [example for example in examples if example.encoding == PROJECTION]
     directory.mkdir(parents=True, exist_ok=True)
     written = []
     with plt.rc_context(STYLE):
@@ -150,7 +151,7 @@ def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0)
 
 
 def _title(example: Example) -> str:
-    if example.decay:
+    if example.encoding == PROJECTION:
         return experiment_title(example.experiment, "\n{}")
     return f"Experiment {example.experiment}\nNo time decay"
 

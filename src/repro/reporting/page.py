@@ -10,14 +10,15 @@ from typing import Any
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from repro.evaluation.metrics import METRICS
+from repro.baselines.names import rank
 from repro.evaluation.samples import Sample
-from repro.names import NAMES, experiment_title
-from repro.provenance import Provenance
+from repro.metrics.names import TABLE_METRICS
 from repro.reporting.claims import Verdict
-from repro.reporting.results import OURS
+from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.sections import sections
-from repro.reporting.tables import HEADS, Table
+from repro.reporting.tables import HEADS, Table, row_title
+from repro.runs.keys import CELL, RunKey
+from repro.runs.provenance import Provenance
 
 Frames = dict[str, pd.DataFrame]
 LOOKS = {
@@ -35,11 +36,11 @@ class Report:
 
     Args:
         scale: its name.
-        place: the name of the directory.
+        outputs: the name of the directory.
         command: what makes the page.
         caption: scale, resolution, pairs, epochs, seeds.
         tables: the main table and the ablation.
-        frames: see `evaluation.evidence.gather`, and `audit`.
+        frames: see `evaluation.analysis.gather`, and `audit`.
         claims: see `claims.judge`.
         figures: PNG files, by name.
         samples: of each experiment, see `evaluation.samples.load_samples`.
@@ -47,7 +48,7 @@ class Report:
     """
 
     scale: str
-    place: str
+    outputs: str
     command: str
     caption: str
     tables: dict[str, Table]
@@ -64,11 +65,12 @@ def render(report: Report) -> str:
     parts = sections(report.frames, report.figures, report.origins)
     places = [("summary", "In short"), ("tables", "Tables"), ("claims", "Claims")]
     places += [("samples", "Samples")] if report.samples else []
-    intervals = report.frames["intervals"].set_index(["experiment", "model", "encoding", "decay", "metric"])
+    intervals = report.frames["intervals"].set_index([*CELL, "metric"])
     counted = Counter(report.claims["verdict"])
     return environment.get_template("report.html").render(
         scale=report.scale,
-        place=report.place,
+        outputs=report.outputs,
+        is_smoke=report.scale == "smoke",
         command=report.command,
         caption=report.caption,
         sections=places + [(part["id"], part["nav"]) for part in parts],
@@ -89,10 +91,9 @@ def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
     rows = []
     for _, row in table.frame.iterrows():
         cells = []
-        for metric in METRICS:
+        for metric in TABLE_METRICS:
             cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
-            cell_of = OURS if row["model"] == "ours" else (row["model"], "projection")
-            place = (row["experiment"], *cell_of, row["decay"], metric)
+            place = (*row[CELL], metric)
             if place in intervals.index:
                 low, high = intervals.loc[place, ["low", "high"]]
                 cell["interval"] = f"[{low:.3f}, {high:.3f}]"
@@ -101,10 +102,8 @@ def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
                 cell |= {"delta": f"{100 * delta:+z.1f}", "side": "above" if delta > 0 else "below"}
                 cell["tint"] = round(min(abs(delta) / 0.1, 1) * 0.45, 3)
             cells.append(cell)
-        model = row["model"]
-        rows.append(
-            {"experiment": row["experiment"], "model": NAMES[model], "strong": model == "average", "cells": cells}
-        )
+        title, is_average = row_title(row), row["model"] == "average"
+        rows.append({"experiment": row["experiment"], "model": title, "strong": is_average, "cells": cells})
     return {"caption": table.caption, "rows": rows}
 
 
@@ -166,17 +165,15 @@ def _browser(samples: dict[str, list[Sample]]) -> str:
 
 
 def _rank(item: tuple[str, str]) -> tuple[int, str]:
-    """Orders runs as the tables do."""
-    model = item[0].split("/")[2]
-    return (list(NAMES).index(model) if model in NAMES else len(NAMES), item[0])
+    """Return the position of a run, given by its path, in the order of the tables."""
+    return rank(RunKey.parse(item[0]).model), item[0]
 
 
-def _run_name(place: str) -> str:
-    _, _, model, variant, seed = place.split("/")
-    words = {"decay": "", "no-decay": ", no decay"}.get(variant, f", {variant}")
-    return f"{NAMES.get(model, model)}{words}" + (f", {seed}" if seed != "seed0" else "")
+def _run_name(path: str) -> str:
+    key = RunKey.parse(path)
+    return predictor_title(key.model, key.encoding) + (f", seed {key.seed}" if key.seed else "")
 
 
-def _input_of(place: str, inputs: dict[str, str]) -> str:
-    variant = place.split("/")[3]
-    return variant if variant in inputs else next(iter(inputs))
+def _input_of(path: str, inputs: dict[str, str]) -> str:
+    encoding = RunKey.parse(path).encoding
+    return encoding if encoding in inputs else next(iter(inputs))

@@ -4,18 +4,20 @@ from importlib.resources import files
 
 import pandas as pd
 
-from repro.evaluation.metrics import METRICS
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.metrics.names import METRICS
+from repro.runs.keys import CELL
 
 TABLES = files("repro.reporting") / "paper_tables"
-KEYS = ["experiment", "model", "decay"]
 
 
 def read_paper() -> pd.DataFrame:
-    """Reads the paper's Tables I and II with their averages: experiment, model, decay and the six metrics."""
+    """Reads the paper's Tables I and II with their averages: experiment, model, encoding and the six metrics."""
     results = pd.read_csv(str(TABLES / "results.csv"))
     averages = pd.read_csv(str(TABLES / "averages.csv")).assign(model="average")
-    table = pd.concat([results, averages], ignore_index=True)[[*KEYS, *METRICS]]
-    return table.assign(experiment=table["experiment"].astype(str))
+    table = pd.concat([results, averages], ignore_index=True)
+    encoding = table["decay"].map({True: PROJECTION, False: PROJECTION_NO_DECAY})
+    return table.assign(experiment=table["experiment"].astype(str), encoding=encoding)[[*CELL, *METRICS]]
 
 
 def implied_coverage(table: pd.DataFrame) -> pd.Series:
@@ -35,7 +37,7 @@ def targets(experiment: str) -> dict[str, float]:
         visibility of the worlds must exceed: nobody predicts obstacles never hit. Empty for an experiment
         that the paper does not have.
     """
-    rows = read_paper().query("model == 'average' and decay and experiment == @experiment")
+    rows = read_paper().query("model == 'average' and encoding == @PROJECTION and experiment == @experiment")
     if rows.empty:
         return {}
     coverage, specificity = implied_coverage(rows).item(), rows["specificity"].item()

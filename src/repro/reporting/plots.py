@@ -1,4 +1,4 @@
-"""What the figures of the evidence share: looks, axes, marks with intervals, one legend."""
+"""What the figures of the analysis share: looks, axes, marks with intervals, one legend."""
 
 from typing import Any
 

@@ -7,22 +7,23 @@ how to do it again. The tables of the project's README are generated from it and
 
 import dataclasses
 import json
+import re
 import shutil
 from pathlib import Path
 
 import pandas as pd
 import torch
 
-from repro.config import LEARNED, NETWORKS, variant
-from repro.evaluation.metrics import METRICS
-from repro.evaluation.predictions import read_metrics
-from repro.files import replacing_directory, write_json, write_text
-from repro.names import NAMES, SETUPS, predictor_title
-from repro.prediction import load_predictor
-from repro.provenance import Provenance
-from repro.reporting.results import RUN_KEYS, SIZES, caption, read_published, read_results
+from repro.config import NETWORKS, NO_DECAY, PROJECTION
+from repro.metrics.names import METRICS
+from repro.networks.predictor import load_predictor
+from repro.reporting.names import SETUPS, model_title, predictor_title
+from repro.reporting.results import SIZES, caption, read_published, read_results
+from repro.reporting.rows import keys_of
 from repro.reporting.tables import make_tables
-from repro.runs import Outputs, Run
+from repro.runs.directories import Outputs, Run
+from repro.runs.provenance import Provenance
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 
 def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False) -> Path:
@@ -46,17 +47,20 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
     if runs.empty or not runs["model"].isin(NETWORKS).any():
         raise ValueError(f"nothing to publish in {outputs.path}: no network has been evaluated there")
     name = outputs.path.name
+    if not re.fullmatch(r"[\w-]+", name):
+        raise ValueError(
+            f"outputs={outputs.path}: results are published under its last part, which must be a plain name"
+        )
     target = results / name
-    origins = {}
-    for experiment, model, encoding, decay, seed in runs[[*RUN_KEYS]].itertuples(index=False, name=None):
-        run = outputs.run(experiment, model, variant(encoding, decay), seed)
-        origins[str(run.path.relative_to(outputs.path))] = run.provenance()
+    origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(runs)}
     found = doubts(runs, list(origins.values()), target)
     if found and not force:
         raise ValueError(f"not published to {target}: {'; '.join(found)}; publish.force=true does it all the same")
-    with replacing_directory(target) as new:
+    results.mkdir(parents=True, exist_ok=True)
+    with lock(results), replacing_directory(target) as new:
+        clear_leftovers(results, keep=new)
         for kept in target.glob("*"):
-            if (kept.is_dir() and kept.name != "evidence") or kept.stem in ("costs", "verification"):
+            if (kept.is_dir() and kept.name != "analysis") or kept.stem in ("costs", "verification"):
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
         for kind, table in make_tables(runs).items():
             if len(table.frame):
@@ -66,10 +70,10 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
         for shown in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(shown, new / shown.name)
-        if outputs.evidence.is_dir():
-            shutil.copytree(outputs.evidence, new / "evidence", ignore=shutil.ignore_patterns("*.pdf"))
+        if outputs.analysis.is_dir():
+            shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf"))
         words = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
-        page = published_page(name, words, runs, list(origins.values()), with_evidence=outputs.evidence.is_dir())
+        page = published_page(name, words, runs, list(origins.values()), with_analysis=outputs.analysis.is_dir())
         write_text(new / "README.md", page)
     return target
 
@@ -92,18 +96,15 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
             now, then = runs[size].max(), before[size].max()
             if now < then:
                 found.append(f"{then:.0f} {word} are published, here are {now:.0f}")
-        keys = [*RUN_KEYS]
-        missing = set(before[keys].itertuples(index=False, name=None)) - set(
-            runs[keys].itertuples(index=False, name=None)
-        )
+        missing = set(keys_of(before)) - set(keys_of(runs))
         if missing:
             found.append(f"{len(missing)} of the {len(before)} published runs are not here")
     return found
 
 
-def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance], *, with_evidence: bool) -> str:
+def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance], *, with_analysis: bool) -> str:
     """Says what was run, on what, for how long, and the command (with `words`) that trains each network again."""
-    networks = runs[runs["model"].isin(LEARNED)]
+    networks = runs[runs["encoding"] != ""]
     steps = [step for origin in origins for step in origin.steps if step["step"] != "recorded"]
     machines = {
         verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in steps if step["step"] == verb})
@@ -113,14 +114,14 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
     precisions = sorted({step["precision"] for step in steps if "precision" in step})
     words += f" runtime.precision={precisions[0]}" if len(precisions) == 1 else ""
     commits = sorted({str(step["commit"]) for step in steps})
-    ablated = not runs["decay"].all()
+    ablated = networks["encoding"].str.endswith(NO_DECAY).any()
     tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
     lines = [
         f"# Published results, {name}\n",
         caption(runs) + "\n",
         f"{tables} `runs.csv` has every run with its seed, all metrics and times,",
         "`provenance.json` where every run came from"
-        + ("; `evidence/` and `report.html` what they say beyond the tables.\n" if with_evidence else ".\n"),
+        + ("; `analysis/` and `report.html` what they say beyond the tables.\n" if with_analysis else ".\n"),
         *(f"- {verb} on: {'; '.join(found)}" for verb, found in machines.items()),
         f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
         f"- commit: {', '.join(commits)}",
@@ -131,12 +132,11 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
     for model, encoding in dict.fromkeys(zip(networks["model"], networks["encoding"], strict=True)):
         mine = networks[(networks["model"] == model) & (networks["encoding"] == encoding)]
         seeds, experiments = (",".join(map(str, sorted(mine[key].unique()))) for key in ("seed", "experiment"))
-        other = "" if encoding == "projection" else f" encoding={encoding}"
-        command = f"python run.py -m model={model}{other} exp={experiments} seed={seeds} {words}"
+        base = encoding.removesuffix(NO_DECAY)
+        options = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
+        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {words}"
         minutes = mine["training_seconds"].mean() / 60
         lines.append(f"| {predictor_title(model, encoding)} | {len(mine)} | {minutes:.1f} | `{command}` |")
-    if ablated:
-        lines.append("\nThe ablation: `exp=3,4 decay=false` in place of `exp=...`.")
     return "\n".join(lines) + "\n"
 
 
@@ -161,23 +161,26 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
                 f"{target} holds weights for {there_px} px, {run} has {predictor.grid.size_px} px: "
                 "publish.force=true replaces them all the same"
             )
-    with replacing_directory(target) as new:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with lock(target.parent), replacing_directory(target) as new:
+        clear_leftovers(target.parent, keep=new)
         predictor.save(new, torch.float16)
         write_text(new / "README.md", _card(run, "/".join(target.parts[-2:])))
 
 
 def _card(run: Run, where: str) -> str:
     """Writes the model card: data, metrics, limits."""
-    config, origin, metrics = run.config(), run.provenance(), read_metrics(run)
+    config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
+    assert config.encoding, "a network has an encoding"
     trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
     numbers = ", ".join(f"{metric} {metrics[metric]:.4f}" for metric in (*METRICS, "obstacle_iou"))
     size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
     setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
-    return f"""# {NAMES[config.model.name]} ({config.model.encoder_name}), experiment {config.experiment}
+    return f"""# {model_title(config.model.name)} ({config.model.encoder_name}), experiment {config.experiment}
 
 ```python
-from repro.prediction import load_predictor
+from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 
 predictor = load_predictor("reproduce/results/{where}")

@@ -6,15 +6,16 @@ from typing import Any
 
 import pandas as pd
 
-from repro.names import NAMES
-from repro.reporting.digest import claims_to_markdown, foretold_to_markdown, methods_to_markdown
+from repro.reporting.names import TITLES
+from repro.reporting.rows import read_rows
+from repro.reporting.summaries import claims_to_markdown, extrapolated_to_markdown, methods_to_markdown
 from repro.reporting.tables import Table, costs_to_markdown
 
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def readme_with_results(text: str, results: Path) -> str:
-    """Makes the tables between the README's marks anew from the published results.
+def with_results(text: str, results: Path) -> str:
+    """Makes the tables between the markers of a document anew from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. In place of `main` it may name another table
     (`ablation`, `costs`, `claims`, `methods`, `curves`), or one network or `average` for its rows of both tables.
@@ -37,21 +38,21 @@ def _markdown(directory: Path, name: str) -> str:
     if name == "costs":
         return costs_to_markdown(_published(directory, name))
     if name == "claims":
-        return claims_to_markdown(pd.read_csv(directory / "evidence" / "claims.csv"))
+        return claims_to_markdown(pd.read_csv(directory / "analysis" / "claims.csv"))
     if name == "curves":
-        return foretold_to_markdown(pd.read_csv(directory / "evidence" / "foretold.csv", dtype={"experiment": str}))
+        return extrapolated_to_markdown(read_rows(directory / "analysis" / "extrapolated.csv"))
     if name == "methods":
         words = (directory / "main.txt").read_text().strip()
-        intervals = pd.read_csv(directory / "evidence" / "intervals.csv", dtype={"experiment": str})
+        intervals = read_rows(directory / "analysis" / "intervals.csv")
         scale = words[words.index("Scale ") : words.index(", seed")]
         what = "Networks, other inputs, methods made by hand, with intervals of 95 %"
         return methods_to_markdown(intervals, f"{what}. {scale}.")
-    return (_rows_of_model(directory, name) if name in NAMES else _published(directory, name)).to_markdown()
+    return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
 
 
 def _published(directory: Path, name: str) -> Table:
     """Reads a published table."""
-    frame = pd.read_csv(directory / f"{name}.csv", dtype={"experiment": str})
+    frame = read_rows(directory / f"{name}.csv")
     return Table(frame, (directory / f"{name}.txt").read_text().strip())
 
 

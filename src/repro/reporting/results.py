@@ -5,36 +5,35 @@ from typing import Any
 
 import pandas as pd
 
-from repro.config import NETWORKS
-from repro.evaluation.metrics import METRICS
-from repro.evaluation.predictions import read_metrics
-from repro.evaluation.rivals import RIVALS
-from repro.provenance import Status
+from repro.baselines.names import rank
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
-from repro.reporting.paper import KEYS, read_paper
-from repro.runs import Outputs, Run
+from repro.reporting.paper import read_paper
+from repro.reporting.rows import read_rows
+from repro.runs.directories import Outputs, Run
+from repro.runs.keys import CELL, KEY
+from repro.runs.provenance import Status
 
-RUN_KEYS = ("experiment", "model", "encoding", "decay", "seed")  # what tells one run from another
 SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs"}  # of runs, in words
-OURS = ("unet", "stack10")  # the input that has come out best, see DEVIATIONS D17
-ORDER = (*NETWORKS, "average", "ours", *RIVALS)  # of the rows of a table
+OURS = ("unet", "stack10")  # the best input of ours that is compared with the paper's, see DEVIATIONS D17
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
-def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFrame:
+def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFrame:
     """Reads every evaluated run below an outputs directory, one row each.
 
     Args:
         outputs: the outputs directory.
-        faults: takes the message of every run that cannot be trusted, which is then left out; without it, the first
-            such run is an error.
+        errors: receives the message of every run that cannot be trusted, which is then left out; without it, the first
+            such run raises.
 
     Returns:
-        experiment, model, encoding, decay, seed, all metrics, and what the run was: scale, size_px, train_pairs,
+        experiment, model, encoding, seed, all metrics, and what the run was: scale, size_px, train_pairs,
         test_pairs, epochs, training_seconds. Empty when there is none.
 
     Raises:
-        ValueError: a run cannot be trusted and `faults` is not given, or the runs are of different resolutions or
+        ValueError: a run cannot be trusted and `errors` is not given, or the runs are of different resolutions or
             numbers of pairs, so no table can hold them.
     """
     rows = []
@@ -43,10 +42,12 @@ def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFr
             if run.status is Status.evaluated:
                 rows.append(_row(outputs, run))
         except ValueError as error:
-            if faults is None:
+            if errors is None:
                 raise
-            faults.append(str(error))
+            errors.append(str(error))
     table = pd.DataFrame(rows)
+    if len(table):
+        table["seed"] = table["seed"].astype("Int64")  # baselines have none
     for fact in ("scale", "size_px", "train_pairs", "test_pairs"):
         values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
         if len(values) > 1:
@@ -55,94 +56,94 @@ def read_results(outputs: Outputs, faults: list[str] | None = None) -> pd.DataFr
 
 
 def read_published(directory: Path) -> pd.DataFrame:
-    """Reads the runs.csv of a published directory, rows as of `read_results`; the earliest name no encoding.
+    """Load the runs.csv of a published directory, rows as of `read_results`.
 
     Raises:
         ValueError: nothing is published there.
     """
     if not (directory / "runs.csv").is_file():
-        raise ValueError(f"nothing is published in {directory}")
-    runs = pd.read_csv(directory / "runs.csv", dtype={"experiment": str})
-    return runs if "encoding" in runs else runs.assign(encoding="projection")
+        published = sorted(path.parent.name for path in directory.parent.glob("*/runs.csv"))
+        raise ValueError(f"nothing is published in {directory}; published are {', '.join(published) or 'no results'}")
+    return read_rows(directory / "runs.csv")
 
 
 def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
     config, origin = run.config(), run.provenance()
-    place = outputs.run(config.experiment, config.model.name, config.encoding.variant, config.seed)
-    if place != run:
-        raise ValueError(f"{run} holds the run that belongs in {place}, by its config.yaml: move it there or delete it")
+    expected = outputs.run(config.key)
+    if expected != run:
+        raise ValueError(f"{run} holds the run of {expected}, by its config.yaml: move it there or delete it")
     return {
-        "experiment": config.experiment,
-        "model": config.model.name,
-        "encoding": config.encoding.name,
-        "decay": config.encoding.decay,
-        "seed": config.seed,
-        **{str(name): value for name, value in read_metrics(run).items()},
+        **dict(zip(KEY, (config.key.experiment, config.key.model, config.key.encoding, config.key.seed), strict=True)),
+        **{str(name): value for name, value in run.read_metrics().items()},
         "scale": config.data.scale,
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
     }
 
 
-def compare(results: pd.DataFrame, *, decay: bool) -> pd.DataFrame:
-    """Makes the main table (`decay=True`) or the ablation: our metrics, the paper's, and the difference.
+def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
+    """Create the main table (the paper's projection) or the ablation (the projection without decay).
 
     Args:
-        results: tidy rows, see `read_results`; those of the paper's projection are taken, and of `OURS`.
-        decay: which of the two.
+        results: tidy rows, see `read_results`.
+        encoding: label of the encoding whose runs are taken; in the main table also the baselines and `OURS`.
 
     Returns:
-        experiment, model, decay, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
-        std_<metric> where there are several seeds. The row `average` is the mean of the four networks, there
-        when all four are. `ours` and simple predictors come last, with nothing of the paper beside them.
+        experiment, model, encoding, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
+        std_<metric> where there are several seeds. The row `average` is the mean of the paper's four networks, where
+        all four are there. Other models and baselines come last, without numbers of the paper.
     """
-    results = results[results["decay"] == decay]
-    of_paper = results[(results["encoding"] == "projection") & results["model"].isin([*NETWORKS, *RIVALS])]
-    ours = results[(results["model"] == OURS[0]) & (results["encoding"] == OURS[1])].assign(model="ours")
-    rows = pd.concat([of_paper, averages_of(of_paper), ours])
-    groups = rows.groupby(KEYS)
-    table = groups[list(METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
-    several = table["seeds"].max() > 1
-    spread = groups[list(METRICS)].std().reset_index()
-    table = table.merge(read_paper(), on=KEYS, how="left", suffixes=("", "_paper"))
-    columns = {"experiment": table["experiment"], "model": table["model"], "decay": table["decay"]}
-    columns["seeds"] = table["seeds"]
-    for metric in METRICS:
+    rows = select(results, encoding)
+    rows = pd.concat([rows, averages_of(rows[rows["encoding"] == encoding])])
+    groups = rows.groupby(CELL)
+    table = groups[list(TABLE_METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
+    spread = groups[list(TABLE_METRICS)].std().reset_index()
+    table = table.merge(read_paper(), on=CELL, how="left", suffixes=("", "_paper"))
+    columns = {name: table[name] for name in (*CELL, "seeds")}
+    for metric in TABLE_METRICS:
         columns[metric] = table[metric]
-        columns[f"paper_{metric}"] = table[f"{metric}_paper"]
-        columns[f"delta_{metric}"] = table[metric] - table[f"{metric}_paper"]
-        if several:
+        columns[f"paper_{metric}"] = table[f"{metric}_paper"] if metric in METRICS else float("nan") * table[metric]
+        columns[f"delta_{metric}"] = table[metric] - columns[f"paper_{metric}"]
+        if table["seeds"].max() > 1:
             columns[f"std_{metric}"] = spread[metric]
-    order = table["model"].map({name: rank for rank, name in enumerate(ORDER)})
+    order = table["model"].map(rank).where(table["encoding"] != OURS[1], rank("average") + 0.5)
     return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
 
 
+def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
+    """Select the runs of a table: one encoding, and in the main table the baselines and `OURS`."""
+    chosen = results["encoding"] == encoding
+    if encoding == PROJECTION:
+        chosen |= (results["encoding"] == "") | ((results["model"] == OURS[0]) & (results["encoding"] == OURS[1]))
+    return results[chosen]
+
+
 def averages_of(results: pd.DataFrame) -> pd.DataFrame:
-    """Makes the rows `average`, the mean of the four networks, of each seed that has them all."""
-    keys = [key for key in ("experiment", "decay", "seed") if key in results]
+    """Compute the rows `average`, the mean of the paper's four networks, of each seed that has them all."""
+    keys = [key for key in ("experiment", "encoding", "seed") if key in results]
     networks = results[results["model"].isin(NETWORKS)]
     complete = networks.groupby(keys).filter(lambda rows: len(rows) == len(NETWORKS))
-    return complete.groupby(keys, as_index=False)[list(METRICS)].mean().assign(model="average")
+    return complete.groupby(keys, as_index=False)[list(TABLE_METRICS)].mean().assign(model="average")
 
 
 def audits(results: pd.DataFrame) -> pd.DataFrame:
-    """Audits the paper's tables and ours, see `audit.audit`; `whose` tells them apart."""
-    rows = results[(results["encoding"] == "projection") & results["model"].isin(NETWORKS)]
-    ours = rows.groupby(KEYS, as_index=False)[list(METRICS)].mean()
+    """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
+    rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
+    ours = rows.groupby(CELL, as_index=False)[list(METRICS)].mean()
     tables = {"paper": read_paper(), "ours": pd.concat([ours, averages_of(ours)])}
-    return pd.concat([audit(table[[*KEYS, *METRICS]]).assign(whose=whose) for whose, table in tables.items()])
+    return pd.concat([audit(table[[*CELL, *METRICS]]).assign(source=source) for source, table in tables.items()])
 
 
 def caption(results: pd.DataFrame) -> str:
     """Says what a table is made from: scale, resolution, pairs, epochs and seeds."""
-    networks = results[results["model"].isin(NETWORKS)]
+    networks = results[results["encoding"] != ""]
     if networks.empty:
         return "No network evaluated yet."
-    of_paper = networks[networks["encoding"] == "projection"]
+    of_paper = networks[networks["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
     networks = of_paper if len(of_paper) else networks
     first = networks.iloc[0]
     seeds = sorted(networks["seed"].unique())
-    cells = networks.groupby(["experiment", "model", "decay"]).size()
+    cells = networks.groupby(CELL).size()
     uneven = f", {cells.min()} to {cells.max()} a cell" if cells.min() < cells.max() else ""
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
     warning = " A test that every part works; its numbers mean nothing." if first["scale"] == "smoke" else ""

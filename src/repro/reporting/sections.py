@@ -6,23 +6,24 @@ from typing import Any
 
 import pandas as pd
 
-from repro.config import NETWORKS
-from repro.names import NAMES
-from repro.provenance import Provenance
+from repro.config import NETWORKS, PROJECTION
+from repro.reporting.names import TITLES
+from repro.runs.keys import CELL
+from repro.runs.provenance import Provenance
 
 CAPTIONS = {
     "results": "Sensor input, prediction and truth of U-Net in the experiments and their ablations.",
     "data_representation": "The cumulative dynamic sensor projection of one recording of each experiment.",
-    "strata": "Obstacle pixels found by U-Net, and its Brier score, by when a pixel was last inside the visible "
+    "recency": "Obstacle pixels found by U-Net, and its Brier score, by when a pixel was last inside the visible "
     "region; intervals of 95 % over worlds.",
     "ages": "By how long ago the lidar last saw a pixel: the share of obstacle pixels found, and how unsure the "
     "prediction is. An obstacle's inside is never seen, so these are edges, and what has moved in since.",
     "obstacles": "Share of each obstacle that is found, by when a beam last hit it; intervals of 95 % over worlds.",
     "reliability": "Predicted probability of an obstacle against how often there is one.",
-    "rivals": "Obstacle IoU of what has learned (filled) and of methods made by hand (open), with intervals of 95 %.",
-    "transfer": "U-Net with changed worlds; intervals of 95 % over test worlds.",
+    "baselines": "Obstacle IoU of networks (filled) and classical baselines (open), with intervals of 95 %.",
+    "generalization": "U-Net with changed worlds; intervals of 95 % over test worlds.",
     "curves": "U-Net from the paper's input by the number of training pairs, seeds averaged; at 10,000 pairs what "
-    "the fitted law foretells, with an interval of 95 %, and the paper's own number.",
+    "the fitted law extrapolates, with an interval of 95 %, and the paper's own number.",
     "encodings": "Obstacle IoU from other inputs than the paper's, same budget, with intervals of 95 %. All but "
     "projection and exponential are fed as ones on zeros, so the gain of each is to be read against negative.",
 }
@@ -40,7 +41,7 @@ SECTIONS: list[dict[str, Any]] = [
         "title": "Where and when it is right",
         "text": "From the recording alone it is known when each pixel was last in view and each obstacle last hit. "
         "Without the time decay a network cannot tell old from new, and loses most at what was seen last.",
-        "images": ("strata", "ages", "obstacles"),
+        "images": ("recency", "ages", "obstacles"),
     },
     {
         "id": "calibration",
@@ -52,28 +53,28 @@ SECTIONS: list[dict[str, Any]] = [
         "images": ("reliability",),
     },
     {
-        "id": "rivals",
-        "nav": "Rivals",
+        "id": "baselines",
+        "nav": "Baselines",
         "title": "Against methods made by hand, and other inputs",
         "text": "Made by hand and tuned on validation data: last seen (a disc around every hit), an occupancy grid "
         "that forgets, a grid of static and dynamic occupancy, a tracker of clusters with constant velocity.",
-        "images": ("rivals", "encodings"),
+        "images": ("baselines", "encodings"),
     },
     {
-        "id": "transfer",
+        "id": "generalization",
         "nav": "Transfer",
         "title": "Does it travel?",
         "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it "
         "has not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
-        "images": ("transfer",),
+        "images": ("generalization",),
     },
     {
         "id": "curves",
         "nav": "Learning curves",
         "title": "What paper scale would give",
         "text": "A saturating power law in pairs and pixels, fitted to trainings with fewer of both; with fewer than "
-        "three resolutions in pairs alone, and what is foretold holds for the resolution measured. Left out: what the "
-        "law says of the largest training from the smaller ones.",
+        "three resolutions in pairs alone, at the resolution measured. Held-out point: the largest training as "
+        "extrapolated from the smaller ones.",
         "images": ("curves",),
     },
     {
@@ -97,10 +98,10 @@ COST = {
     "training_seconds": "training [s]",
     "peak_memory_gb": "memory [GB]",
 }
-FORETOLD = {
+EXTRAPOLATED = {
     "pairs": "pairs",
     "size_px": "px",
-    "value": "foretold",
+    "value": "extrapolated",
     "low": "low",
     "high": "high",
     "measured": "measured",
@@ -113,7 +114,7 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
     """Makes the sections for which there is something to show.
 
     Args:
-        frames: see `evaluation.evidence.gather`.
+        frames: see `evaluation.analysis.gather`.
         figures: PNG files, by name.
         origins: where each run came from, by its place.
 
@@ -126,16 +127,16 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
         shown = [(CAPTIONS[name], figures[name].read_bytes()) for name in names if name in figures]
         return [{"alt": words, "caption": words, "data": base64.b64encode(png).decode()} for words, png in shown]
 
-    calibration = frames["calibration"][frames["calibration"]["stratum"] == "all"]
+    calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
     tables = {
-        "calibration": [_table(calibration, ["experiment", "model", "encoding", "decay", "what"], CALIBRATION)],
-        "rivals": [
+        "calibration": [_table(calibration, [*CELL, "method"], CALIBRATION)],
+        "baselines": [
             _table(_to_the_papers(frames["differences"]), ["experiment", "model", "input"], DIFFERENCE),
-            _table(frames["cost"], ["experiment", "model", "encoding", "decay"], COST),
+            _table(frames["cost"], CELL, COST),
         ],
-        "transfer": [_across(frames.get("transfer"))],
-        "curves": [_foretold(frames.get("foretold"))],
+        "generalization": [_across(frames.get("generalization"))],
+        "curves": [_extrapolated(frames.get("extrapolated"))],
         "provenance": [_origins(origins)],
     }
     made = [
@@ -146,32 +147,28 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
 
 
 def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> dict[str, Any]:
-    """A plain table of some columns of a frame."""
+    """Return a table of some columns of a frame, each column of numbers with one number of decimals."""
     kept = {column: head for column, head in numbers.items() if column in frame}
-    rows = []
-    for _, row in frame.iterrows():
-        words = [NAMES.get(str(row[name]), str(row[name])) for name in names]
-        rows.append([*words, *("" if pd.isna(row[column]) else _number(row[column]) for column in kept)])
+    rows = [[TITLES.get(str(value), str(value)) for value in cells] for cells in frame[names].itertuples(index=False)]
+    for column in kept:
+        digits = 0 if (frame[column].abs().max() >= 100 or (frame[column].dropna() % 1 == 0).all()) else 4
+        for row, value in zip(rows, frame[column], strict=True):
+            row.append("" if pd.isna(value) else f"{value:z,.{digits}f}")
     heads = [*(name.capitalize() for name in names), *kept.values()]
     return {"caption": "", "heads": heads, "rows": rows, "words": len(names)}
 
 
-def _foretold(frame: pd.DataFrame | None) -> dict[str, Any]:
+def _extrapolated(frame: pd.DataFrame | None) -> dict[str, Any]:
     if frame is None:
         return {"caption": "", "heads": [], "rows": [], "words": 1}
-    return _table(frame[frame["metric"] != "dice"], ["experiment", "decay", "what", "metric"], FORETOLD)
-
-
-def _number(value: float) -> str:
-    is_count = abs(value) >= 10 or (value >= 1 and float(value).is_integer())
-    return f"{value:,.0f}" if is_count else f"{value:z.4f}"
+    return _table(frame[frame["metric"] != "dice"], ["experiment", "encoding", "target", "metric"], EXTRAPOLATED)
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
-    """Takes the differences in obstacle IoU to the paper's input, of no decay and of other encodings."""
-    rows = differences[(differences["metric"] == "obstacle_iou") & differences["what"].isin(["decay", "encodings"])]
-    paper = {"decay", "projection"}
-    ours, theirs = rows[rows["other"].isin(paper)], rows[rows["one"].isin(paper)]
+    """Select the differences in obstacle IoU to the paper's input, of its ablation and of other encodings."""
+    is_input = differences["comparison"].isin(["decay", "encodings"])
+    rows = differences[(differences["metric"] == "obstacle_iou") & is_input]
+    ours, theirs = rows[rows["other"] == PROJECTION], rows[rows["one"] == PROJECTION]
     turned = theirs.assign(one=theirs["other"], value=-theirs["value"], low=-theirs["high"], high=-theirs["low"])
     return pd.concat([ours, turned]).rename(columns={"one": "input"}).sort_values(["experiment", "model", "value"])
 
@@ -180,7 +177,7 @@ def _across(frame: pd.DataFrame | None) -> dict[str, Any]:
     """Obstacle IoU and accuracy of the network of each experiment (row) on each experiment (column)."""
     if frame is None:
         return {"caption": "", "heads": [], "rows": [], "words": 1}
-    rows = frame[frame["what"] == "experiment"].set_index(["trained", "tested", "metric"])["value"]
+    rows = frame[frame["shift"] == "experiment"].set_index(["trained", "tested", "metric"])["value"]
     names = list(dict.fromkeys(trained for trained, *_ in rows.index))
     table = [
         [name, *(f"{rows[name, on, 'obstacle_iou']:.3f} / {rows[name, on, 'accuracy']:.3f}" for on in names)]

@@ -1,42 +1,42 @@
-"""Where a study stands: what is recorded, trained, evaluated, what is missing, and how long what is left will take."""
+"""Status of a study: what is recorded, trained, evaluated and missing, and the time left."""
 
 import dataclasses
 from collections import Counter
 
+from repro.baselines.names import rank
 from repro.config import PairCounts
-from repro.names import NAMES
-from repro.provenance import Status
-from repro.runs import Outputs, Run
-from repro.simulation.shards import recordings_in
-from repro.studies import CELLS, Study
+from repro.recordings.format import recordings_in
+from repro.reporting.names import model_title
+from repro.reporting.study import Study
+from repro.runs.directories import Outputs, Run
+from repro.runs.keys import RunKey
+from repro.runs.provenance import Status
 
 
-def describe_outputs(outputs: Outputs, experiments: list[str], pairs: PairCounts, seed: int) -> str:
-    """Writes what is recorded, trained, paused, failed, evaluated and missing in an outputs directory.
+def describe_outputs(study: Study, pairs: PairCounts) -> str:
+    """Describe what is recorded, trained, paused, failed, evaluated and missing in an outputs directory.
 
     Args:
-        outputs: the outputs directory.
-        experiments: the experiments that there are.
-        pairs: how many recordings each is to have.
-        seed: of the study whose 24 cells are counted; the table has all seeds.
+        study: the trainings that are counted; the table has all runs and seeds.
+        pairs: recordings that each experiment is to have.
     """
+    outputs, planned = study.outputs, study.runs()
     lines = [f"{outputs.path}", "", "| exp. | recordings |", "|---|---|"]
-    for experiment in experiments:
-        lines.append(f"| {experiment} | {_recorded(outputs, experiment, pairs)} |")
-    found = {run.path: run for run in (*Study(outputs, seed).runs().values(), *outputs.runs())}
-    states = {run: _state(run) for run in found.values()}
-    seeds = sorted({run.path.name for run in found.values()}, key=lambda name: int(name.removeprefix("seed")))
-    rows: dict[tuple[str, str, str], dict[str, str]] = {}
-    for run, state in states.items():
-        experiment, model, variant, name = run.path.parts[-4:]
-        rows.setdefault((experiment.removeprefix("exp"), model, variant), {})[name] = state
-    lines += ["", "| exp. | model | input | " + " | ".join(seeds) + " |", "|---" * (3 + len(seeds)) + "|"]
-    for (experiment, model, variant), row in sorted(rows.items(), key=_order):
-        cells = " | ".join(row.get(name, "") for name in seeds)
-        lines.append(f"| {experiment} | {NAMES.get(model, model)} | {variant} | {cells} |")
-    counted = Counter(_state(run).split(",")[0] for run in Study(outputs, seed).runs().values())
-    left = Study(outputs, seed).seconds_left()
-    lines += ["", f"Of the study's {len(CELLS)} trainings with seed {seed}: " + _listed(counted) + "."]
+    lines += [f"| {experiment} | {_recorded(outputs, experiment, pairs)} |" for experiment in study.experiments]
+    found = {RunKey.parse(run.path.relative_to(outputs.path)): run for run in outputs.runs()}
+    states = {key: _state(run) for key, run in (planned | found).items()}
+    seeds = sorted({key.seed for key in states if key.seed is not None})
+    rows: dict[tuple[str, str, str], dict[int | None, str]] = {}
+    for key, state in states.items():
+        rows.setdefault((key.experiment, key.encoding, key.model), {})[key.seed] = state
+    lines += ["", "| exp. | input | model | " + " | ".join(f"seed {seed}" for seed in seeds) + " |"]
+    lines.append("|---" * (3 + len(seeds)) + "|")
+    for (experiment, encoding, model), row in sorted(rows.items(), key=lambda item: (*item[0][:2], rank(item[0][2]))):
+        cells = [row.get(seed, "") for seed in seeds] if encoding else [row[None]]
+        lines.append(f"| {experiment} | {encoding} | {model_title(model)} | " + " | ".join(cells) + " |")
+    counted = Counter(states[key].split(",")[0] for key in planned)
+    lines += ["", f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
+    left = study.seconds_left()
     if left:
         lines.append(f"About {left / 60:.0f} min of training are left, as measured so far.")
     return "\n".join(lines)
@@ -52,7 +52,7 @@ def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
 
 
 def _state(run: Run) -> str:
-    """Says where a run stands, in a word or two."""
+    """Return the status of a run in a word or two."""
     if not run.path.is_dir():
         return "missing"
     try:
@@ -64,11 +64,6 @@ def _state(run: Run) -> str:
         return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics lost"
     except ValueError:
         return "cannot be read"
-
-
-def _order(item: tuple[tuple[str, str, str], dict[str, str]]) -> tuple[str, str, int]:
-    experiment, model, variant = item[0]
-    return (experiment, variant, list(NAMES).index(model) if model in NAMES else len(NAMES))
 
 
 def _listed(counted: Counter[str]) -> str:

@@ -5,17 +5,19 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.evaluation.metrics import METRICS
-from repro.files import write_text
-from repro.names import NAMES, experiment_title
-from repro.reporting.results import caption, compare, read_results
-from repro.runs import Outputs
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.metrics.names import HEADINGS, TABLE_METRICS
+from repro.reporting.names import experiment_title, model_title, predictor_title
+from repro.reporting.results import OURS, caption, compare, read_results, select
+from repro.runs.directories import Outputs
+from repro.system.files import write_text
 
-HEADS = dict(zip(METRICS, ("SSIM", "Acc.", "Dice", "Prec.", "Recall", "Spec."), strict=True))
+HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}
 TITLES = {
     "main": "Prediction metrics across all four experiments for all models",
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
+ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # of the networks in each table
 COSTS = {
     "model": "Model",
     "size_px": "Image [px]",
@@ -31,9 +33,12 @@ COSTS = {
 }
 
 
+COST_DIGITS = {"size_px": 0, "parameters_m": 2, "forward_gflop": 2}  # decimals; others have one
+
+
 @dataclass(frozen=True)
 class Table:
-    """Rows with named columns, and the words above them. Empty when nothing has been evaluated yet."""
+    """Rows with named columns, and their caption. Empty when nothing has been evaluated yet."""
 
     frame: pd.DataFrame
     caption: str
@@ -43,10 +48,10 @@ class Table:
         if self.frame.empty:
             return f"**{self.caption}**\n"
         head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
-        lines = [f"**{self.caption}** Ours (paper).", "", head, "|---|---|" + "---|" * len(METRICS)]
+        lines = [f"**{self.caption}** Ours (paper).", "", head, "|---|---|" + "---|" * len(TABLE_METRICS)]
         for _, row in self.frame.iterrows():
-            cells = [_ours(row, metric, 3) + _paper(row, metric, " ({:.3f})") for metric in METRICS]
-            lines.append(f"| {row['experiment']} | {NAMES[row['model']]} | " + " | ".join(cells) + " |")
+            cells = [_ours(row, metric, 3) + _paper(row, metric, " ({:.3f})") for metric in TABLE_METRICS]
+            lines.append(f"| {row['experiment']} | {row_title(row)} | " + " | ".join(cells) + " |")
         return "\n".join(lines) + "\n"
 
     def to_latex(self) -> str:
@@ -58,7 +63,7 @@ class Table:
         return (
             "\\begin{table*}\n\\centering\n"
             f"\\caption{{{note}}}\n"
-            "\\begin{tabular}{@{}l*{12}{l}@{}}\n\\toprule\n"
+            f"\\begin{{tabular}}{{@{{}}l*{{{2 * len(TABLE_METRICS)}}}{{l}}@{{}}}}\n\\toprule\n"
             f"{body} \\bottomrule\n"
             "\\end{tabular}\n\\end{table*}\n"
         )
@@ -71,38 +76,48 @@ class Table:
 
     def _latex_block(self, experiments: list[str]) -> str:
         frame = self.frame[self.frame["experiment"].isin(experiments)]
-        halves = [frame[frame["experiment"] == experiment].set_index("model") for experiment in experiments]
+        titles = frame.apply(row_title, axis="columns")
+        halves = [frame[frame["experiment"] == experiment] for experiment in experiments]
+        halves = [half.set_index(titles[half.index]) for half in halves]
         halves += [halves[0].iloc[:0]] * (2 - len(halves))
-        heads = [rf"\multicolumn{{6}}{{c}}{{{experiment_title(e, ' ({})')}}}" for e in experiments]
+        heads = [rf"\multicolumn{{{len(TABLE_METRICS)}}}{{c}}{{{experiment_title(e, ' ({})')}}}" for e in experiments]
         lines = [
             " & " + " & ".join(heads) + r" \\",
             " & ".join(["Model", *HEADS.values(), *HEADS.values()]) + r" \\ \midrule",
         ]
-        for model in frame["model"].unique():
-            rows = [half.loc[model] if model in half.index else None for half in halves]
-            ours = [_ours(row, metric, 4) if row is not None else "" for row in rows for metric in METRICS]
-            lines.append(" & ".join([NAMES[model], *ours]) + r" \\")
-            paper = [_paper(row, metric, "{:.4f}") if row is not None else "" for row in rows for metric in METRICS]
+        for title in titles.unique():
+            rows = [half.loc[title] if title in half.index else None for half in halves]
+            ours = [_ours(row, metric, 4) if row is not None else "" for row in rows for metric in TABLE_METRICS]
+            lines.append(" & ".join([title, *ours]) + r" \\")
+            paper = [
+                _paper(row, metric, "{:.4f}") if row is not None else "" for row in rows for metric in TABLE_METRICS
+            ]
             if any(paper):
                 lines.append(" & ".join([r"\quad\emph{paper}", *paper]) + r" \\")
         return "\n".join(lines)
 
 
+def row_title(row: pd.Series) -> str:
+    """Return the title of a row: its model, and the encoding where it is not that of the table."""
+    encoding = str(row["encoding"])
+    return f"{predictor_title(row['model'], encoding)} (ours)" if encoding == OURS[1] else model_title(row["model"])
+
+
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:
-    """Makes the main table and the ablation from tidy rows, an empty one where there are none."""
+    """Create the main table and the ablation from tidy rows, an empty one where there are none."""
     tables = {}
-    for name, decay in (("main", True), ("ablation", False)):
-        rows = results[results["decay"] == decay] if len(results) else results
+    for name, encoding in ENCODINGS.items():
+        rows = select(results, encoding) if len(results) else results
         if rows.empty:
             tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}. No run evaluated yet.")
         else:
-            tables[name] = Table(compare(results, decay=decay), f"{TITLES[name]}. {caption(rows)}")
+            tables[name] = Table(compare(results, encoding), f"{TITLES[name]}. {caption(rows)}")
     return tables
 
 
-def write_tables(outputs: Outputs, faults: list[str] | None = None) -> dict[str, Table]:
-    """Writes main table and ablation below outputs/tables from whatever runs there are; see `read_results`."""
-    tables = make_tables(read_results(outputs, faults))
+def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str, Table]:
+    """Write main table and ablation below outputs/tables from the runs that are there; see `read_results`."""
+    tables = make_tables(read_results(outputs, errors))
     outputs.tables.mkdir(parents=True, exist_ok=True)
     for name, table in tables.items():
         if len(table.frame):
@@ -120,9 +135,15 @@ def costs_to_markdown(table: Table) -> str:
         "|" + "---|" * frame.shape[1],
     ]
     for _, row in frame.iterrows():
-        cells = [NAMES[value] if isinstance(value, str) else "" if pd.isna(value) else f"{value:.3g}" for value in row]
+        cells = [_cost(str(name), value) for name, value in row.items()]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def _cost(name: str, value: float | str) -> str:
+    if isinstance(value, str):
+        return model_title(value)
+    return "" if pd.isna(value) else f"{value:.{COST_DIGITS.get(name, 1)}f}"
 
 
 def _ours(row: pd.Series, metric: str, digits: int) -> str:

@@ -4,13 +4,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.config import variant
-from repro.evaluation.metrics import METRICS
-from repro.files import read_typed
-from repro.names import predictor_title
-from repro.provenance import Provenance
-from repro.reporting.results import RUN_KEYS, SIZES, read_published, read_results
-from repro.runs import Outputs
+from repro.metrics.names import METRICS
+from repro.reporting.names import predictor_title
+from repro.reporting.results import SIZES, read_published, read_results
+from repro.reporting.rows import keys_of
+from repro.runs.directories import Outputs
+from repro.runs.keys import KEY, RunKey
+from repro.runs.provenance import Provenance
+from repro.system.files import read_typed
 
 COMPARED = (*METRICS, "obstacle_iou")
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
@@ -24,7 +25,7 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
         published: a directory that `publish.publish` wrote.
 
     Returns:
-        one row a run that both have: experiment, model, encoding, decay, seed; recordings and weights, `same` or
+        one row a run that both have: experiment, model, encoding, seed; recordings and weights, `same` or
         `other` by their checksums (weights empty where nothing is learned); commit and published_commit of the
         training; every metric as <metric>, published_<metric> and delta_<metric>.
 
@@ -32,7 +33,7 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
         ValueError: nothing is published there, no run is in both, or they are of different resolutions or pairs.
     """
     theirs, ours = read_published(published), read_results(outputs)
-    both = ours.merge(theirs, on=[*RUN_KEYS], suffixes=("", "_published")) if len(ours) else ours
+    both = ours.merge(theirs, on=KEY, suffixes=("", "_published")) if len(ours) else ours
     if both.empty:
         raise ValueError(f"none of the {len(theirs)} runs in {published} has been evaluated in {outputs.path}")
     for size, word in SIZES.items():
@@ -40,13 +41,13 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
         if set(here) != set(there):
             raise ValueError(f"published are {there.max():.0f} {word}, in {outputs.path} are {here.max():.0f}")
     origins = read_typed(dict[str, Provenance], published / "provenance.json", "git has it")
-    return pd.DataFrame([_compare(outputs, row, origins) for _, row in both.iterrows()])
+    rows = zip(keys_of(both), both.to_dict("records"), strict=True)
+    return pd.DataFrame([_compare(outputs, key, row, origins) for key, row in rows])
 
 
-def _compare(outputs: Outputs, row: pd.Series, origins: dict[str, Provenance]) -> dict[str, object]:
-    run = outputs.run(row["experiment"], row["model"], variant(row["encoding"], row["decay"]), row["seed"])
-    own, theirs = run.provenance(), origins[str(run.path.relative_to(outputs.path))]
-    compared: dict[str, object] = {key: row[key] for key in RUN_KEYS}
+def _compare(outputs: Outputs, key: RunKey, row: dict, origins: dict[str, Provenance]) -> dict[str, object]:
+    own, theirs = outputs.run(key).provenance(), origins[str(key.path)]
+    compared: dict[str, object] = {name: row[name] for name in KEY}
     for name, fact in (("recordings", "recordings"), ("weights", "weights_sha256")):
         known = own.fact(fact) is not None
         compared[name] = ("same" if own.fact(fact) == theirs.fact(fact) else "other") if known else ""
@@ -67,9 +68,9 @@ def verification_to_markdown(compared: pd.DataFrame) -> str:
     lines = ["| Exp. | Model | Seed | Recordings | Weights | " + " | ".join(SHOWN.values()) + " |"]
     lines.append("|---" * (5 + len(SHOWN)) + "|")
     for _, row in compared.iterrows():
-        title = predictor_title(row["model"], row["encoding"]) + ("" if row["decay"] else ", no decay")
+        title = predictor_title(row["model"], row["encoding"])
         numbers = " | ".join(f"{row[metric]:.4f} ({row[f'published_{metric}']:.4f})" for metric in SHOWN)
-        facts = f"{row['seed']} | {row['recordings']} | {row['weights']}"
+        facts = f"{'' if pd.isna(row['seed']) else row['seed']} | {row['recordings']} | {row['weights']}"
         lines.append(f"| {row['experiment']} | {title} | {facts} | {numbers} |")
     trained = compared[compared["weights"] != ""]
     recorded, weighed = ((rows == "same").sum() for rows in (compared["recordings"], trained["weights"]))

@@ -84,7 +84,7 @@ def check_spec(spec: dict[str, Any]) -> None:
         )
 
 
-def turn_around(world: World) -> World:
+def reverse_direction(world: World) -> World:
     """Makes the twin: the robot turns and drives in the opposite direction among the very same obstacles."""
     twin = copy.deepcopy(world)
     behavior = twin["robot"]["behavior"]

@@ -1,0 +1,18 @@
+"""Names and titles of the baselines, without the libraries that compute them."""
+
+from repro.config import NETWORKS
+
+BASELINES = {
+    "all_free": "All free",
+    "last_seen": "Last seen",
+    "occupancy": "Occupancy grid",
+    "transitional": "Transitional grid",
+    "tracker": "Tracker",
+}
+QUICK_BASELINES = ("all_free", "last_seen")  # evaluated with every network; the others with task=analysis
+
+
+def rank(model: str) -> int:
+    """Return the position of a model in tables: the paper's networks, their average, other networks, baselines."""
+    order = [*NETWORKS, "average", None, *BASELINES]
+    return order.index(model if model in order else None)

@@ -1,0 +1,93 @@
+"""Occupancy grids filtered step by step: what a mapping stack would do with the same scans."""
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from repro.maps.datasets import Recorded
+from repro.maps.grid import Grid
+from repro.maps.projection import newest_hits
+from repro.maps.visibility import newest_visible
+from repro.scans import Scans
+
+PRIOR = 0.08  # of an obstacle, the share that the paper's moving worlds have
+HIT, PASSED = 0.9, 0.05  # probability of an obstacle where a beam ended, and where one passed over, by itself
+
+
+def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Tensor:
+    """Filters an occupancy grid with forgetting (Elfes 1989; forgetting as in Yguel et al. 2007).
+
+    Every step l <- (1 - forgetting) l, then l <- l + log(p / (1 - p)) - log(prior / (1 - prior)) with p = `HIT` where a
+    beam ended and `PASSED` where one passed over.
+
+    Args:
+        recorded: recordings, (M, T, N).
+        forgetting: share of what is known that a step forgets.
+        batch: recordings at a time.
+
+    Returns:
+        probability of an obstacle at the last step, (M, H, W).
+    """
+    prior = _logit(PRIOR)
+    gain = {True: _logit(HIT) - prior, False: _logit(PASSED) - prior}
+    maps = []
+    for scans in _parts(recorded, batch):
+        known = torch.zeros(len(scans), recorded.grid.size_px, recorded.grid.size_px)
+        for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
+            known *= 1 - forgetting
+            known += gain[True] * hit + gain[False] * passed
+            known.clamp_(-8, 8)
+        maps.append(torch.sigmoid(known + prior))
+    return torch.cat(maps)
+
+
+def transitional_grid(recorded: Recorded, moving: float, batch: int = 64) -> Tensor:
+    """Filters static and dynamic occupancy together, in the manner of transitional grid maps (arXiv 2401.06518).
+
+    A pixel is free, static or dynamic. In every step dynamic occupancy spreads to the eight pixels around with
+    probability `moving`, and a hundredth of it comes to rest as static; then Bayes' rule with the likelihoods of a hit
+    and of a beam that passed.
+
+    Args:
+        recorded: recordings, (M, T, N).
+        moving: probability that what is dynamic leaves its pixel in a step.
+        batch: recordings at a time.
+
+    Returns:
+        probability of an obstacle of either kind at the last step, (M, H, W).
+    """
+    spread = torch.full((1, 1, 3, 3), moving / 8)
+    spread[..., 1, 1] = 1 - moving
+    rest = 0.01
+    hit_odds, passed_odds = (p / (1 - p) * (1 - PRIOR) / PRIOR for p in (HIT, PASSED))
+    maps = []
+    for scans in _parts(recorded, batch):
+        static = torch.full((len(scans), recorded.grid.size_px, recorded.grid.size_px), PRIOR / 2)
+        dynamic = static.clone()
+        for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
+            dynamic = F.conv2d(F.pad(dynamic[:, None], [1] * 4, mode="replicate"), spread)[:, 0]
+            static = static + rest * dynamic
+            dynamic = ((1 - rest) * dynamic).minimum(1 - static)
+            odds = torch.where(hit, hit_odds, torch.where(passed, passed_odds, 1.0))  # of occupied against free
+            total = 1 - static - dynamic + odds * (static + dynamic)
+            static, dynamic = ((odds * each / total).clamp(1e-4, 0.999) for each in (static, dynamic))
+        maps.append((static + dynamic).clamp(max=1))
+    return torch.cat(maps)
+
+
+def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yields where beams ended and where they passed over in every step, bool, (B, H, W)."""
+    for step in range(scans.ranges.shape[1]):
+        here = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
+        hit = newest_hits(here, grid) > 0
+        yield hit, (newest_visible(here, grid, range_max_m, margin_m=-grid.resolution_m / 2) > 0) & ~hit
+
+
+def _parts(recorded: Recorded, batch: int) -> list[Scans]:
+    return [recorded.scans[first : first + batch] for first in range(0, len(recorded), batch)]
+
+
+def _logit(probability: float) -> float:
+    return float(torch.logit(torch.tensor(probability)))

@@ -1,0 +1,51 @@
+"""Which errors are the user's to fix, and their messages. Errors of our own or of a library keep their traceback."""
+
+import errno
+import traceback
+from pathlib import Path
+
+SOURCE = str(Path(__file__).parents[1])
+_ROOM = "free some space; complete files stay complete, and the same command resumes"
+_WRITABLE = "choose a directory that can be written with outputs="
+_FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choose another outputs="
+_FIXES = {
+    errno.ENOSPC: _ROOM,
+    errno.EDQUOT: _ROOM,
+    errno.EFBIG: _ROOM,
+    errno.EROFS: _WRITABLE,
+    errno.EACCES: _WRITABLE,
+    errno.EPERM: _WRITABLE,
+    errno.ELOOP: _WRITABLE,
+    errno.ENAMETOOLONG: "choose a shorter outputs=",
+    errno.ENOTDIR: _FILE_IN_THE_WAY,
+    errno.EEXIST: _FILE_IN_THE_WAY,
+    errno.EISDIR: "a directory is where a file is needed: move it away or choose another outputs=",
+}
+
+
+def explain(error: BaseException) -> str | None:
+    """Return the message of an error that the user can fix.
+
+    Args:
+        error: what was raised.
+
+    Returns:
+        one message; None for an error of our own or of a library, whose traceback is needed.
+    """
+    if isinstance(error, OSError) and error.errno in _FIXES:
+        file = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror)
+        return f"{file}: {_FIXES[error.errno]}"
+    if type(error).__name__ in ("TerminatedWorkerError", "BrokenProcessPool"):
+        return "a worker process was killed, perhaps for lack of memory: repeat the command with runtime.workers=1"
+    if isinstance(error, (ValueError, FloatingPointError)) and _is_raised_by_us(error):
+        return str(error)
+    return None
+
+
+def _is_raised_by_us(error: BaseException) -> bool:
+    """Return whether the innermost frame of an error, of a worker process if it came from one, is in this package."""
+    if type(error.__cause__).__name__ == "_RemoteTraceback":
+        frames = [line for line in str(error.__cause__).splitlines() if line.strip().startswith("File ")]
+        return bool(frames) and SOURCE in frames[-1]
+    extracted = traceback.extract_tb(error.__traceback__)
+    return bool(extracted) and extracted[-1].filename.startswith(SOURCE)

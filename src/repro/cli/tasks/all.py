@@ -1,0 +1,20 @@
+"""task=all: record what is missing, train, evaluate."""
+
+from repro.baselines.names import QUICK_BASELINES
+from repro.cli.jobs import Job
+from repro.cli.tasks import run_task
+
+
+def run(job: Job) -> None:
+    """Run the three tasks, unless the run and its baselines are evaluated already."""
+    baselines = [job.config.of_baseline(name) for name in QUICK_BASELINES]
+    if job.run.is_evaluated and all(job.outputs.run(baseline.key).is_evaluated for baseline in baselines):
+        job.run.prepare(job.config)
+        print(f"done already: {job.run}", flush=True)
+        return
+    if not job.run.is_evaluated:
+        job.run.check(job.config)
+        run_task(job, "record")
+    run_task(job, "train")
+    if job.run.is_trained:
+        run_task(job, "evaluate")

@@ -1,0 +1,29 @@
+"""task=animate: an animation of the world of one seed, predicted step by step by the network of seed 0."""
+
+from dataclasses import replace
+
+from repro.cli.jobs import Job
+from repro.networks.predictor import load_predictor
+from repro.reporting.animation import make_frames, write_animation
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import sample_world
+
+
+def run(job: Job) -> None:
+    """Write the animation.
+
+    Raises:
+        ValueError: the network is not trained.
+    """
+    trained = job.outputs.run(replace(job.key, seed=0))
+    if not trained.is_trained:
+        raise ValueError(f"{trained} is not trained: train it first, with the same options and seed=0")
+    world = sample_world(job.spec, job.seed)
+    print(f"simulating and drawing world {job.seed} of experiment {job.key.experiment}", flush=True)
+    recording = simulate(world)
+    frames = make_frames(recording, load_predictor(trained.model))
+    path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.seed}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    size_m, range_max_m = world["world"]["width"], world["robot"]["sensors"][0]["range_max"]
+    for written in write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m):
+        print(written)

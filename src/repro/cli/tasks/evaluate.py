@@ -1,0 +1,19 @@
+"""task=evaluate: evaluate a trained network, and the quick baselines beside it."""
+
+from repro.baselines.names import QUICK_BASELINES
+from repro.cli.jobs import Job
+from repro.cli.output import summary_line
+from repro.evaluation.evaluate import evaluate, evaluate_baseline
+
+
+def run(job: Job) -> None:
+    """Evaluate a run on the test set, unless it is evaluated."""
+    job.run.prepare(job.config)
+    if job.run.is_evaluated:
+        print(f"done already: {job.run}")
+    else:
+        print(f"evaluating {job.run}", flush=True)
+        row = evaluate(job.run, job.recordings, accelerator=job.runtime.accelerator)
+        print(f"{job.run}, test: {summary_line(row)}", flush=True)
+    for name in QUICK_BASELINES:
+        evaluate_baseline(job.outputs, job.config, name)

@@ -1,0 +1,31 @@
+"""task=record: record what is missing of an experiment."""
+
+from repro.cli.jobs import Job
+from repro.evaluation.coverage import describe
+from repro.maps.grid import Grid
+from repro.reporting.paper import targets
+from repro.simulation.recorder import record_experiment, record_part
+
+
+def run(job: Job) -> None:
+    """Record an experiment or a part of it, and compare new worlds with those that the paper's tables imply."""
+    directory, runtime = job.recordings, job.runtime
+    is_new = not (directory / "manifest.json").is_file()
+    print(f"{'recording' if is_new else 'checking'} {directory}", flush=True)
+    if runtime.parts > 1:
+        parts = (runtime.part, runtime.parts)
+        if not record_part(directory, job.spec, job.pairs, *parts, workers=runtime.workers):
+            print(f"recorded part {runtime.part} of {runtime.parts}; the last part completes {directory}")
+            return
+    record_experiment(directory, job.spec, job.pairs, workers=runtime.workers)
+    if is_new or job.task == "record":
+        _describe(job)
+
+
+def _describe(job: Job) -> None:
+    data, experiment = job.config.data, job.key.experiment
+    found, target = describe(job.recordings, "test", Grid(data.size_px, data.size_m)), targets(experiment)
+    print(f"exp {experiment}: {sum(job.pairs.values())} recordings in {job.recordings}; of the test maps:")
+    print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {target['coverage']:.4f}" if target else ""))
+    bound = f", must exceed the paper's specificity {target['specificity']:.4f}" if target else ""
+    print(f"  visibility {found['visibility']:.4f}{bound}")

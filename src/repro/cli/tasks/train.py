@@ -1,0 +1,30 @@
+"""task=train: train one network and measure it on the validation set."""
+
+from repro.cli.jobs import Job, process_budget
+from repro.cli.output import summary_line
+from repro.evaluation.evaluate import validate
+from repro.learning.training import train
+from repro.reporting.study import Study
+from repro.runs.provenance import Status
+
+
+def run(job: Job) -> None:
+    """Train the network of a run from where it was left, unless it is trained."""
+    job.run.prepare(job.config)
+    if not job.run.is_trained:
+        progress = Study(job.outputs, job.experiments, job.seed).progress(job.key)
+        print(f"{progress}, {job.run}" if progress else f"training {job.run}", flush=True)
+    runtime = job.runtime
+    status = train(
+        job.run,
+        job.recordings,
+        accelerator=runtime.accelerator,
+        precision=runtime.precision,
+        compile=runtime.compile,
+        budget=process_budget(runtime.max_minutes),
+    )
+    if status is Status.paused:
+        print(f"paused {job.run}: the time limit is reached, the same command resumes")
+    elif not (job.run.path / "validation.csv").is_file():
+        row = validate(job.run, job.recordings, accelerator=runtime.accelerator)
+        print(f"{job.run}, validation: {summary_line(row)}", flush=True)

@@ -1,0 +1,14 @@
+"""task=verify: compare the runs of an outputs directory with the published ones."""
+
+from repro.cli.jobs import RESULTS, Job
+from repro.reporting.verification import verification_to_markdown, verify
+from repro.system.files import write_text
+
+
+def run(job: Job) -> None:
+    """Print the comparison and write verification.csv."""
+    compared = verify(job.outputs, RESULTS / job.scale.name)
+    print(verification_to_markdown(compared))
+    path = job.outputs.path / "verification.csv"
+    write_text(path, compared.to_csv(index=False, float_format="%.6g"))
+    print(path)

@@ -1,0 +1,13 @@
+"""task=world: write the world of one seed, in both directions, as plain IR-SIM YAML."""
+
+from repro.cli.jobs import Job
+from repro.simulation.worlds import reverse_direction, sample_world, write_world
+
+
+def run(job: Job) -> None:
+    """Write the world and its twin, and print their paths."""
+    world = sample_world(job.spec, job.seed)
+    for name, item in (("ccw", world), ("cw", reverse_direction(world))):
+        path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.seed}-{name}.yaml"
+        write_world(item, path)
+        print(path)

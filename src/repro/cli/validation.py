@@ -1,0 +1,162 @@
+"""Validation of a configuration as a whole, before anything slow is imported and anything is written."""
+
+import difflib
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from repro.cli.config import Config, to_typed
+from repro.config import NETWORKS, PAPER_ENCODER, UNKNOWN_KEY, ConfigError, Model, config_errors_of
+from repro.simulation.schema import world_errors
+
+MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
+MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
+OWN_ARCHITECTURES = ("convlstm",)  # without an encoder of smp, see `networks.create`
+RENAMED_KEYS = {
+    "lightest": "oldest_gray",
+    "scale.mirror": "scale.flip_augmentation",
+    "train.mirror": "train.flip_augmentation",
+    "scale.weight_average": "scale.ema_decay",
+    "train.weight_average": "train.ema_decay",
+}
+RENAMED_VALUES = {
+    ("task", "evidence"): "analysis",
+    ("task", "transfer"): "generalization",
+    ("task", "readme"): "docs",
+    ("encoding", "seen_free"): "observed_free",
+}
+
+
+def renamed_errors(overrides: Iterable[tuple[str, str]]) -> list[str]:
+    """Return an error for every override, given as key and value, that uses a former name."""
+    errors = []
+    for key, value in overrides:
+        if key in RENAMED_KEYS:
+            errors.append(f"{key}: is now called {RENAMED_KEYS[key]}")
+        errors += [
+            f"{key}={old}: is now called {key}={new}"
+            for (renamed, old), new in RENAMED_VALUES.items()
+            if key == renamed and old in value.split(",")
+        ]
+    return errors
+
+
+def all_errors(values: dict[str, Any]) -> list[ConfigError]:
+    """Return everything that is wrong with a configuration.
+
+    Args:
+        values: the whole configuration as plain values.
+
+    Returns:
+        the errors. Checks that need a slow import are made for unusual values only, when everything else is right.
+    """
+    errors = config_errors(values) + [_with_suggestion(error, values) for error in world_errors(values["world"])]
+    return errors or _library_errors(to_typed(values))
+
+
+def config_errors(values: dict[str, Any]) -> list[ConfigError]:
+    """Return everything that is wrong with a configuration except for `world`, see `simulation.schema.world_errors`.
+
+    Args:
+        values: the whole configuration as plain values.
+
+    Returns:
+        the errors of single values; where there are none, those of their combinations.
+    """
+    try:
+        config = to_typed(values)
+    except ValidationError as error:
+        errors = [_with_suggestion(found, values) for found in config_errors_of(error)]
+        keys = {found.key for found in errors}  # conf/train takes some of its values from the scale
+        return [e for e in errors if not (e.key.startswith("train.") and e.key.replace("train", "scale") in keys)]
+    errors = []
+    experiments = config.world.get("experiments", {})
+    if config.exp not in experiments:
+        errors.append(ConfigError("exp", config.exp, f"must be one of {', '.join(experiments)}"))
+    if config.train.batch_size > config.scale.pairs.train:
+        expected = f"must be at most the {config.scale.pairs.train} training pairs"
+        errors.append(ConfigError("train.batch_size", config.train.batch_size, expected))
+    if not config.decay and "decay" not in config.encoding.parameters:
+        errors.append(ConfigError("decay", "false", f"the encoding {config.encoding.name} has no decay"))
+    if config.runtime.part >= config.runtime.parts:
+        expected = f"must be below runtime.parts={config.runtime.parts}"
+        errors.append(ConfigError("runtime.part", config.runtime.part, expected))
+    if (config.model.architecture or config.model.name) == "convlstm" and "frames" not in config.encoding.parameters:
+        expected = "model convlstm takes a series of images: encoding=stack10 or encoding=stack4"
+        errors.append(ConfigError("encoding", config.encoding.name, expected))
+    return errors
+
+
+def warnings_of(config: Config) -> list[str]:
+    """Return warnings of values that are allowed and may surprise."""
+    found = []
+    if config.runtime.precision in ("16-mixed", "16-true", "bf16-true"):
+        found.append(f"runtime.precision={config.runtime.precision} has few digits: losses may not stay finite")
+    if config.model.encoder_name not in (None, PAPER_ENCODER):
+        found.append(f"model.encoder_name={config.model.encoder_name} is not the paper's, which is {PAPER_ENCODER}")
+    if config.model.encoder_weights is not None:
+        found.append(
+            f"model.encoder_weights={config.model.encoder_weights} are downloaded from the internet the first time"
+        )
+    if not config.world["experiments"][config.exp]["clear_radius_m"]:
+        found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
+    return found
+
+
+def has_gpu() -> bool:
+    """Return whether a CUDA GPU is visible, without importing torch where there is no driver."""
+    if sys.platform == "linux" and not any(Path(path).exists() for path in ("/dev/nvidiactl", "/dev/dxg")):
+        return False
+    import torch
+
+    return torch.cuda.is_available()
+
+
+def _with_suggestion(error: ConfigError, values: dict[str, Any]) -> ConfigError:
+    """Add the nearest known key, or all of them, to the error of an unknown one."""
+    if error.expected != UNKNOWN_KEY:
+        return error
+    *parents, name = error.key.split(".")
+    siblings: Any = values
+    for parent in parents:
+        siblings = siblings[int(parent)] if isinstance(siblings, list) else siblings[parent]
+    known = [key for key in siblings if key != name]
+    close = difflib.get_close_matches(name, known, 1)
+    hint = f"did you mean {'.'.join([*parents, close[0]])}?" if close else f"known are {', '.join(known)}"
+    return ConfigError(error.key, error.value, f"{UNKNOWN_KEY}; {hint}")
+
+
+def _library_errors(config: Config) -> list[ConfigError]:
+    errors = _model_errors(config.model)
+    for key, directory in {"outputs": config.outputs, "recordings": config.recordings}.items():
+        if Path(directory).exists() and not Path(directory).is_dir():
+            errors.append(ConfigError(key, directory, "is a file, a directory is needed"))
+    if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:
+        from repro.maps.encodings import ENCODINGS, create_encoding
+
+        try:
+            create_encoding(config.encoding.name, config.encoding.parameters)
+        except (TypeError, ValueError) as error:
+            key = "encoding.parameters" if config.encoding.name in ENCODINGS else "encoding.name"
+            errors.append(ConfigError(key, None, str(error)))
+    if config.runtime.accelerator == "gpu" and not has_gpu():
+        errors.append(ConfigError("runtime.accelerator", "gpu", "no CUDA GPU is visible; use auto or cpu"))
+    return errors
+
+
+def _model_errors(model: Model) -> list[ConfigError]:
+    """Return what is wrong with architecture, encoder and weights; asks smp about all but the paper's."""
+    architecture, encoder, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights
+    if architecture in OWN_ARCHITECTURES:
+        given = {"encoder_name": encoder, "encoder_weights": weights}
+        expected = f"architecture {architecture} has an encoder of its own, leave it null"
+        return [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
+    if architecture in NETWORKS and encoder in MIT_ENCODERS:
+        wrong = weights not in MIT_WEIGHTS
+        return [ConfigError("model.encoder_weights", weights, "must be null or imagenet")] if wrong else []
+    from repro.networks.create import architecture_errors  # imports smp, some seconds
+
+    return architecture_errors(model)

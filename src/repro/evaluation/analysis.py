@@ -1,0 +1,195 @@
+"""Analysis: what run directories and recordings say beyond the tables, as tidy frames.
+
+For every cell (experiment, model, encoding with or without decay) and all of its seeds: intervals, differences, where
+and when the errors are, calibration. Recordings in, run directories in, frames out.
+"""
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from repro.baselines.names import rank
+from repro.config import NETWORKS, NO_DECAY, PROJECTION
+from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set
+from repro.evaluation.evaluate import read_quantized, read_ssim, validation_quantized
+from repro.evaluation.recency import GROUPS, RECENCY
+from repro.maps.datasets import grid_of
+from repro.metrics.bootstrap import Measured, by_world, difference, draw_weights, interval, resample
+from repro.metrics.calibration import fit_temperature, reliability, summary, temperature_scaled
+from repro.metrics.counts import count_quantized, pooled_scores
+from repro.networks.predictor import load_predictor
+from repro.runs.directories import Outputs, Run
+from repro.runs.keys import CELL
+
+FEWER_DRAWS = 501  # for what is measured recency by recency
+Cell = tuple[str, str, str]  # experiment, model, encoding
+
+
+@dataclass
+class Analysis:
+    """Tidy rows, by name: what becomes <name>.csv."""
+
+    rows: dict[str, list[pd.DataFrame]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, name: str, frame: pd.DataFrame, columns: dict[str, Any]) -> None:
+        """Adds rows, with the columns of a key before theirs."""
+        self.rows[name].append(
+            pd.DataFrame({**{name: [value] * len(frame) for name, value in columns.items()}, **frame})
+        )
+
+    def frames(self) -> dict[str, pd.DataFrame]:
+        return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
+
+
+def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
+    """Gathers the analysis of all evaluated runs below an outputs directory.
+
+    Args:
+        outputs: an outputs directory with the recordings its runs were made from.
+
+    Returns:
+        intervals, differences, recency, ages, obstacles, calibration, reliability and cost, each a tidy frame. Empty
+        when no network has been evaluated.
+
+    Raises:
+        ValueError: a run or a recording cannot be trusted.
+    """
+    analysis, cells = Analysis(), _cells(outputs)
+    for experiment in sorted({experiment for experiment, *_ in cells}):
+        mine = {key: runs for key, runs in cells.items() if key[0] == experiment}
+        recordings, config = outputs.recordings(experiment), next(iter(mine.values()))[0].config()
+        test = load_test_set(recordings, grid_of(config))
+        weights = draw_weights(len(test.truth) // 2)
+        draws: dict[Cell, pd.DataFrame] = {}
+        for cell, runs in tqdm(mine.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
+            draws[cell] = _measure_cell(analysis, _columns(cell), runs, recordings, test, weights)
+        for cell, table in list(_averages(draws)):
+            draws[cell] = table
+            analysis.add("intervals", interval(table), _columns(cell))
+        _compare_cells(analysis, draws)
+    return analysis.frames()
+
+
+def _columns(cell: Cell) -> dict[str, Any]:
+    return dict(zip(CELL, cell, strict=True))
+
+
+def _cells(outputs: Outputs) -> dict[Cell, list[Run]]:
+    """Return the evaluated runs of each cell, in the order of the tables."""
+    cells: dict[Cell, list[Run]] = defaultdict(list)
+    for run in outputs.runs():
+        if run.is_evaluated:
+            key = run.config().key
+            cells[key.experiment, key.model, key.encoding].append(run)
+    return dict(sorted(cells.items(), key=lambda item: (item[0][0], item[0][2].endswith(NO_DECAY), rank(item[0][1]))))
+
+
+def _measure_cell(
+    analysis: Analysis, columns: dict[str, Any], runs: list[Run], recordings: Path, test: TestSet, weights: np.ndarray
+) -> pd.DataFrame:
+    """Measures all seeds of a cell; returns its metrics in every draw of the bootstrap."""
+    predictions = [read_quantized(run) for run in runs]
+    counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
+    ssim = np.stack([by_world(read_ssim(run)) / 2 for run in runs])
+    drawn = resample(Measured(counts.sum(2), ssim), weights)
+    analysis.add("intervals", interval(drawn).assign(seeds=len(runs)), columns)
+    pooled = counts.sum((0, 1))  # (G, 2, 256)
+    recency = {name: pooled[list(groups)].sum(0) for name, groups in RECENCY.items()}
+    analysis.add("recency", by_recency(counts.sum(0), weights[:FEWER_DRAWS]), columns)
+    analysis.add("ages", by_age(pooled), columns)
+    analysis.add("obstacles", by_last_hit(predictions, test, weights[:FEWER_DRAWS]), columns)
+    if runs[0].model.is_dir():
+        analysis.add("cost", _cost(runs), columns)
+        _calibrate(analysis, columns, runs, recordings, counts.sum((1, 2)), recency, predictions, test.truth)
+    return drawn
+
+
+def _cost(runs: list[Run]) -> pd.DataFrame:
+    """Says what a cell costs: parameters of its network, channels of its input; time and memory of a training."""
+    predictor = load_predictor(runs[0].model)
+    facts = {name: [run.provenance().fact(name) for run in runs] for name in ("training_seconds", "peak_memory_gb")}
+    row = {
+        "parameters": sum(each.numel() for each in predictor.network.parameters()),
+        "channels": predictor.encoding.channels,
+        **{name: pd.Series(values, dtype=float).mean() for name, values in facts.items()},
+    }
+    return pd.DataFrame([row])
+
+
+def _calibrate(
+    analysis: Analysis,
+    columns: dict[str, Any],
+    runs: list[Run],
+    recordings: Path,
+    each: np.ndarray,
+    recency: dict[str, np.ndarray],
+    predictions: list[np.ndarray],
+    truth: np.ndarray,
+) -> None:
+    """Measures calibration as it is, after temperature scaling fitted on validation data, and of the seeds' mean.
+
+    `each` has the counts of each seed, (S, 2, 256), `recency` those of all seeds together, (2, 256).
+    """
+    validation = [validation_quantized(run, recordings) for run in runs]
+    temperatures = [fit_temperature(count_quantized(free, true)[:, 0].sum(0)) for free, true in validation]
+    rows = [{"method": "uncalibrated", "recency": "all", **_mean([summary(counts) for counts in each])}]
+    scaled = [summary(c, temperature_scaled(t)) for c, t in zip(each, temperatures, strict=True)]
+    rows.append(
+        {"method": "temperature-scaled", "recency": "all", **_mean(scaled), "temperature": float(np.mean(temperatures))}
+    )
+    if len(predictions) > 1:
+        mean = np.mean(predictions, axis=0).round().astype(np.uint8)
+        counts = count_quantized(mean, truth)[:, 0].sum(0)
+        score = {name: float(value) for name, value in pooled_scores(counts).items()}
+        kept = {name: score[name] for name in ("accuracy", "specificity", "obstacle_iou")}
+        rows.append({"method": f"mean of {len(predictions)} seeds", "recency": "all", **summary(counts), **kept})
+    rows += [{"method": "uncalibrated", "recency": n, **summary(c)} for n, c in recency.items() if c[0].sum()]
+    analysis.add("calibration", pd.DataFrame(rows), columns)
+    pooled = {"all": each.sum(0), **{name: counts for name, counts in recency.items() if counts.sum()}}
+    for name, counts in pooled.items():
+        analysis.add("reliability", reliability(counts).assign(recency=name), columns)
+
+
+def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
+    return {str(name): value for name, value in pd.DataFrame(rows).mean().items()}
+
+
+def _averages(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[Cell, pd.DataFrame]]:
+    """Yield the mean of the paper's networks, in every draw, for each encoding that all of them have."""
+    for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in draws):
+        networks = [draws.get((experiment, name, encoding)) for name in NETWORKS]
+        complete = [table for table in networks if table is not None]
+        if len(complete) == len(NETWORKS):
+            yield (experiment, "average", encoding), sum(complete[1:], complete[0]) / len(complete)
+
+
+def _compare_cells(analysis: Analysis, draws: dict[Cell, pd.DataFrame]) -> None:
+    """Compare models on the same encoding, the decay with its ablation, and encodings with one another."""
+    for one, other in itertools.combinations(draws, 2):
+        comparison = _comparison(one, other)
+        if comparison is None:
+            continue
+        column = 1 if comparison == "networks" else 2
+        shared = {"model": "", "encoding": one[2] or other[2]} if column == 1 else {"model": one[1], "encoding": ""}
+        columns = {"experiment": one[0], "comparison": comparison, "one": one[column], "other": other[column]}
+        analysis.add("differences", difference(draws[one], draws[other]), columns | shared)
+
+
+def _comparison(one: Cell, other: Cell) -> str | None:
+    """Name what differs between two cells; None where more than one thing does."""
+    encodings = one[2], other[2]
+    bases = [encoding.removesuffix(NO_DECAY) for encoding in encodings]
+    decays = [encoding.endswith(NO_DECAY) for encoding in encodings]
+    if one[1] != other[1]:  # a baseline has no encoding, and is compared with the networks on the paper's input
+        same = encodings[0] == encodings[1] or ("" in encodings and PROJECTION in encodings)
+        return "networks" if same else None
+    if bases[0] == bases[1]:
+        return "decay"
+    return "encodings" if decays[0] == decays[1] else None

@@ -1,0 +1,37 @@
+"""What a recorded experiment offers: how much of the map obstacles cover, and how much of them the lidar ever hits."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.recordings.reader import read_shards
+
+
+def describe(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
+    """Measures coverage and visibility of a split, to be read beside what the paper's tables imply.
+
+    Args:
+        recordings: a recorded experiment.
+        split: train, val or test.
+        grid: the resolution at which areas are counted.
+
+    Returns:
+        `coverage`, the mean share of the map that obstacles cover at the last step, and `visibility`, the share of
+        the obstacle area that belongs to obstacles hit at least once: the ceiling of specificity.
+    """
+    covered_px = maps_px = seen_px = all_px = 0.0
+    for shard in read_shards(recordings, split):
+        outlines, states = torch.as_tensor(shard.outlines), torch.as_tensor(shard.states[:, -1])
+        worlds = len(shard.scans) // 2
+        covered_px += (1 - rasterize(outlines, states, torch.as_tensor(shard.world), worlds, grid)).sum().item()
+        maps_px += worlds * grid.size_px**2
+        obstacles = len(shard.world)
+        area = (1 - rasterize(outlines, states, torch.arange(obstacles), obstacles, grid)).sum((1, 2)).numpy()
+        rank = np.arange(obstacles) - np.searchsorted(shard.world, shard.world)  # number of an obstacle in its world
+        for twin in (0, 1):
+            seen_px += area[shard.seen[2 * shard.world + twin, rank]].sum()
+            all_px += area.sum()
+    return {"coverage": covered_px / maps_px, "visibility": float(seen_px / all_px)}

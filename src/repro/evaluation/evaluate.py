@@ -1,0 +1,171 @@
+"""Evaluates what a run directory predicts, a network or a baseline, on the test set.
+
+Run directory in, run directory out: predictions, the pooled metrics and one row an image. Whatever metric is
+wanted later is computed from the predictions kept there.
+"""
+
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor
+
+from repro.baselines.registry import PREDICTORS
+from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
+from repro.metrics.scores import confusion, scores, ssim
+from repro.networks.predictor import load_predictor
+from repro.recordings.reader import recordings_hash
+from repro.runs.directories import Outputs, Run, RunConfig
+from repro.runs.provenance import Status
+from repro.system.devices import resolve_device
+from repro.system.files import read_table, replacing, write_text
+
+
+def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
+    """Evaluates a run on the test set: a baseline, or the best weights of a network that is trained.
+
+    Args:
+        run: a run directory.
+        recordings: the recorded experiment it was trained on.
+        accelerator: auto, cpu or gpu; a baseline always runs on the CPU.
+
+    Returns:
+        the pooled metrics, as in metrics.csv.
+
+    Raises:
+        ValueError: the run is not trained, or the recordings are not those it was trained on.
+    """
+    with run.exclusive():
+        if run.is_evaluated:
+            return run.read_metrics()
+        config = run.config()
+        facts: dict[str, Any] = {}
+        if config.key.is_baseline:
+            run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
+            val, recorded = (load_recorded(recordings, split, grid_of(config)) for split in ("val", "test"))
+            maps, (probability, facts) = recorded.maps, PREDICTORS[config.model.name](val, recorded)
+        else:
+            pairs, probability = _predict_split("test", run, recordings, accelerator)
+            maps = pairs.maps
+        row, per_image = measure(probability, maps)
+        write_predictions(run, probability)
+        write_text(run.path / "per_image.csv", per_image.rename_axis("image").to_csv(float_format="%.6f"))
+        _write_row(row, run.metrics)
+        run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts)
+        return row
+
+
+def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
+    """Evaluate a baseline on the worlds and the grid of a run, unless that is done."""
+    config = config.of_baseline(name)
+    run = outputs.run(config.key)
+    run.prepare(config)
+    if not run.is_evaluated:
+        print(f"evaluating {run}", flush=True)
+    evaluate(run, outputs.recordings(config.experiment))
+
+
+def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
+    """Measures the best weights of a trained run on the validation set and writes validation.csv.
+
+    Worlds are calibrated by these numbers, so that nothing is ever chosen on test data.
+
+    Args:
+        run: a run directory source training is finished.
+        recordings: the recorded experiment it was trained on.
+        accelerator: auto, cpu or gpu.
+
+    Returns:
+        the pooled metrics, as `evaluate` returns them for the test set.
+
+    Raises:
+        ValueError: the run is not trained, or the recordings are not those it was trained on.
+    """
+    with run.exclusive():
+        val, probability = _predict_split("val", run, recordings, accelerator)
+        row, _ = measure(probability, val.maps)
+        _write_row(row, run.path / "validation.csv")
+        return row
+
+
+def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
+    """Measures predictions (M, 1, H, W) against true maps: the pooled metrics, and one row an image."""
+    truth = maps.cpu().float()
+    counts = confusion(probability, truth)
+    similarity = ssim(probability, truth)
+    binary = ssim((probability > 0.5).float(), truth)
+    per_image = pd.DataFrame(
+        {"ssim": similarity, "ssim_binary": binary, **{k: v.numpy() for k, v in scores(counts).items()}}
+    )
+    pooled = {name: value.item() for name, value in scores(counts.sum(0)).items()}
+    return pd.Series({"ssim": similarity.mean().item(), "ssim_binary": binary.mean().item(), **pooled}), per_image
+
+
+def read_ssim(run: Run) -> np.ndarray:
+    """Reads the SSIM of every test image of an evaluated run, (M,).
+
+    Raises:
+        ValueError: per_image.csv cannot be read.
+    """
+    fix = f"delete {run.metrics} and give the same command with task=evaluate"
+    return read_table(run.path / "per_image.csv", ("ssim",), fix)["ssim"].to_numpy()
+
+
+def validation_quantized(run: Run, recordings: Path, *, accelerator: str = "auto") -> tuple[np.ndarray, np.ndarray]:
+    """Predicts the validation set by the best weights of a trained run: levels as in `read_quantized`, and true maps.
+
+    Raises:
+        ValueError: the run is not trained, or the recordings are not those it was trained on.
+    """
+    val, probability = _predict_split("val", run, recordings, accelerator)
+    return quantize(probability), val.maps[:, 0].cpu().numpy()
+
+
+def quantize(probability: Tensor) -> np.ndarray:
+    return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
+
+
+def write_predictions(run: Run, probability: Tensor) -> None:
+    """Keeps probabilities of free (M, 1, H, W) as uint8."""
+    free = quantize(probability)
+    with replacing(run.path / "predictions.npz") as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, free=free)
+
+
+def read_predictions(run: Run) -> np.ndarray:
+    """Reads the kept probabilities of free, (M, H, W), float32 in [0, 1]; see `read_quantized`."""
+    return read_quantized(run).astype(np.float32) / 255
+
+
+def read_quantized(run: Run) -> np.ndarray:
+    """Reads the kept probabilities of free as they are kept, (M, H, W), uint8, 255 for 1.
+
+    Raises:
+        ValueError: the file is missing or cannot be read.
+    """
+    path = run.path / "predictions.npz"
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return file["free"]
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        fix = f"delete {run.metrics} and give the same command with task=evaluate"
+        raise ValueError(f"{path} cannot be read ({error}): {fix}") from error
+
+
+def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:
+    """Loads the pairs of a split and predicts them by the best weights of a trained run."""
+    if not run.is_trained:
+        raise ValueError(f"{run} is not trained to its end: train it with task=train first")
+    config = run.config()
+    run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
+    device = resolve_device(accelerator)
+    pairs = load_pairs_of_run(recordings, split, config, device)
+    return pairs, load_predictor(run.model).to(device).predict_images(pairs.images)
+
+
+def _write_row(row: pd.Series, path: Path) -> None:
+    write_text(path, row.to_frame().T.to_csv(index=False, float_format="%.6f"))

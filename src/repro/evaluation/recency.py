@@ -1,0 +1,98 @@
+"""Where and when: how long ago each pixel was seen and each obstacle hit, from a recording alone.
+
+An age is counted in steps back from the last: 1 is the last step itself. A pixel that was in the field of view and
+always hidden is `occluded`, one that never was in it `never in view`.
+"""
+
+import numpy as np
+import torch
+
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.maps.visibility import newest_in_view, newest_visible
+from repro.recordings.format import ShardContent
+from repro.scans import Scans
+
+BIN = 5  # steps in a bin of ages
+BINS = 20  # the last takes in all that is older
+OCCLUDED, NEVER_IN_VIEW = BINS, BINS + 1
+GROUPS = BINS + 2
+RECENCY = {  # names of what is reported together, and the groups in it
+    "1-10": range(0, 2),
+    "11-25": range(2, 5),
+    "26-50": range(5, 10),
+    "51-100": range(10, BINS),
+    "occluded": range(OCCLUDED, OCCLUDED + 1),
+    "never in view": range(NEVER_IN_VIEW, NEVER_IN_VIEW + 1),
+}
+TOUCH_M = 0.02  # ranges are kept as float32; a hit lies no farther from its obstacle than this
+
+
+def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
+    """Says of every pixel when it was last visible.
+
+    Args:
+        scans: windows of scans, (B, T, N).
+        grid: where the pixels are.
+        range_max_m: how far a beam reaches that hits nothing [m].
+
+    Returns:
+        the group of each pixel, uint8, (B, H, W): 0 for ages of 1 to 5 steps, 1 for 6 to 10, ... 19 for 96 and
+        more, 20 for occluded, 21 for out of range. `RECENCY` names which are reported together.
+    """
+    windows = scans.tensors()
+    half = grid.resolution_m / 2  # a surface that was hit is visible
+    visible = newest_visible(windows, grid, range_max_m, margin_m=half).numpy()
+    in_view = newest_in_view(windows, grid, range_max_m).numpy()
+    group = age_bin(windows.ranges.shape[1] - visible + 1)
+    return np.where(visible > 0, group, np.where(in_view > 0, OCCLUDED, NEVER_IN_VIEW)).astype(np.uint8)
+
+
+def age_bin(age: np.ndarray) -> np.ndarray:
+    """Gives the bin of an age in steps, 1 for the last step: 0 for 1 to 5, and so on."""
+    return np.minimum((age - 1) // BIN, BINS - 1)
+
+
+def newest_hits_of_obstacles(shard: ShardContent) -> np.ndarray:
+    """Finds the newest step at which each obstacle was hit, in each of the two recordings of its world.
+
+    Args:
+        shard: recordings of R / 2 worlds with K obstacles in all.
+
+    Returns:
+        the step, counted from 1, 0 for never, (2, K): counter-clockwise, clockwise.
+    """
+    windows = shard.scans.tensors(dtype=torch.float64)
+    heading = windows.poses[..., 2:] + windows.angles
+    rays = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
+    hit = torch.isfinite(windows.ranges)
+    points = windows.poses[..., None, :2] + torch.where(hit, windows.ranges, 0)[..., None] * rays  # (R, T, N, 2)
+    newest = np.zeros((2, len(shard.world)), dtype=np.int64)
+    for number, world in enumerate(shard.world):
+        outline, states = (torch.as_tensor(array[number]).double() for array in (shard.outlines, shard.states))
+        for twin in (0, 1):
+            steps = _steps_touching(points[2 * world + twin], hit[2 * world + twin], outline, states)
+            newest[twin, number] = steps.max() + 1 if len(steps) else 0
+    return newest
+
+
+def _steps_touching(points: torch.Tensor, hit: torch.Tensor, outline: torch.Tensor, states: torch.Tensor) -> np.ndarray:
+    """Finds the steps at which any of the points (T, N, 2) lies on or in an obstacle with states (T, 3)."""
+    offset = points - states[:, None, :2]
+    near = hit & (offset.square().sum(-1) <= (outline.square().sum(-1).max().sqrt() + TOUCH_M) ** 2)
+    step, beam = torch.nonzero(near, as_tuple=True)
+    cos, sin = torch.cos(states[step, 2]), torch.sin(states[step, 2])
+    x, y = offset[step, beam].unbind(-1)
+    own = torch.stack([x * cos + y * sin, y * cos - x * sin], dim=-1)  # in the obstacle's frame, (P, 2)
+    edge = outline.roll(-1, 0) - outline  # (V, 2)
+    turn = torch.sign((outline[:, 0] * edge[:, 1] - outline[:, 1] * edge[:, 0]).sum())  # 1 counter-clockwise
+    cross = edge[:, 0] * (own[:, None, 1] - outline[:, 1]) - edge[:, 1] * (own[:, None, 0] - outline[:, 0])
+    inside = (turn * cross >= -TOUCH_M * edge.square().sum(-1).sqrt()).all(-1)
+    return step[inside].numpy()
+
+
+def obstacle_masks(shard: ShardContent, grid: Grid) -> np.ndarray:
+    """Draws each obstacle by itself at the last step, bool, (K, H, W)."""
+    outlines, states = torch.as_tensor(shard.outlines), torch.as_tensor(shard.states[:, -1])
+    number = len(shard.world)
+    return rasterize(outlines, states, torch.arange(number), number, grid).numpy() == 0

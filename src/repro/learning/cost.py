@@ -1,0 +1,85 @@
+"""Cost of a study on this machine, measured before it starts."""
+
+from collections.abc import Iterator, Mapping
+
+import torch
+
+from repro.config import Model, Scale, paper_model
+from repro.learning.kernels import accelerate
+from repro.learning.losses import MapLoss
+from repro.networks.create import create_network
+from repro.system.devices import clock, resolve_device, resolve_precision
+
+USUAL_EPOCHS = 20  # after which early stopping has usually ended a training
+RECORDING_SECONDS = 0.012  # per recording, with two workers that start first
+EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
+ANALYSIS_SECONDS = 3.0  # per evaluated run
+
+
+def seconds_per_image(model: Model, size_px: int, batch_size: int, precision: str, steps: int = 2) -> float:
+    """Measure forward pass, backward pass and optimizer step per image on this machine [s]."""
+    device = resolve_device()
+    network = create_network(model).to(device)
+    accelerate(network, device)
+    optimizer, loss = torch.optim.Adam(network.parameters()), MapLoss()
+    image = torch.rand(batch_size, 1, size_px, size_px, device=device)
+    for step in range(steps + 1):
+        if step == 1:  # the first step is a warm-up
+            began = clock(device)
+        with torch.autocast(device, torch.bfloat16, enabled=precision.startswith("bf16")):
+            logits = network(image)
+        optimizer.zero_grad()
+        loss(logits, image).backward()
+        optimizer.step()
+    return (clock(device) - began) / steps / batch_size
+
+
+def plan_study(
+    scale: Scale, precision: str, recordings: int, trainings: Mapping[str, int], evaluations: int
+) -> Iterator[str]:
+    """Yield what is left of the study and its estimated time, line by line as it is measured.
+
+    Args:
+        scale: the scale.
+        precision: see `devices.resolve_precision`.
+        recordings: recordings left.
+        trainings: trainings left of each of the paper's networks.
+        evaluations: runs left to evaluate.
+    """
+    total = recordings * RECORDING_SECONDS
+    yield f"  {recordings} recordings: {readable(total)}" if recordings else "  recordings: done"
+    for name, count in trainings.items():
+        if count:
+            seconds = count * training_seconds(paper_model(name), scale, precision)
+            total += seconds
+            yield f"  {count} x {name}: {readable(seconds)}"
+        else:
+            yield f"  {name}: done"
+    if evaluations:
+        per_run = EVALUATION_SECONDS[min(EVALUATION_SECONDS, key=lambda px: abs(px - scale.size_px))]
+        seconds = evaluations * (per_run * scale.pairs.test / 500 + ANALYSIS_SECONDS)
+        total += seconds
+        yield f"  evaluation and analysis of {evaluations} runs: {readable(seconds)}"
+    if total:
+        yield f"About {readable(total)} in total, at {_epochs(scale)} epochs per training. It can be interrupted:"
+        yield "the same command resumes."
+
+
+def training_seconds(model: Model, scale: Scale, precision: str) -> float:
+    """Estimate the duration of a training on this machine from a few steps [s]."""
+    device = resolve_device()
+    quick = device == "cuda" or scale.size_px <= 64  # else a smaller batch is enough to measure a CPU
+    batch_size, steps = (scale.batch_size, 8) if quick else (4, 2)
+    precision = resolve_precision(precision, device)
+    return seconds_per_image(model, scale.size_px, batch_size, precision, steps) * scale.pairs.train * _epochs(scale)
+
+
+def readable(seconds: float) -> str:
+    """Format a duration in seconds, minutes or hours."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.0f} h"
+
+
+def _epochs(scale: Scale) -> int:
+    return min(scale.max_epochs, USUAL_EPOCHS)

@@ -1,0 +1,61 @@
+"""Counts of predicted levels, from which every measure of a prediction follows.
+
+A kept prediction is uint8: level 255 is surely free, 0 surely an obstacle. Counted by truth and level, in an array
+(..., 2, 256) with obstacles first, it gives the paper's metrics at any threshold, curves over all thresholds, and
+calibration; counted for each world by itself, and summed with weights, their bootstrap (`intervals`).
+"""
+
+import numpy as np
+import torch
+
+from repro.metrics.scores import scores
+
+LEVELS = 256
+PROBABILITY = np.arange(LEVELS) / (LEVELS - 1)  # of free, at each level
+
+
+def count_quantized(
+    free: np.ndarray, truth: np.ndarray, groups: np.ndarray | None = None, number: int = 1
+) -> np.ndarray:
+    """Counts the pixels of every image by group, truth and level.
+
+    Args:
+        free: predicted levels, uint8, (M, H, W).
+        truth: true maps, 1 is free, (M, H, W).
+        groups: the group of each pixel, in [0, number), (M, H, W); without it there is one.
+        number: how many groups, G.
+
+    Returns:
+        int64, (M, G, 2, 256).
+    """
+    counts = np.zeros((len(free), number * 2 * LEVELS), dtype=np.int64)
+    for index, (image, true) in enumerate(zip(free, truth, strict=True)):
+        group = 0 if groups is None else groups[index].astype(np.int64)
+        place = ((group * 2 + true.astype(np.int64)) * LEVELS + image).ravel()
+        counts[index] = np.bincount(place, minlength=counts.shape[1])
+    return counts.reshape(len(free), number, 2, LEVELS)
+
+
+def confusion_of(counts: np.ndarray, threshold: float = 0.5) -> np.ndarray:
+    """Counts true and false positives, true and false negatives with FREE as positive, (..., 4), from (..., 2, 256)."""
+    is_free = threshold < PROBABILITY
+    free, obstacle = counts[..., 1, :], counts[..., 0, :]
+    parts = (free[..., is_free], obstacle[..., is_free], obstacle[..., ~is_free], free[..., ~is_free])
+    return np.stack([part.sum(-1) for part in parts], axis=-1)
+
+
+def pooled_scores(counts: np.ndarray) -> dict[str, np.ndarray]:
+    """Computes the metrics of `metrics.scores` at threshold 0.5 from (..., 2, 256), each (...)."""
+    return {name: value.numpy() for name, value in scores(torch.as_tensor(confusion_of(counts))).items()}
+
+
+def average_precision(counts: np.ndarray) -> np.ndarray:
+    """Computes the area under the precision-recall curve of obstacles, as its step-wise sum, (...), nan without any.
+
+    Args:
+        counts: (..., 2, 256).
+    """
+    obstacle, free = np.cumsum(counts[..., 0, :], -1), np.cumsum(counts[..., 1, :], -1)
+    with np.errstate(invalid="ignore"):
+        precision = obstacle / np.maximum(obstacle + free, 1)
+        return (precision * counts[..., 0, :]).sum(-1) / obstacle[..., -1]

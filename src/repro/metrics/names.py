@@ -1,0 +1,14 @@
+"""Names of the metrics, without the libraries that compute them."""
+
+METRICS = ("ssim", "accuracy", "dice", "precision", "recall", "specificity")  # the paper's six, in its order
+EXTRA_METRICS: tuple[str, ...] = ()  # further columns of the tables; `scores.scores` computes them
+TABLE_METRICS = METRICS + EXTRA_METRICS
+HEADINGS = {
+    "ssim": "SSIM",
+    "accuracy": "Acc.",
+    "dice": "Dice",
+    "precision": "Prec.",
+    "recall": "Recall",
+    "specificity": "Spec.",
+    "obstacle_iou": "Obstacle IoU",
+}

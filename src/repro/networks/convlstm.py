@@ -1,0 +1,50 @@
+"""A small convolutional LSTM: a learned baseline that sees the window as a sequence of images instead of one.
+
+Shi et al., "Convolutional LSTM Network", NeurIPS 2015; before a decoder as in SOGMP (Xie and Dames, "Stochastic
+Occupancy Grid Map Prediction in Dynamic Scenes", CoRL 2023), without its variational autoencoder.
+"""
+
+from huggingface_hub import PyTorchModelHubMixin
+from torch import Tensor, nn
+
+
+class ConvLSTM(nn.Module, PyTorchModelHubMixin):
+    """Reads images one after the other, remembers them at a quarter of the resolution, draws the map.
+
+    Args:
+        in_channels: images of a window, K, oldest first; each is one channel of the input.
+        hidden: channels of what is remembered.
+    """
+
+    def __init__(self, in_channels: int, hidden: int = 32) -> None:
+        super().__init__()
+        self.hidden = hidden
+        self.encoder = nn.Sequential(*_block(1, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=2))
+        self.from_image = nn.Conv2d(hidden, 4 * hidden, 3, padding=1)
+        self.from_memory = nn.Conv2d(hidden, 4 * hidden, 3, padding=1, bias=False)
+        self.decoder = nn.Sequential(
+            *_block(hidden, hidden),
+            *(nn.Upsample(scale_factor=2, mode="bilinear"), *_block(hidden, hidden // 2)),
+            *(nn.Upsample(scale_factor=2, mode="bilinear"), *_block(hidden // 2, hidden // 2)),
+            nn.Conv2d(hidden // 2, 1, 3, padding=1),
+        )
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Predicts a map of logits, (B, 1, H, W), from a series of images, (B, K, H, W)."""
+        batch, frames, height, width = images.shape
+        encoded = self.from_image(self.encoder(images.reshape(batch * frames, 1, height, width)))
+        memory = encoded.new_zeros(batch, self.hidden, *encoded.shape[-2:])
+        shown = memory
+        for gates in encoded.unflatten(0, (batch, frames)).unbind(1):
+            write, keep, show, new = (gates + self.from_memory(shown)).chunk(4, dim=1)
+            memory = (keep + 1).sigmoid() * memory + write.sigmoid() * new.tanh()  # + 1: it begins by remembering
+            shown = show.sigmoid() * memory.tanh()
+        return self.decoder(shown)
+
+
+def _block(channels: int, new_channels: int, stride: int = 1) -> tuple[nn.Module, ...]:
+    return (
+        nn.Conv2d(channels, new_channels, 3, stride=stride, padding=1),
+        nn.GroupNorm(8, new_channels),
+        nn.ReLU(inplace=True),
+    )

@@ -1,0 +1,86 @@
+"""The networks: any architecture of segmentation-models-pytorch, of which the paper uses four, and our own.
+
+An architecture of segmentation-models-pytorch needs a file in conf/model and no code. One of our own is a class that
+saves itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
+"""
+
+import json
+from pathlib import Path
+from typing import TypeAlias
+
+import segmentation_models_pytorch as smp
+from segmentation_models_pytorch.base import SegmentationModel
+from segmentation_models_pytorch.encoders import encoders
+
+from repro.config import ConfigError, Model
+from repro.networks.convlstm import ConvLSTM
+
+Network: TypeAlias = SegmentationModel | ConvLSTM
+OWN_ARCHITECTURES: dict[str, type[ConvLSTM]] = {"convlstm": ConvLSTM}
+
+
+def create_network(model: Model, in_channels: int = 1) -> Network:
+    """Create a network from encoded scans (B, C, H, W) to one map of logits (B, 1, H, W).
+
+    Paper: "Prediction Models". Encoder weights and channels are not stated: DEVIATIONS D9.
+
+    Args:
+        model: architecture, encoder and encoder weights.
+        in_channels: channels of the encoding, C.
+
+    Raises:
+        ValueError: the architecture is unknown, or the encoder weights cannot be loaded.
+    """
+    architecture = model.architecture or model.name
+    if architecture in OWN_ARCHITECTURES:
+        return OWN_ARCHITECTURES[architecture](in_channels)
+    if architecture not in smp_architectures():
+        known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
+        raise ValueError(f"model.architecture={architecture}: must be one of {known}")
+    try:
+        return smp.create_model(
+            architecture,
+            encoder_name=model.encoder_name,
+            encoder_weights=model.encoder_weights,
+            in_channels=in_channels,
+            classes=1,
+        )
+    except Exception as error:
+        if model.encoder_weights is None:
+            raise
+        raise ValueError(
+            f"the {model.encoder_weights} weights of {model.encoder_name} cannot be loaded "
+            f"({type(error).__name__}: {error}); connect to the internet once, or train from scratch with "
+            "model.encoder_weights=null"
+        ) from error
+
+
+def smp_architectures() -> list[str]:
+    """Return the names of the architectures of segmentation-models-pytorch."""
+    return sorted(smp.MODEL_ARCHITECTURES_MAPPING)
+
+
+def load_network(directory: Path) -> Network:
+    """Load a network that `save_pretrained` wrote, with weights in float32."""
+    is_smp = "_model_class" in json.loads((directory / "config.json").read_text())  # written by smp alone
+    return (smp.from_pretrained(directory) if is_smp else ConvLSTM.from_pretrained(directory)).float()
+
+
+def architecture_errors(model: Model) -> list[ConfigError]:
+    """Return what is wrong with the architecture, encoder and encoder weights of a network of smp."""
+    architecture, name, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights
+    key = "model.architecture" if model.architecture else "model.name"
+    if architecture not in smp_architectures():
+        known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
+        return [ConfigError(key, architecture, f"must be one of {known}")]
+    if name is None:
+        return [
+            ConfigError("model.encoder_name", None, f"architecture {architecture} needs an encoder, such as mit_b0")
+        ]
+    if name not in encoders and not name.startswith("tu-"):
+        close = ", ".join(sorted(known for known in encoders if known[:3] == name[:3])[:8]) or "mit_b0"
+        return [ConfigError("model.encoder_name", name, f"smp has no such encoder; it has {close} and others")]
+    pretrained = sorted(encoders.get(name, {}).get("pretrained_settings", {}))
+    if weights is not None and name in encoders and weights not in pretrained:
+        return [ConfigError("model.encoder_weights", weights, f"must be null or one of {', '.join(pretrained)}")]
+    return []

@@ -1,0 +1,117 @@
+"""Shards: files of up to 50 worlds, each with its two recordings.
+
+A shard is written whole or not at all and holds the fingerprint of the configuration that made it. Worlds are seeded
+one by one, so its content depends on nothing but that configuration.
+"""
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from repro.scans import Scans
+
+FORMAT = 1
+SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
+SPLIT_SEEDS = 1_000_000
+SHARD_WORLDS = 50  # worlds in a shard, each with its two recordings
+
+
+class BrokenShard(ValueError):
+    """A shard that cannot be read, or is not what was recorded."""
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Where one shard lies and which worlds it holds."""
+
+    split: str
+    number: int
+    first_seed: int
+    worlds: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.split}-{self.number:04d}.npz"
+
+
+@dataclass(frozen=True)
+class ShardContent:
+    """What a shard holds: R recordings of R / 2 worlds with K obstacles in all, at most O in a world.
+
+    Args:
+        scans: ranges (R, T, N), angles (N,), poses (R, T, 3); 2 w and
+            2 w + 1 are world w counter-clockwise and clockwise.
+        outlines: convex outlines in their own frame [m], (K, V, 2).
+        states: obstacle poses x, y [m], heading [rad], (K, T, 3).
+        world: the world in the shard that each obstacle belongs to, (K,).
+        seen: whether any beam of a recording hit the obstacle, by its number in its world, (R, O).
+    """
+
+    scans: Scans
+    outlines: np.ndarray
+    states: np.ndarray
+    world: np.ndarray
+    seen: np.ndarray
+
+
+def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
+    """Cuts the splits into shards.
+
+    Raises:
+        ValueError: a count is odd or below 2.
+    """
+    for split, count in pairs.items():
+        if count % 2 or count < 2:
+            raise ValueError(f"pairs must be even and at least 2 (a world and its twin), got {split}={count}")
+        for number, first in enumerate(range(0, count // 2, SHARD_WORLDS)):
+            yield Shard(split, number, SPLITS[split] + first, min(SHARD_WORLDS, count // 2 - first))
+
+
+def holds(there: Mapping[str, int], asked: Mapping[str, int]) -> bool:
+    """Says whether recordings of some pairs serve where others are asked for: the same, or training pairs to spare.
+
+    What is left out must be whole shards, so that the rest is what would have been recorded without it.
+    """
+    rest = {split: count for split, count in asked.items() if there.get(split) != count}
+    spare = "train" in rest and there.get("train", 0) > rest["train"] and rest["train"] % (2 * SHARD_WORLDS) == 0
+    return set(there) == set(asked) and (not rest or (len(rest) == 1 and spare))
+
+
+def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:
+    """Counts the recordings that lie in a directory, whole or not, of those that `pairs` asks for."""
+    return sum(2 * shard.worlds for shard in shards_of(pairs) if (directory / shard.name).is_file())
+
+
+def spec_fingerprint(spec: dict[str, Any]) -> str:
+    """Hashes everything that decides the content of the recordings."""
+    content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def read_shard(path: Path, fingerprint: str) -> ShardContent:
+    """Reads one shard.
+
+    Raises:
+        BrokenShard: it cannot be read.
+        ValueError: it was recorded with another configuration.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+        found = str(arrays.pop("fingerprint"))
+        scans = Scans(*(arrays.pop(name) for name in ("ranges", "angles", "poses")))
+        content = ShardContent(scans, **arrays)
+    except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise BrokenShard(f"shard {path} cannot be read ({error}): record again with task=record") from error
+    if found != fingerprint:
+        raise ValueError(
+            f"shard {path} was recorded with another configuration: delete {path.parent} or use another outputs"
+        )
+    return content

@@ -1,0 +1,69 @@
+"""The trainings of a study: which are done, and how long the others will take."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import mean
+from typing import Any
+
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.reporting.names import predictor_title
+from repro.runs.directories import Outputs, Run
+from repro.runs.keys import RunKey
+
+
+@dataclass(frozen=True)
+class Study:
+    """The trainings of one seed: the paper's networks in every experiment, and the ablation where obstacles move.
+
+    Args:
+        outputs: the outputs directory.
+        experiments: `world.experiments` of the configuration.
+        seed: seed of the trainings.
+    """
+
+    outputs: Outputs
+    experiments: Mapping[str, Mapping[str, Any]]
+    seed: int
+
+    def runs(self) -> dict[RunKey, Run]:
+        """Return the run of each training, whose directory may be missing. The paper's world has 24."""
+        moving = [name for name, experiment in self.experiments.items() if experiment["obstacles"].get("behavior")]
+        keys = [
+            RunKey(experiment, model, encoding, self.seed)
+            for encoding, experiments in ((PROJECTION, self.experiments), (PROJECTION_NO_DECAY, moving))
+            for experiment in experiments
+            for model in NETWORKS
+        ]
+        return {key: self.outputs.run(key) for key in keys}
+
+    def progress(self, key: RunKey) -> str | None:
+        """Describe a training as `training 7 of 24: exp 3, FPN` and the time left; None when it is not of the study."""
+        runs = self.runs()
+        if key not in runs:
+            return None
+        trained = sum(_is_trained(run) for run in runs.values())
+        title = (
+            f"training {trained + 1} of {len(runs)}: exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
+        )
+        left = self.seconds_left()
+        return title + (f"; about {left / 60:.0f} min of training left, as measured so far" if left else "")
+
+    def seconds_left(self) -> float | None:
+        """Estimate the duration of the remaining trainings from those that are done, by network; None before one is."""
+        runs = self.runs()
+        durations: dict[str, list[float]] = {}
+        for key, run in runs.items():
+            if _is_trained(run):
+                durations.setdefault(key.model, []).append(run.provenance().fact("training_seconds") or 0.0)
+        if not durations:
+            return None
+        usual = mean(mean(seconds) for seconds in durations.values())
+        left = [key.model for key, run in runs.items() if not _is_trained(run)]
+        return sum(mean(durations[model]) if model in durations else usual for model in left)
+
+
+def _is_trained(run: Run) -> bool:
+    try:
+        return run.is_trained
+    except ValueError:
+        return False

@@ -1,0 +1,99 @@
+"""The analysis in a few lines of Markdown, for the README."""
+
+import pandas as pd
+
+from repro.baselines.names import rank
+from repro.config import NO_DECAY, PROJECTION
+from repro.reporting.names import predictor_title
+
+SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
+
+
+def claims_to_markdown(claims: pd.DataFrame) -> str:
+    """Writes the verdicts: how many of each, then one row a claim with our number and the paper's.
+
+    Args:
+        claims: see `claims.judge`.
+    """
+    counts = claims["verdict"].value_counts()
+    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    lines = [
+        f"**{summary}.** Numbers are those of the test",
+        "that is nearest to failing, with an interval of 95 % and what is needed.",
+        "",
+        "| The paper says | Verdict | Ours | The paper's own |",
+        "|---|---|---|---|",
+    ]
+    for _, row in claims.iterrows():
+        ours = ""
+        if pd.notna(row["value"]):
+            needed = f"{row['claimed']:.3g} ± {row['tolerance']:.2g}"
+            ours = f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}] ({needed})"
+        paper = f"{row['paper']}, {row['paper_value']:.3f}" if pd.notna(row["paper_value"]) else ""
+        lines.append(f"| {row['quote']} | {row['verdict']} | {ours} | {paper} |")
+    return "\n".join(lines) + "\n"
+
+
+def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
+    """Writes U-Net from every encoding, the other networks and the baselines, experiments side by side.
+
+    Args:
+        intervals: experiment, model, encoding, decay, metric, value, low, high, seeds.
+        words: the caption.
+    """
+    is_shown = intervals["metric"].isin(SHOWN) & (intervals["model"] != "average")
+    rows = intervals[is_shown & ~intervals["encoding"].str.endswith(NO_DECAY)]
+    inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
+    chosen = sorted(inputs.index[inputs == inputs.max()])  # where most inputs have been tried
+    rows = rows[rows["experiment"].isin(chosen)]
+    lines = [
+        f"**{words}**",
+        "",
+        "| Predicted by | Seeds | " + " | ".join(f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()) + " |",
+        "|---|---|" + "---|" * (len(chosen) * len(SHOWN)),
+    ]
+    cells = set(zip(rows["model"], rows["encoding"], strict=True))
+    for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1])):
+        mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
+        values = [_cell(mine, experiment, metric) for experiment in chosen for metric in SHOWN]
+        counts = sorted({f"{count:.0f}" for count in mine["seeds"]}) if encoding else []
+        seeds = " to ".join(counts)
+        lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
+    """Writes what learning curves extrapolate of U-Net at paper scale, beside the paper, and how well they extrapolate.
+
+    Args:
+        extrapolated: see `curves.extrapolate`, with the paper's number of each metric as `paper`.
+    """
+    shown = {name: head for name, head in SHOWN.items() if name in set(extrapolated["metric"])}
+    aim, held = (extrapolated[extrapolated["target"] == target] for target in ("paper scale", "held-out point"))
+    pairs, size_px = aim["pairs"].iloc[0], aim["size_px"].iloc[0]
+    lines = [
+        f"**U-Net at {pairs:,.0f} pairs and {size_px:.0f} px extrapolated from its learning curves**, intervals of",
+        "95 % (the paper); then the largest training as extrapolated from the smaller ones: extrapolated, measured.",
+        "",
+        "| Exp. | " + " | ".join([*shown.values(), *(f"{head} held out" for head in shown.values())]) + " |",
+        "|---|" + "---|" * (2 * len(shown)),
+    ]
+    for (experiment, encoding), rows in aim.groupby(["experiment", "encoding"], sort=False):
+        back = held[(held["experiment"] == experiment) & (held["encoding"] == encoding)]
+        cells = [_extrapolated(rows[rows["metric"] == name].iloc[0]) for name in shown]
+        found = [back[back["metric"] == name].iloc[0] for name in shown]
+        cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in found]
+        lines.append(
+            f"| {experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''} | " + " | ".join(cells) + " |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _extrapolated(row: pd.Series) -> str:
+    paper = f" ({row['paper']:.3f})" if pd.notna(row["paper"]) else ""
+    return f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}]{paper}"
+
+
+def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
+    found = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
+    return "".join(f"{row.value:.3f} [{row.low:.3f}, {row.high:.3f}]" for row in found.itertuples())

@@ -1,0 +1,251 @@
+"""Run directories and the outputs directory around them.
+
+outputs/<scale>/
+    recordings/exp3/                    see `recordings.reader`
+    runs/exp3/unet/projection/seed0/    a run directory: one network, trained and evaluated
+        config.yaml      everything that decides its result (`RunConfig`), written before anything else
+        provenance.json  its status, and one entry per step: recordings, commit, hardware, versions, time
+        history.csv      one row per epoch
+        model/           best weights with their encoding and grid; `networks.predictor.load_predictor` reads them
+        predictions.npz  probability of free on the test set, quantized to uint8
+        metrics.csv      the pooled metrics, one row; validation.csv holds those of the validation set
+        per_image.csv    the metrics of every test image
+    baselines/exp3/tracker/             a run directory of a baseline, which has no encoding, seed or weights
+    tables/ figures/ analysis/ worlds/
+    report.html
+"""
+
+import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from pydantic import TypeAdapter
+
+from repro.config import Encoding, Model, PairCounts, Training
+from repro.metrics.names import METRICS
+from repro.runs.keys import RunKey
+from repro.runs.provenance import Provenance, Status, environment
+from repro.system.files import clear_leftovers, lock, read_table, read_typed, write_json, write_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Data:
+    """The data of a run: name of the scale, grid [px, m], pairs, and the fingerprint of the worlds."""
+
+    scale: str
+    size_px: int
+    size_m: float
+    pairs: PairCounts
+    worlds: str
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Everything that decides the result of a run. A baseline has no seed, encoding and training settings."""
+
+    experiment: str
+    seed: int | None
+    model: Model
+    encoding: Encoding | None
+    data: Data
+    train: Training | None = None
+
+    @property
+    def key(self) -> RunKey:
+        """Identity of the run."""
+        return RunKey(self.experiment, self.model.name, self.encoding.label if self.encoding else "", self.seed)
+
+    def of_baseline(self, name: str) -> "RunConfig":
+        """Return the configuration of a baseline on the same worlds and grid."""
+        return RunConfig(self.experiment, None, Model(name), None, self.data)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run directory."""
+
+    path: Path
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    @property
+    def model(self) -> Path:
+        return self.path / "model"
+
+    @property
+    def metrics(self) -> Path:
+        return self.path / "metrics.csv"
+
+    def read_metrics(self) -> "pd.Series":
+        """Return the pooled metrics of an evaluated run.
+
+        Raises:
+            ValueError: metrics.csv cannot be read.
+        """
+        fix = "delete it and give the same command with task=evaluate"
+        return read_table(self.metrics, METRICS, fix).iloc[0]
+
+    @property
+    def _has_begun(self) -> bool:
+        return any((self.path / name).is_file() for name in ("config.yaml", "provenance.json"))
+
+    @contextmanager
+    def exclusive(self) -> Iterator[None]:
+        """Keeps other processes out of the directory, and clears it of what a killed one left half written."""
+        with lock(self.path):
+            clear_leftovers(self.path)
+            yield
+
+    def prepare(self, config: RunConfig) -> None:
+        """Makes the directory and its config.yaml, or checks that the one there is the same run.
+
+        Raises:
+            ValueError: the directory holds a run of another configuration; the message names the differences.
+        """
+        if not self._has_begun:
+            self.path.mkdir(parents=True, exist_ok=True)
+            with self.exclusive():
+                if not self._has_begun:  # by a process that was here first
+                    content = TypeAdapter(RunConfig).dump_python(config)
+                    write_text(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False))
+        self.check(config)
+
+    def check(self, config: RunConfig) -> None:
+        """Check that the directory is empty or holds the run of this configuration.
+
+        Raises:
+            ValueError: the directory holds a run of another configuration; the message names the differences.
+        """
+        if not self._has_begun:
+            return
+        there, wanted = (_flatten(dataclasses.asdict(one)) for one in (self.config(), config))
+        differ = [key for key in there | wanted if there.get(key) != wanted.get(key)]
+        if differ:
+            listing = "; ".join(f"{key} is {there.get(key)}, asked for {wanted.get(key)}" for key in differ)
+            raise ValueError(f"{self} holds a run of another configuration ({listing}): delete it or set outputs=")
+
+    def config(self) -> RunConfig:
+        """Reads the configuration of the run.
+
+        Raises:
+            ValueError: this is no run directory, or its config.yaml cannot be read.
+        """
+        if not self._has_begun:
+            raise ValueError(f"{self} is no run directory: it has no config.yaml")
+        return read_typed(RunConfig, self.path / "config.yaml", self._fix)
+
+    def provenance(self) -> Provenance:
+        """Reads where the run came from; empty when it has not got so far."""
+        path = self.path / "provenance.json"
+        if not path.is_file() and not self.model.exists():
+            return Provenance()
+        return read_typed(Provenance, path, self._fix)
+
+    @property
+    def _fix(self) -> str:
+        return f"put it back, or delete {self} to begin the run anew"
+
+    @property
+    def status(self) -> Status:
+        return self.provenance().status
+
+    @property
+    def is_trained(self) -> bool:
+        return self.status in (Status.trained, Status.evaluated)
+
+    @property
+    def is_evaluated(self) -> bool:
+        """Says whether the metrics are there; where metrics.csv has been lost, evaluation makes it again."""
+        return self.status is Status.evaluated and self.metrics.is_file()
+
+    def begin_step(self, step: str, status: Status, **facts: Any) -> None:
+        """Adds an entry for a step that begins, with time, versions, hardware and commit."""
+        steps = [*self.provenance().steps, {"step": step, **facts, **environment()}]
+        self._write(Provenance(status, None, steps))
+
+    def end_step(self, status: Status, error: str | None = None, **facts: Any) -> None:
+        """Adds facts to the entry of the step that this process began last."""
+        *before, last = self.provenance().steps
+        self._write(Provenance(status, error, [*before, {**last, **facts}]))
+
+    def use_recordings(self, fingerprint: str) -> None:
+        """Notes which recordings the run is made from, or checks that they still are.
+
+        Raises:
+            ValueError: the run began with others.
+        """
+        used = self.provenance().fact("recordings")
+        if used not in (None, fingerprint):
+            raise ValueError(f"{self} began with other recordings than there are now: delete it and train again")
+        if used is None:
+            self.begin_step("recorded", self.status, recordings=fingerprint)
+
+    def _write(self, provenance: Provenance) -> None:
+        content = dataclasses.asdict(provenance)
+        if provenance.error is None:
+            del content["error"]
+        write_json(self.path / "provenance.json", content)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """An outputs directory: the results of one scale, or of a variant of it.
+
+    Args:
+        path: the directory.
+        shared: where its recordings lie if not in it; several outputs directories may share them.
+    """
+
+    path: Path
+    shared: Path | None = None
+
+    @property
+    def analysis(self) -> Path:
+        return self.path / "analysis"
+
+    @property
+    def tables(self) -> Path:
+        return self.path / "tables"
+
+    @property
+    def figures(self) -> Path:
+        return self.path / "figures"
+
+    @property
+    def worlds(self) -> Path:
+        return self.path / "worlds"
+
+    def recordings(self, experiment: str) -> Path:
+        return self._recordings / f"exp{experiment}"
+
+    def recorded(self) -> dict[str, Path]:
+        """Finds the completely recorded experiments, by name."""
+        found = sorted(self._recordings.glob("exp*/manifest.json"))
+        return {path.parent.name.removeprefix("exp"): path.parent for path in found}
+
+    @property
+    def _recordings(self) -> Path:
+        return self.shared or self.path / "recordings"
+
+    def run(self, key: RunKey) -> Run:
+        return Run(self.path / key.path)
+
+    def runs(self) -> Iterator[Run]:
+        """Yield every run directory, of networks and of baselines."""
+        for pattern in ("runs/exp*/*/*/seed*", "baselines/exp*/*"):
+            yield from (Run(path) for path in sorted(self.path.glob(pattern)) if path.is_dir())
+
+
+def _flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in content.items():
+        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return flat

@@ -1,0 +1,174 @@
+"""Record experiments: sample worlds, simulate both directions, write shards and the manifest.
+
+Recording again repairs what is missing, truncated or altered, to the same bytes.
+"""
+
+import dataclasses
+from contextlib import ExitStack
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from tqdm import tqdm
+
+from repro.recordings.format import FORMAT, BrokenShard, Shard, holds, read_shard, shards_of, spec_fingerprint
+from repro.recordings.reader import Manifest, ShardEntry, read_manifest
+from repro.scans import Scans
+from repro.simulation.simulator import Recording, check_replay, simulate
+from repro.simulation.worlds import reverse_direction, sample_world
+from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
+
+
+def record_experiment(
+    directory: Path,
+    spec: dict[str, Any],
+    pairs: dict[str, int],
+    *,
+    workers: int = 2,
+    verify_every: int = 500,
+) -> Manifest:
+    """Records what is missing, cut or altered of one experiment and writes its manifest.
+
+    Recordings that hold more training pairs than are asked for serve as they are: the first so many are the same.
+
+    Args:
+        directory: where the shards go, made if missing.
+        spec: what `worlds.sample_world` takes.
+        pairs: recordings per split, each even: a world and its twin are two.
+        workers: processes.
+        verify_every: every so many worlds, one is replayed by plain IR-SIM and compared.
+
+    Raises:
+        ValueError: a count is odd, what is there is of another configuration, or IR-SIM disagrees.
+    """
+    fingerprint = spec_fingerprint(spec)
+    directory.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as exclusive:  # a second process waits here, then finds the work done
+        for name in (".lock", *sorted(path.name for path in directory.glob(".lock-*-of-*"))):
+            exclusive.enter_context(lock(directory, name))  # and so do we for those that record a part
+        before = read_manifest(directory) if (directory / "manifest.json").is_file() else None
+        if before and (before.fingerprint != fingerprint or not holds(before.pairs, pairs)):
+            raise ValueError(
+                f"{directory} holds {before.pairs} pairs of another configuration than the {dict(pairs)} asked "
+                "for: delete it or use another outputs"
+            )
+        pairs = before.pairs if before else pairs
+        shards = list(shards_of(pairs))
+        clear_leftovers(directory)
+        checksums = {name: entry.sha256 for name, entry in before.shards.items()} if before else {}
+        missing = [s for s in shards if not _is_whole(directory / s.name, fingerprint, checksums.get(s.name))]
+        if before and not missing:
+            return before
+        _write_shards(directory, missing, spec, workers, verify_every, sum(shard.worlds for shard in shards))
+        manifest = Manifest(
+            FORMAT,
+            spec,
+            fingerprint,
+            dict(pairs),
+            {name: version(name) for name in ("ir-sim", "numpy", "repro")},
+            {shard.name: ShardEntry(**asdict(shard), sha256=sha256(directory / shard.name)) for shard in shards},
+        )
+        write_json(directory / "manifest.json", dataclasses.asdict(manifest))
+    return manifest
+
+
+def record_part(
+    directory: Path,
+    spec: dict[str, Any],
+    pairs: dict[str, int],
+    part: int,
+    parts: int,
+    *,
+    workers: int = 2,
+    verify_every: int = 500,
+) -> bool:
+    """Records every `parts`-th shard from number `part` on, so that several machines share one experiment.
+
+    Returns:
+        whether all shards are there now: then `record_experiment` has but to look at them and write the manifest.
+
+    Raises:
+        ValueError: see `record_experiment`.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    if (directory / "manifest.json").is_file():
+        return True
+    shards, fingerprint = list(shards_of(pairs)), spec_fingerprint(spec)
+    with lock(directory, f".lock-{part}-of-{parts}"):
+        missing = [shard for shard in shards[part::parts] if not _is_whole(directory / shard.name, fingerprint, None)]
+        worlds = sum(shard.worlds for shard in shards[part::parts])
+        _write_shards(directory, missing, spec, workers, verify_every, worlds)
+    return all((directory / shard.name).is_file() for shard in shards)
+
+
+def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_every: int) -> int:
+    """Records one shard; returns its number of worlds.
+
+    Args:
+        directory: where it goes.
+        shard: its name and seeds.
+        spec: what `worlds.sample_world` takes.
+        verify_every: every so many worlds, one is replayed by plain IR-SIM and compared.
+
+    Raises:
+        ValueError: IR-SIM disagrees.
+    """
+    recordings: list[Recording] = []
+    for seed in range(shard.first_seed, shard.first_seed + shard.worlds):
+        world = sample_world(spec, seed)
+        for item in (world, reverse_direction(world)):
+            recordings.append(simulate(item))
+            if seed % verify_every == 0:
+                check_replay(item, recordings[-1])
+    worlds = recordings[::2]
+    scans = Scans.stack([item.scans for item in recordings])
+    seen = [item.seen for item in recordings if item.seen is not None]
+    most, longest = (max(array.shape[0] for array in seen), max(item.outlines.shape[1] for item in worlds))
+    arrays: dict[str, Any] = {
+        "ranges": scans.ranges.astype(np.float32),
+        "angles": scans.angles,
+        "poses": scans.poses,
+        "outlines": np.concatenate([_widen(item.outlines, longest) for item in worlds]).astype(np.float32),
+        "states": np.concatenate([item.states for item in worlds]).astype(np.float32),
+        "world": np.repeat(np.arange(len(worlds)), [len(item.outlines) for item in worlds]),
+        "seen": np.stack([np.pad(array, (0, most - len(array))) for array in seen]),
+        "fingerprint": np.array(spec_fingerprint(spec)),
+    }
+    with replacing(directory / shard.name) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    return shard.worlds
+
+
+def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
+    """Says whether a shard is there and what it should be, and tells where it is there and is not."""
+    if not path.is_file():
+        return False
+    try:
+        if checksum is None:
+            read_shard(path, fingerprint)
+        elif sha256(path) != checksum:
+            raise BrokenShard(f"shard {path} is not what was recorded")
+    except BrokenShard as error:
+        print(f"recording again: {error}", flush=True)
+        return False
+    return True
+
+
+def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int, every: int, worlds: int) -> None:
+    jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
+    # processes, also inside a worker of a launcher: IR-SIM keeps its environment in module variables
+    parallel = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
+    done = worlds - sum(shard.worlds for shard in shards)
+    with tqdm(
+        total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}", disable=None
+    ) as bar:
+        for count in parallel(jobs):
+            bar.update(2 * count)
+
+
+def _widen(outlines: np.ndarray, vertices: int) -> np.ndarray:
+    """Gives outlines (O, V, 2) more vertices by repeating the last."""
+    return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")

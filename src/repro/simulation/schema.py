@@ -1,0 +1,170 @@
+"""What conf/world may say, with the range of every value. What the recorder does not do cannot be asked of it.
+
+The dataclasses mirror conf/world/paper.yaml; a key that is not here is refused by name, for IR-SIM would obey it
+and the recorder would not.
+"""
+
+import math
+import re
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from repro.config import ConfigError, Count, NotNegative, Positive, config_errors_of
+from repro.simulation.motions import robot_commands
+from repro.simulation.worlds import check_spec, sample_world
+
+
+def _ordered(pair: tuple) -> tuple:
+    if pair[0] > pair[1]:
+        raise ValueError("must be ordered, low to high")
+    return pair
+
+
+PositiveRange = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]
+Size = Annotated[float, Field(ge=0.001, allow_inf_nan=False)]  # [m]; of less than a millimetre no outline can be made
+SizeRange = Annotated[tuple[Size, Size], AfterValidator(_ordered)]
+CountRange = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class World(_Part):
+    """The map; obstacles may pass through one another, which is how the recorder moves them."""
+
+    width: Positive
+    height: Positive
+    step_time: Positive
+    collision_mode: Literal["unobstructed"]
+
+
+class Lidar(_Part):
+    """IR-SIM's lidar without noise, at the robot's centre."""
+
+    type: Literal["lidar2d"]
+    range_min: Literal[0] = 0
+    range_max: Positive
+    angle_range: Annotated[float, Field(gt=0, le=2 * math.pi)]
+    number: Annotated[int, Field(ge=2)]
+
+
+class Kinematics(_Part):
+    name: Literal["diff"]
+
+
+class Disc(_Part):
+    name: Literal["circle"]
+    radius: Size
+
+
+class Robot(_Part):
+    """A disc on two wheels with one lidar; its state follows from the motion."""
+
+    kinematics: Kinematics
+    shape: Disc
+    vel_min: tuple[float, float]
+    vel_max: tuple[Positive, Positive]
+    sensors: Annotated[list[Lidar], Field(min_length=1, max_length=1)]
+
+
+class Rotation(_Part):
+    name: Literal["rotate"]
+    steps: Annotated[int, Field(ge=2)]
+
+
+class Square(_Part):
+    name: Literal["square"]
+    side_m: Positive
+    drive_steps: Count
+    turn_steps: Count
+    first_steps: Annotated[int, Field(ge=0)]
+
+
+Motion = Annotated[Rotation | Square, Field(discriminator="name")]
+
+
+class Drifting(_Part):
+    name: Literal["drift"]
+    speed_m_s: PositiveRange
+    turn_steps: CountRange
+
+
+class Population(_Part):
+    count: CountRange
+    radius_m: SizeRange
+    aspect: PositiveRange
+    disc_share: Annotated[float, Field(ge=0, le=1)]
+    behavior: Drifting | None = None
+
+
+class Experiment(_Part):
+    motion: Motion
+    obstacles: Population
+    clear_radius_m: NotNegative
+
+
+class Worlds(_Part):
+    """The whole of conf/world."""
+
+    world: World
+    robot: Robot
+    motions: dict[Name, Motion]
+    obstacles: dict[Name, Population]
+    experiments: dict[Name, Experiment]
+
+
+def world_errors(world: dict[str, Any]) -> list[ConfigError]:
+    """Finds everything that is wrong with `world`, each value by itself first, then all together.
+
+    Args:
+        world: `world` of the configuration, as plain values.
+
+    Returns:
+        the faults; none when the worlds of every experiment can be recorded.
+    """
+    try:
+        Worlds.model_validate(world)
+    except ValidationError as error:
+        return _once(config_errors_of(error, "world."))
+    faults = []
+    for name, experiment in world["experiments"].items():
+        spec = {"experiment": name, "world": world["world"], "robot": world["robot"], **experiment}
+        message = _error_of_spec(spec)
+        if message:
+            faults.append(ConfigError(f"world.experiments.{name}", None, message))
+    return faults
+
+
+def _once(faults: list[ConfigError]) -> list[ConfigError]:
+    """Names a fault where it stands, not again in every experiment that refers to it; drops pydantic's union tags."""
+    tag = re.compile(r"(\.motions?(?:\.[\w-]+)??)\.(?:rotate|square)(?=\.\w+$)")
+    plain = [ConfigError(tag.sub(r"\1", fault.key), fault.value, fault.expected) for fault in faults]
+    named = {(f.key.split(".")[-1], str(f.value)) for f in plain if not f.key.startswith("world.experiments.")}
+    return [
+        fault
+        for fault in plain
+        if not fault.key.startswith("world.experiments.") or (fault.key.split(".")[-1], str(fault.value)) not in named
+    ]
+
+
+def _error_of_spec(spec: dict[str, Any]) -> str | None:
+    """What no single value of an experiment shows."""
+    step_time, behavior = spec["world"]["step_time"], spec["obstacles"].get("behavior")
+    try:
+        commands = robot_commands({**spec["motion"], "direction": 1}, step_time)
+        check_spec(spec)
+        if behavior and behavior["speed_m_s"][1] * step_time * len(commands) > spec["world"]["width"]:
+            speed = behavior["speed_m_s"][1]
+            return f"obstacles of {speed} m/s would cross the whole map in a recording: make them slower"
+        fastest = np.abs(commands).max(axis=0)
+        if (fastest > spec["robot"]["vel_max"]).any() or (-fastest < spec["robot"]["vel_min"]).any():
+            limits = f"vel_min {spec['robot']['vel_min']}, vel_max {spec['robot']['vel_max']}"
+            return f"the robot needs {fastest.round(3).tolist()} m/s, rad/s both ways, beyond its {limits}"
+        sample_world(spec, 0)
+    except ValueError as error:
+        return str(error)
+    return None
