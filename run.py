@@ -22,6 +22,7 @@ from hydra._internal.utils import get_args_parser
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import QuotedString
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -36,6 +37,7 @@ from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
 
 CONF = Path(__file__).parent / "conf"
+GROUPS = ("world", "encoding", "model", "scale", "train")
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a call, in whatever process, note their failures
 
@@ -86,6 +88,10 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
     """
     if arguments.config_name or arguments.config_path:
         raise Refused("--config-name and --config-path are not supported: use overrides, or --config-dir for groups")
+    if arguments.experimental_rerun:  # what argparse makes of --exp
+        raise Refused(
+            f"--exp={arguments.experimental_rerun}: overrides have no dashes: exp={arguments.experimental_rerun}"
+        )
     overrides = list(arguments.overrides)
     if arguments.config_dir:
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
@@ -94,9 +100,13 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
             parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
             parsed = parser.parse_overrides(overrides)
             given = [(override.key_or_group, (override.input_line or "").partition("=")[2]) for override in parsed]
-            renamed = renamed_errors(given)
-            if renamed:
-                raise Refused(*renamed)
+            wrong = renamed_errors(given) + [
+                f"{override.input_line}: takes one name; to sweep over several, use -m {override.key_or_group}=a,b"
+                for override in parsed
+                if override.key_or_group in GROUPS and not (override.is_sweep_override() or _is_name(override.value()))
+            ]
+            if wrong:
+                raise Refused(*wrong)
             batches = BasicSweeper.split_arguments(parsed, None) if arguments.multirun else [[overrides]]
             jobs = [job for batch in batches for job in batch]
             if not jobs:
@@ -105,7 +115,8 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
     except (HydraException, OmegaConfBaseException) as error:
         if WANTS_TRACEBACKS:
             raise
-        raise Refused(str(error), *filter(None, [str(error.__cause__ or "")])) from error
+        reasons = [str(error).split("\nConfig search path")[0], str(error.__cause__ or "")]
+        raise Refused(*filter(None, reasons)) from error
     errors = dict.fromkeys(str(error) for each in values for error in all_errors(each))
     if errors:
         raise Refused(*errors)
@@ -113,6 +124,11 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
     if len({config.outputs for config in configs}) < len(configs) and configs[0].task in STUDY_TASKS:
         raise Refused(f"task={configs[0].task}: is done once for all runs; leave out the sweep")
     return configs
+
+
+def _is_name(value: object) -> bool:
+    """Return whether the value of a group override is the name of a file, plain or quoted."""
+    return isinstance(value, str | QuotedString)
 
 
 def print_notes(configs: list[Config], arguments: argparse.Namespace) -> None:

@@ -1,10 +1,11 @@
-"""What each network costs: parameters, operations, training time, memory, and latency from scans to map.
+"""Measure the costs of each network: parameters, operations, training time, memory, and latency from scans to map.
 
     python reproduce/costs.py reproduce/results/laptop
 
-writes costs.csv there, at the resolution of those results and at the paper scale's. Latency is one run at a time:
-projection of its 100 scans and prediction, the median of 20 calls after a warm-up. ONNX Runtime is tried where it is
-installed (`pip install -e ".[costs]"`), compilation where torch.compile works; what cannot be measured stays empty.
+writes costs.csv there, at the resolution of those results and at that of the paper scale. The latency is that of one
+run, the projection of its 100 scans and the prediction: the median of 20 calls after a warm-up. ONNX Runtime is
+measured if it is installed (`pip install -e ".[costs]"`), and compilation if torch.compile works. Values that cannot be
+measured stay empty.
 """
 
 import argparse
@@ -34,7 +35,7 @@ LATENCIES = ("cpu_eager_ms", "cpu_compiled_ms", "cpu_onnx_ms", "cuda_eager_ms", 
 
 
 def random_scans(device: str) -> Scans:
-    """Random scans of one window."""
+    """Draw random scans of one window."""
     generator = torch.Generator().manual_seed(0)
     ranges = 30 * torch.rand(STEPS, BEAMS, generator=generator)
     angles = torch.linspace(-torch.pi / 4, torch.pi / 4, BEAMS)
@@ -44,7 +45,7 @@ def random_scans(device: str) -> Scans:
 
 
 def latency_ms(predict: Callable[[Tensor], object], grid: Grid, device: str, repeat: int = 20) -> float:
-    """Median time from one window of scans to its predicted map [ms]."""
+    """Measure the median time from one window of scans to its predicted map [ms]."""
     scans, encoding, times = random_scans(device), Projection(), []
     for _ in range(repeat + 3):
         began = clock(device)
@@ -54,19 +55,19 @@ def latency_ms(predict: Callable[[Tensor], object], grid: Grid, device: str, rep
 
 
 def compiled(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
-    """The compiled network, or None where torch.compile fails."""
-    torch.compiler.reset()  # else the networks before count towards its limit of recompilations
+    """Return the compiled network, or None if torch.compile fails."""
+    torch.compiler.reset()  # otherwise earlier networks count toward its limit of recompilations
     try:
         network = torch.compile(model)
         network(image)
     except Exception as error:
-        print(f"torch.compile: {type(error).__name__}", file=sys.stderr)
+        print(f"torch.compile failed ({type(error).__name__}), continuing without it", file=sys.stderr)
         return None
     return network
 
 
 def onnx(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
-    """The network in ONNX Runtime on the CPU, or None where that is not installed."""
+    """Return the network in ONNX Runtime on the CPU, or None if that is not installed."""
     try:
         import onnxruntime
         import onnxscript  # noqa: F401
@@ -83,7 +84,7 @@ def onnx(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
 
 
 def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float | None:
-    """Largest GPU memory of a training step in bf16 [GB]; None without a GPU."""
+    """Measure the peak GPU memory of a training step in bf16 [GB]; None without a GPU."""
     if not torch.cuda.is_available():
         return None
     torch.cuda.reset_peak_memory_stats()
@@ -101,7 +102,7 @@ def peak_training_gb(architecture: str, size_px: int, batch_size: int) -> float 
 
 
 def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, object]:
-    """One row of the table."""
+    """Measure one row of the table."""
     grid, model = Grid(size_px, 50.0), create_network(paper_model(architecture)).eval()
     image = torch.rand(1, 1, size_px, size_px)
     counter = FlopCounterMode(display=False)
@@ -129,11 +130,11 @@ def measure(architecture: str, size_px: int, batch_size: int) -> dict[str, objec
 
 
 def note(runs: pd.DataFrame) -> str:
-    """What was measured, and on what."""
+    """Describe the measurements and the machine."""
     gpu = f", GPU: {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ""
     return (
         f"Costs of the networks. Training: minutes of a run at {runs['size_px'].iloc[0]:.0f} px, "
-        f"{runs['train_pairs'].max():.0f} pairs, mean of all, beside whatever else the machine did. "
+        f"{runs['train_pairs'].max():.0f} pairs, mean over all runs, possibly beside other work. "
         "Latency: one run, from its scans to the predicted map. "
         f"CPU: {torch.get_num_threads()} threads{gpu}, torch {torch.__version__}."
     )
@@ -141,8 +142,8 @@ def note(runs: pd.DataFrame) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("results", type=Path, help="published results, say reproduce/results/laptop")
-    parser.add_argument("--batch-size", type=int, default=16, help="of the training source GPU memory is measured")
+    parser.add_argument("results", type=Path, help="directory of published results, such as reproduce/results/laptop")
+    parser.add_argument("--batch-size", type=int, default=16, help="batch size for the GPU memory of training")
     options = parser.parse_args()
     runs = pd.read_csv(options.results / "runs.csv")
     trained_px = int(runs["size_px"].iloc[0])

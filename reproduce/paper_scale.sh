@@ -1,24 +1,25 @@
 #!/usr/bin/env bash
-# The study at paper scale on a machine with a GPU that is lent for minutes: each call takes at most MINUTES, goes on
-# where the last one stopped, and ends with 0 when all is trained and evaluated, with 75 when it is to be called again.
+# Run the study at paper scale on a GPU machine that is available for a few minutes at a time. Each call takes at most
+# MINUTES and resumes the previous one. The exit status is 0 when all runs are trained and evaluated, and 75 when the
+# script must be called again.
 #
-#     reproduce/paper_scale.sh [words for run.py]
+#     reproduce/paper_scale.sh [overrides for run.py]
 #
-# All by environment variables:
-#   MINUTES=9           of a call, set-up apart
-#   SEEDS="0"           one after the other
-#   KEEP=folder         what must outlast the machine is copied there at the end of a call, and from there at the
-#                       beginning of one: everything but recordings, checkpoints and weights
-#   WHEELS=folder       wheels, for a machine without network source python3 has PyTorch and Lightning
-#   COMMIT=hash         of the code, where it was copied without its git history; stands in the provenance
+# Settings by environment variables:
+#   MINUTES=9           limit of a call, without the set-up
+#   SEEDS="0"           trained one after the other
+#   KEEP=folder         storage that outlasts the machine: the outputs except recordings, checkpoints and weights are
+#                       copied there at the end of each call and restored at the beginning
+#   WHEELS=folder       wheels for a machine without network access, whose python3 has PyTorch and Lightning
+#   COMMIT=hash         commit of code that was copied without its Git history, for the provenance
 #   SCALE=paper LAUNCHER=one_gpu JOBS=3 WORKERS=<cores>
 #
-# Then, at leisure and on any machine: run.py task=analysis scale=paper, task=publish scale=paper.
+# Afterwards, on any machine: run.py task=analysis scale=paper, task=publish scale=paper.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 MINUTES=${MINUTES:-9} SCALE=${SCALE:-paper} OUTPUTS=outputs/${SCALE:-paper} CALL_AGAIN=75
-RESERVE=60 # seconds at the end of a call, for the epoch that is under way and the copying
+RESERVE=60 # [s] at the end of a call, to finish the current epoch and copy the outputs
 export PYTHONPATH=$PWD/src REPRO_COMMIT=${COMMIT:-}
 
 set_up() {
@@ -43,7 +44,7 @@ restore() {
     tar -C "$KEEP" -cf - . | tar -C "$OUTPUTS" -xf -
 }
 
-# run.py with what is left of the call; ends the call where that is used up
+# Run run.py within the remaining time of the call; end the call if none is left
 step() {
     local left=$((60 * MINUTES - SECONDS)) status=0
     [ "$left" -gt "$RESERVE" ] || again
@@ -60,23 +61,23 @@ step() {
 
 again() {
     keep
-    echo "to be called again: $SECONDS s of this call are over" >&2
+    echo "call again: stopped after $SECONDS s, not all runs are evaluated" >&2
     exit "$CALL_AGAIN"
 }
 
 set_up
 restore
 SECONDS=0
-words=("$@")
+overrides=("$@")
 trainings=("model=unet,fpn,upernet,segformer" "hydra/launcher=${LAUNCHER:-one_gpu}" "hydra.launcher.n_jobs=${JOBS:-3}")
-step -m task=record exp=1,2,3,4 "runtime.workers=${WORKERS:-$(nproc)}" ${words[@]+"${words[@]}"}
+step -m task=record exp=1,2,3,4 "runtime.workers=${WORKERS:-$(nproc)}" ${overrides[@]+"${overrides[@]}"}
 for seed in ${SEEDS:-0}; do
-    step -m "${trainings[@]}" exp=1,2,3,4 "seed=$seed" ${words[@]+"${words[@]}"}
-    step -m "${trainings[@]}" exp=3,4 decay=false "seed=$seed" ${words[@]+"${words[@]}"}
-    status=$(step task=status "seed=$seed" ${words[@]+"${words[@]}"})
+    step -m "${trainings[@]}" exp=1,2,3,4 "seed=$seed" ${overrides[@]+"${overrides[@]}"}
+    step -m "${trainings[@]}" exp=3,4 decay=false "seed=$seed" ${overrides[@]+"${overrides[@]}"}
+    status=$(step task=status "seed=$seed" ${overrides[@]+"${overrides[@]}"})
     echo "$status"
     [[ $status == *": 24 evaluated."* ]] || again
 done
-step task=report ${words[@]+"${words[@]}"}
+step task=report ${overrides[@]+"${overrides[@]}"}
 keep
 echo "done: the study at scale $SCALE is trained and evaluated, see $OUTPUTS/tables"

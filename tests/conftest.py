@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 import repro.config
-from repro.config import NETWORKS, Encoding, Model, PairCounts, Training
+from repro.baselines.names import BASELINES
+from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
 from repro.metrics.names import METRICS
 from repro.runs.directories import Data, Outputs, Run, RunConfig
 from repro.runs.provenance import Status
@@ -19,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def world_spec(experiment: str) -> dict[str, Any]:
-    """What the configuration makes of an experiment, as plain values."""
+    """Return the world spec of an experiment of the paper."""
     return repro.config.world_spec(repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
 
 
@@ -30,59 +31,62 @@ def spec(request) -> dict[str, Any]:
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory) -> Path:
-    """A small recorded experiment 3, to be read only."""
+    """Record a small experiment 3, which tests may only read."""
     directory = tmp_path_factory.mktemp("laptop") / "recordings" / "exp3"
     record_experiment(directory, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
     return directory
 
 
-def run_config(**changes: Any) -> RunConfig:
-    """The configuration of a small run; a baseline's name as `model` leaves out what only networks have."""
-    decay, name = changes.pop("decay", True), changes.pop("model", "unet")
-    data = Data(
-        changes.pop("scale", "laptop"),
-        changes.pop("size_px", 32),
-        50.0,
-        changes.pop("pairs", PairCounts(24, 8, 8)),
-        "hash",
-    )
-    mine = {"learning_rate", "min_delta", "patience", "max_epochs", "flip_augmentation", "ema_decay"} & set(changes)
-    settings = {key: changes.pop(key) for key in mine}
-    train = Training(1e-3, 0.001, 5, 8, 3, 1e-6)
-    is_network = name in NETWORKS
-    config = RunConfig(
-        "3",
-        0,
-        Model(name, "mit_b0") if is_network else Model(name),
-        Encoding("projection", {"decay": decay, "oldest_gray": 0.8}),
-        data,
-        dataclasses.replace(train, **settings) if is_network else None,
-    )
-    return dataclasses.replace(config, **changes)
+def run_config(
+    *, model: str = "unet", decay: bool = True, encoding: Encoding | None = None, **changes: Any
+) -> RunConfig:
+    """Return the configuration of a small run, of a baseline if `model` names one.
+
+    Args:
+        model: name of a network or baseline.
+        decay: whether the projection has the time decay.
+        encoding: another encoding than the projection.
+        changes: values of RunConfig, Data or Training that differ from the usual ones.
+    """
+
+    def take(cls: type, **defaults: Any) -> Any:
+        names = {field.name for field in dataclasses.fields(cls)} & set(changes)
+        return cls(**{**defaults, **{name: changes.pop(name) for name in names}})
+
+    data = take(Data, scale="laptop", size_px=32, size_m=50.0, pairs=PairCounts(24, 8, 8), worlds="hash")
+    train = take(Training, learning_rate=1e-3, min_delta=0.001, patience=5, batch_size=8, max_epochs=3, dice_eps=1e-6)
+    encoding = encoding or Encoding("projection", {"decay": decay, "oldest_gray": 0.8})
+    config = RunConfig("3", 0, paper_model(model), encoding, data, train)
+    config = dataclasses.replace(config, **changes)
+    return config.of_baseline(model) if model in BASELINES else config
 
 
 def prepared(path: Path, **changes: Any) -> Run:
-    """A run directory with its config.yaml."""
+    """Create a run directory with its config.yaml."""
     run = Run(path)
     run.prepare(run_config(**changes))
     return run
 
 
-def fake_run(outputs, experiment, model, decay, seed, value, status=Status.evaluated, **changes) -> Run:
-    """A run directory as evaluation leaves it, with every metric at one value."""
-    run = Outputs(outputs).run(experiment, model, "decay" if decay else "no-decay", seed)
-    run.prepare(run_config(experiment=experiment, model=model, decay=decay, seed=seed, **changes))
+def fake_run(
+    outputs: Path, experiment: str, model: str, value: float, *, status: Status = Status.evaluated, **changes: Any
+) -> Run:
+    """Create a run directory as evaluation leaves it, with every metric at one value."""
+    config = run_config(experiment=experiment, model=model, **changes)
+    run = Outputs(outputs).run(config.key)
+    run.prepare(config)
     pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), value)]).to_csv(run.metrics, index=False)
     run.use_recordings("hash of recordings")
-    if model in NETWORKS:
+    if not config.key.is_baseline:
         facts = {"train_pairs": 24, "epochs": 3, "training_seconds": 1.0, "precision": "32-true"}
         run.begin_step("trained", Status.trained, **facts, weights_sha256=f"weights that score {value}")
     run.begin_step("evaluated", status, test_pairs=8)
     return run
 
 
-def fake_study(outputs, seeds=(0,)) -> None:
+def fake_study(outputs: Path, seeds: tuple[int, ...] = (0,)) -> None:
+    """Create evaluated runs of the paper's networks and of one baseline in experiment 3."""
     for seed in seeds:
-        for rank, model in enumerate(NETWORKS):
-            fake_run(outputs, "3", model, True, seed, 0.5 + 0.1 * rank + 0.01 * seed)
-    fake_run(outputs, "3", "all_free", True, 0, 0.9)
+        for number, model in enumerate(NETWORKS):
+            fake_run(outputs, "3", model, 0.5 + 0.1 * number + 0.01 * seed, seed=seed)
+    fake_run(outputs, "3", "all_free", 0.9)

@@ -1,4 +1,4 @@
-"""Speed and memory as ratios to the plain way, all measured in this one run on this machine.
+"""Benchmark speed and memory against straightforward implementations, all in the same run on this machine.
 
 make bench        or        python reproduce/bench [recording projection training sharing]
 """
@@ -11,7 +11,7 @@ from recording import bench_recording
 from sharing import bench_sharing
 from training import bench_training
 
-PARTS = {  # with what each takes on 2 idle cores
+PARTS = {  # with the time that each takes on 2 idle cores
     "recording": (bench_recording, "1 minute"),
     "projection": (bench_projection, "half a minute"),
     "training": (bench_training, "4 minutes"),
@@ -21,12 +21,12 @@ PARTS = {  # with what each takes on 2 idle cores
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all without any")
-    parser.add_argument("--compile", action="store_true", help="rows for torch.compile, which takes minutes a network")
+    parser.add_argument("parts", nargs="*", help=f"{', '.join(PARTS)}; default: all")
+    parser.add_argument("--compile", action="store_true", help="include torch.compile, which takes minutes per network")
     options = parser.parse_args()
     unknown = set(options.parts) - set(PARTS)
     if unknown:
-        parser.error(f"there is no part {', '.join(sorted(unknown))}, there are {', '.join(PARTS)}")
+        parser.error(f"parts must be among {', '.join(PARTS)}, got {', '.join(sorted(unknown))}")
     warnings.simplefilter("ignore")
     for name in options.parts or PARTS:
         bench, takes = PARTS[name]

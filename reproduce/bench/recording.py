@@ -1,4 +1,4 @@
-"""Recording: against the plain IR-SIM loop on one core, and two workers against one."""
+"""Benchmark recording against the plain IR-SIM loop on one core, and two workers against one."""
 
 import resource
 import tempfile
@@ -10,7 +10,7 @@ import numpy as np
 from table import head, row
 
 from repro.config import read_world, world_spec
-from repro.simulation import behaviors  # noqa: F401  registers them
+from repro.simulation import behaviors  # noqa: F401  registers the behaviors
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world, write_world
@@ -20,12 +20,12 @@ PAPER_RUNS = 4 * (10_000 + 128 + 500)
 
 
 def world_of(experiment: str) -> dict[str, Any]:
-    """What decides the worlds of an experiment, as the paper has it."""
+    """Return the description of the worlds of one of the paper's experiments."""
     return world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
 
 
 def plain_loop(path: Path) -> np.ndarray:
-    """The straightforward IR-SIM loop: make, 100 times step, copy the scan."""
+    """Run the straightforward IR-SIM loop: create, step 100 times, copy each scan; ranges [m], (T, N)."""
     import irsim
 
     env = irsim.make(str(path), headless=True, log_level="ERROR")
@@ -37,7 +37,7 @@ def plain_loop(path: Path) -> np.ndarray:
 
 
 def bench_recording() -> None:
-    """One core against the plain loop, two workers against one."""
+    """Compare one core with the plain loop, and two workers with one."""
     with tempfile.TemporaryDirectory() as folder:
         _one_core(Path(folder))
         _workers(Path(folder))
@@ -50,25 +50,25 @@ def _one_core(folder: Path, worlds: int = 12) -> None:
     for experiment in "1234":
         items = [sample_world(world_of(experiment), seed) for seed in range(worlds)]
         items += [reverse_direction(item) for item in items]
-        ours = plain = apart = 0.0
+        ours = plain = difference = 0.0
         for item in items:
             write_world(item, folder / "world.yaml")
             began = time.perf_counter()
-            truth = plain_loop(folder / "world.yaml")
+            expected = plain_loop(folder / "world.yaml")
             middle = time.perf_counter()
             scans = simulate(item).scans
             ours, plain = ours + time.perf_counter() - middle, plain + middle - began
-            apart = max(apart, np.abs(np.minimum(scans.ranges, 30.0) - truth).max())
+            difference = max(difference, np.abs(np.minimum(scans.ranges, 30.0) - expected).max())
         times = [f"{1000 * seconds / len(items):.1f}" for seconds in (plain, ours)]
-        row(experiment, *times, f"{plain / ours:.1f} x", f"{apart:.1e}")
+        row(experiment, *times, f"{plain / ours:.1f} x", f"{difference:.1e}")
 
 
 def _workers(folder: Path, runs: int = 1200, rounds: int = 2) -> None:
-    """Workers take turns, so that a noisy machine is noisy for both; the fastest round of each counts."""
+    """Alternate one and two workers, so that other load on the machine affects both; keep the fastest round of each."""
     rates = {1: 0.0, 2: 0.0}
     for turn in range(rounds):
         for workers in rates:
-            warm_up = folder / f"warm{workers}-{turn}"  # every worker has imported IR-SIM before the clock starts
+            warm_up = folder / f"warm{workers}-{turn}"  # so that every worker has imported IR-SIM
             record_experiment(warm_up, world_of("4"), {"train": 400}, workers=workers)
             began = time.perf_counter()
             record_experiment(folder / f"{workers}-{turn}", world_of("4"), {"train": runs}, workers=workers)

@@ -1,4 +1,4 @@
-"""A training on a machine that has other work to do: what it loses, and what its share of the cores explains."""
+"""Benchmark training under CPU contention: the slowdown, and the part explained by its share of the cores."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ print(sum(times) / len(times) / 32)
 
 
 def bench_sharing() -> None:
-    """U-Net at 64 px with one thread and with as many as there are cores, alone and beside as many busy processes."""
+    """Time U-Net at 64 px with 1 thread and 1 thread per core, alone and beside 1 busy process per core."""
     cores = os.cpu_count() or 1
     title = f"A training beside {cores} busy processes on {cores} cores (U-Net, 64 px)"
     head(title, "threads", "alone [ms/image]", "beside [ms/image]", "slower by", "its share explains")
@@ -38,7 +38,7 @@ def bench_sharing() -> None:
 
 
 def _ms_per_image(threads: int) -> float:
-    words = [sys.executable, "-W", "ignore", "-c", STEPS]
+    command = [sys.executable, "-W", "ignore", "-c", STEPS]
     env = os.environ | {"OMP_NUM_THREADS": str(threads), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    found = subprocess.run(words, env=env, check=True, capture_output=True, text=True)
-    return 1000 * float(found.stdout.split()[-1])
+    finished = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
+    return 1000 * float(finished.stdout.split()[-1])

@@ -1,13 +1,13 @@
-"""Tables as they grow, row by row, in Markdown."""
+"""Print Markdown tables row by row."""
 
 
 def head(title: str, *names: str) -> None:
-    """Begins a table."""
+    """Print the title and header of a table."""
     print(f"\n### {title}\n", flush=True)
     row(*names)
     print("|" + "---|" * len(names), flush=True)
 
 
 def row(*cells: str) -> None:
-    """Adds a row."""
+    """Print a row."""
     print("| " + " | ".join(cells) + " |", flush=True)

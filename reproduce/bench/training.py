@@ -1,4 +1,4 @@
-"""How fast an epoch of `training.train` is, beside the same epoch written the plain way."""
+"""Benchmark an epoch of `learning.training` against the same epoch in plain PyTorch."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -23,16 +23,16 @@ from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, 
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 SIZES = {"cpu": [(64, 8, 96), (128, 8, 32)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
-ROUNDS = 3  # the ways take turns, so that a noisy machine is noisy for all of them
-Epoch = Callable[[], tuple[float, float]]  # seconds, and their share between batches
+ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
+Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches
 
 
 def bench_training(with_compile: bool = False) -> None:
-    """An epoch of ours against the plain one, in every precision this machine computes in natively."""
+    """Compare our epoch with the plain one in every precision that this machine supports natively."""
     device = resolve_device()
-    where = torch.cuda.get_device_name() if device == "cuda" else f"CPU, {torch.get_num_threads()} threads"
+    hardware = torch.cuda.get_device_name() if device == "cuda" else f"CPU, {torch.get_num_threads()} threads"
     for size_px, batch_size, pairs in SIZES[device]:
-        head(f"Training at {size_px} px, batch {batch_size}, {where}", *COLUMNS)
+        head(f"Training at {size_px} px, batch {batch_size}, {hardware}", *COLUMNS)
         for cells in training_rows(device, size_px, batch_size, pairs, with_compile):
             row(*cells)
 
@@ -40,10 +40,10 @@ def bench_training(with_compile: bool = False) -> None:
 def training_rows(
     device: str, size_px: int, batch_size: int, pairs: int, with_compile: bool
 ) -> Iterator[tuple[str, ...]]:
-    """One row for each network and way: plain, ours in float32, in bfloat16 where it is native, compiled if asked."""
+    """Yield a row per network and variant: plain; ours in float32, in native bfloat16, and optionally compiled."""
     quiet()
     best = resolve_precision("auto", device)
-    dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulated, it takes minutes
+    dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulation takes minutes
     peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}
     for name in NETWORKS:
         ways: dict[str, Epoch] = {"plain, 32-true": plain_epoch(name, size_px, batch_size, pairs, device)}
@@ -69,7 +69,7 @@ def training_rows(
 
 
 def training_operations(name: str, size_px: int) -> float:
-    """Floating-point operations of forward and backward for one image."""
+    """Count the floating-point operations of forward and backward for one image."""
     counter = FlopCounterMode(display=False)
     with counter:
         create_network(paper_model(name))(torch.rand(2, 1, size_px, size_px)).sum().backward()
@@ -77,7 +77,7 @@ def training_operations(name: str, size_px: int) -> float:
 
 
 def matrix_rate(device: str, dtype: torch.dtype) -> float:
-    """Measured rate of a large matrix product [FLOP/s]."""
+    """Measure the rate of a large matrix product [FLOP/s]."""
     size = 8192 if device == "cuda" else 4096
     a, b = (torch.randn(size, size, device=device, dtype=dtype) for _ in range(2))
     times = []
@@ -89,7 +89,7 @@ def matrix_rate(device: str, dtype: torch.dtype) -> float:
 
 
 def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str) -> Epoch:
-    """An epoch written the plain way: smp model, DataLoader, float32, eager."""
+    """Create an epoch in plain PyTorch: smp model, DataLoader, float32, eager."""
     model, loss = create_network(paper_model(name)).to(device), MapLoss()
     optimizer = torch.optim.Adam(model.parameters(), 1e-4)
     images, maps = torch.rand(pairs, 1, size_px, size_px), torch.rand(pairs, 1, size_px, size_px).round()
@@ -109,7 +109,7 @@ def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: st
 def our_epoch(
     name: str, size_px: int, batch_size: int, pairs: int, device: str, precision: Any, compiled: bool = False
 ) -> Epoch:
-    """An epoch of `training.train`'s own loop, validation left out."""
+    """Create an epoch of the training loop of `learning.training`, without validation."""
     images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
     data = Pairs(images, images // 128, Projection())
     network = create_network(paper_model(name))
@@ -132,7 +132,7 @@ def our_epoch(
 
 
 class EpochClock(L.Callback):
-    """Seconds of an epoch, and of its batches' forward, backward and step."""
+    """A clock of the epochs, and of the forward, backward and step of their batches [s]."""
 
     def __init__(self) -> None:
         self.epoch_s = self.batches_s = 0.0

@@ -1,4 +1,4 @@
-"""Scans: what a lidar on a known path has measured, the one type for recordings, encodings and data of your own."""
+"""Lidar scans with the robot poses at which they were taken: one type for recordings, encodings and your own data."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Scans:
 
     Args:
         ranges: lidar ranges [m], (T, N) or (B, T, N); a miss is inf.
-        angles: beam angles in the robot's frame [rad], (N,), the same for all.
+        angles: beam angles in the robot's frame [rad], (N,), shared by all windows.
         poses: robot poses at each step, x, y [m] and heading [rad], (T, 3) or (B, T, 3).
 
     Raises:
-        ValueError: the shapes disagree.
+        ValueError: the shapes disagree, an array is empty, masked or not numeric.
     """
 
     ranges: Any
@@ -29,29 +29,44 @@ class Scans:
     poses: Any
 
     def __post_init__(self) -> None:
+        for name in ("ranges", "angles", "poses"):
+            _check_array(name, getattr(self, name))
         ranges, angles, poses = (tuple(array.shape) for array in (self.ranges, self.angles, self.poses))
-        agree = len(ranges) in (2, 3) and len(angles) == 1 and ranges[-1:] == angles and poses == (*ranges[:-1], 3)
-        if not agree:
+        agree = (
+            len(ranges) in (2, 3)
+            and min(ranges) > 0
+            and len(angles) == 1
+            and ranges[-1:] == angles
+            and poses == (*ranges[:-1], 3)
+        )
+        if not agree or len(ranges) not in (2, 3) or min(ranges) == 0:
             raise ValueError(
-                "expected ranges (B, T, N), angles (N,), poses (B, T, 3), or ranges and poses without B, got "
+                "expected ranges (B, T, N), angles (N,), poses (B, T, 3), none of them empty, "
+                "or ranges and poses without B, got "
                 f"{ranges}, {angles}, {poses}"
             )
 
     def __len__(self) -> int:
-        """Number of windows, B."""
+        """Return the number of windows, B."""
         return len(self.ranges) if len(self.ranges.shape) == 3 else 1
 
     def __getitem__(self, index: int | slice) -> Scans:
-        """Takes one window (an index) or some (a slice) of a batch."""
+        """Return one window (an index) or several windows (a slice) of a batch."""
         return Scans(self.ranges[index], self.angles, self.poses[index])
 
     @classmethod
     def stack(cls, scans: list[Scans]) -> Scans:
-        """Makes a batch of windows with the same angles."""
+        """Stack windows with the same angles into a batch.
+
+        Raises:
+            ValueError: the windows have different angles.
+        """
+        if any(not np.array_equal(item.angles, scans[0].angles) for item in scans):
+            raise ValueError("expected windows with the same beam angles, got different ones: predict them separately")
         return cls(np.stack([item.ranges for item in scans]), scans[0].angles, np.stack([item.poses for item in scans]))
 
     def tensors(self, device: torch.device | str = "cpu", dtype: torch.dtype | None = None) -> Scans:
-        """Gives a batch of tensors on a device, (B, T, N), (N,), (B, T, 3); float32 unless told otherwise."""
+        """Convert to a batch of tensors on a device, (B, T, N), (N,), (B, T, 3); float32 by default."""
         import torch
 
         ranges, angles, poses = (
@@ -59,3 +74,12 @@ class Scans:
             for array in (self.ranges, self.angles, self.poses)
         )
         return Scans(ranges, angles, poses) if ranges.dim() == 3 else Scans(ranges[None], angles, poses[None])
+
+
+def _check_array(name: str, array: Any) -> None:
+    if not hasattr(array, "shape") or not hasattr(array, "dtype"):
+        raise ValueError(f"{name}: expected an array or a tensor, got {type(array).__name__}")
+    if isinstance(array, np.ma.MaskedArray):
+        raise ValueError(f"{name}: expected a plain array, got a masked one: set masked ranges to inf, for a miss")
+    if isinstance(array, np.ndarray) and array.dtype.kind not in "fiu":
+        raise ValueError(f"{name}: expected real numbers, got {array.dtype}")

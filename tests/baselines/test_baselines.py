@@ -3,8 +3,10 @@ import pytest
 import torch
 from conftest import prepared
 
-from repro.baselines.occupancy_grids import log_odds, transitional
-from repro.baselines.registry import BASELINES, grow
+from repro.baselines import tracker
+from repro.baselines.names import BASELINES
+from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
+from repro.baselines.registry import PREDICTORS, dilate
 from repro.evaluation.evaluate import evaluate
 from repro.maps.datasets import Recorded, load_recorded
 from repro.maps.grid import Grid
@@ -32,9 +34,9 @@ def disc_ranges(x, y=25.0, radius=2.0):
 
 
 @pytest.mark.parametrize("name", BASELINES)
-def test_rivals_predict_every_pixel_of_the_test_set(name, recorded):
+def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
     val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
-    free, tuned = BASELINES[name](val, test)
+    free, tuned = PREDICTORS[name](val, test)
     assert free.shape == test.maps.shape
     assert 0 <= free.min() <= free.max() <= 1
     assert bool(tuned) == (name != "all_free")
@@ -47,21 +49,21 @@ def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
     assert 0.1 < evaluate(run, recorded)["obstacle_iou"] < 1
     val = load_recorded(recorded, "val", Grid(32, 50.0))
     hits = newest_hits(val.scans, val.grid) > 0
-    iou = [scores(confusion(grow(hits, r), val.maps.float()).sum(0))["obstacle_iou"] for r in range(9)]
+    iou = [scores(confusion(dilate(hits, r), val.maps.float()).sum(0))["obstacle_iou"] for r in range(9)]
     assert run.provenance().fact("radius_px") == int(np.argmax(iou))
 
 
-def test_growing_draws_discs():
+def test_dilation_draws_discs():
     occupied = torch.zeros(1, 9, 9)
     occupied[0, 4, 4] = 0.7
-    assert (grow(occupied, 0) < 1).sum() == 1
-    disc = grow(occupied, 2)[0, 0]
+    assert (dilate(occupied, 0) < 1).sum() == 1
+    disc = dilate(occupied, 2)[0, 0]
     assert (disc < 1).sum() == 13
     assert disc.min().item() == pytest.approx(0.3)
     assert torch.equal(disc, disc.T)
 
 
-@pytest.mark.parametrize("filtered", [log_odds, transitional])
+@pytest.mark.parametrize("filtered", [log_odds_grid, transitional_grid])
 def test_a_grid_knows_what_it_sees_and_forgets_what_it_does_not(filtered):
     seen = disc_ranges(15.0)
     recorded = one_recording(torch.stack([seen] * 20))
@@ -77,7 +79,7 @@ def test_a_grid_knows_what_it_sees_and_forgets_what_it_does_not(filtered):
 
 
 def test_a_pixel_never_seen_keeps_the_prior():
-    known = log_odds(one_recording(torch.stack([disc_ranges(15.0)] * 3)), 0.1)[0]
+    known = log_odds_grid(one_recording(torch.stack([disc_ranges(15.0)] * 3)), 0.1)[0]
     assert known[0, 0].item() == pytest.approx(0.08, abs=1e-3)
 
 
@@ -85,25 +87,29 @@ def test_clusters_are_found_behind_what_was_hit():
     both = torch.minimum(disc_ranges(15.0, 26.5, 1.0), disc_ranges(20.0, 22.5, 1.0)).numpy()
     scans = np.stack([both, np.full(41, np.inf), both])
     poses = np.tile([5.0, 25.0, 0.0], (3, 1))
-    first, none, last = tracking.clusters(scans, ANGLES.numpy(), poses, 0.7)
+    first, none, last = tracker.clusters(scans, ANGLES.numpy(), poses, 0.7)
     for found in (first, last):
         centers = sorted(each.center.tolist() for each in found)
         assert np.allclose(centers, [[15, 26.5], [20, 22.5]], atol=0.3)
     assert none == []
-    assert tracking.clusters(scans[1:2], ANGLES.numpy(), poses[1:2], 0.7) == [[]]
+    assert tracker.clusters(scans[1:2], ANGLES.numpy(), poses[1:2], 0.7) == [[]]
 
 
 def test_a_cluster_at_the_edge_of_the_view_is_cut():
     wide = disc_ranges(10.0, 25.0, 3.0).numpy()
-    (found,) = tracking.clusters(wide[None], ANGLES.numpy(), np.array([[5.0, 25.0, 0.0]]), 1.0)
+    (found,) = tracker.clusters(wide[None], ANGLES.numpy(), np.array([[5.0, 25.0, 0.0]]), 1.0)
     assert [each.is_cut for each in found] == [True]
 
 
 def test_a_track_moves_on_with_its_speed_when_nothing_is_seen():
     steps = 60  # at 1 m/s: from x = 17 to 23, seen for the first 40 steps
     ranges = [disc_ranges(17 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
-    (positions,) = tracking.track(one_recording(torch.stack(ranges)), 1.3, workers=1)
+    (positions,) = tracker.track(one_recording(torch.stack(ranges)), 1.3, workers=1)
     assert positions.shape == (1, 2)
     assert positions[0] == pytest.approx([22.9, 25], abs=0.6)
-    free = tracking.draw([positions], GRID, 2.0)
+    free = tracker.draw([positions], GRID, 2.0)
     assert (free == 0).sum() == pytest.approx(4 * np.pi, abs=2)
+
+
+def test_every_baseline_has_a_title_and_a_predictor():
+    assert set(PREDICTORS) == set(BASELINES)

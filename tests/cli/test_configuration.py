@@ -115,7 +115,7 @@ def test_training_without_recordings_says_how_to_get_them(tmp_path):
     status, text, _ = call("task=train", "scale=smoke", f"outputs={tmp_path / 'smoke'}")
     assert status == 1
     assert "Traceback" not in text
-    assert "give the same command with task=record first" in text
+    assert "run the same command with task=record first" in text
 
 
 def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):

@@ -52,7 +52,7 @@ def test_the_sweep_ends_with_a_complete_table(study):
 def test_runs_of_a_scale_that_is_not_published_cannot_be_verified(study):
     status, text = call("run.py", "task=verify", *tiny(study[0]))
     assert status == 1
-    assert "error: nothing is published in" in text
+    assert "error: no results are published in" in text
     assert "Traceback" not in text
 
 
@@ -87,7 +87,7 @@ def test_another_configuration_in_the_same_place_is_refused(study):
     outputs, _ = study
     status, text = call("run.py", "exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
     assert status != 0
-    assert "train.batch_size is 8, asked for 4" in text
+    assert "train.batch_size is 8, requested 4" in text
 
 
 def test_a_failing_job_does_not_cost_the_table_of_the_others(study, tmp_path):

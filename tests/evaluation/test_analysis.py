@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from conftest import prepared
+from conftest import run_config
 
 from repro.evaluation.analysis import gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
-from repro.evaluation.evaluate import evaluate
+from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
 from repro.maps.grid import Grid
@@ -12,6 +12,7 @@ from repro.metrics.bootstrap import draw_weights
 from repro.metrics.counts import count_quantized
 from repro.recordings.reader import read_shards
 from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
 
 GRID = Grid(32, 50.0)
 
@@ -24,13 +25,15 @@ def test_set(recorded):
 @pytest.fixture(scope="module")
 def outputs(recorded):
     """Two seeds of a network and a baseline, evaluated beside their recordings."""
-    found = Outputs(recorded.parents[1])
+    outputs = Outputs(recorded.parents[1])
     for seed in (0, 1):
-        run = prepared(found.run("3", "unet", "decay", seed).path, seed=seed, max_epochs=1)
+        config = run_config(seed=seed, max_epochs=1)
+        run = outputs.run(config.key)
+        run.prepare(config)
         train(run, recorded, accelerator="cpu")
         evaluate(run, recorded, accelerator="cpu")
-    evaluate(prepared(found.run("3", "last_seen", "decay", 0).path, model="last_seen"), recorded)
-    return found
+    evaluate_baseline(outputs, run_config(), "last_seen")
+    return outputs
 
 
 def test_ages_fall_into_bins():
@@ -39,7 +42,7 @@ def test_ages_fall_into_bins():
     assert names == list(range(GROUPS))
 
 
-def test_what_lies_beyond_the_lidar_is_out_of_range(recorded):
+def test_pixels_beyond_the_range_of_the_lidar_are_never_in_view(recorded):
     shard = next(read_shards(recorded, "test"))
     groups = pixel_groups(shard.scans, GRID, 30.0)
     distance = (GRID.centers() - 25).norm(dim=-1).view(32, 32).numpy()
@@ -56,7 +59,7 @@ def test_obstacles_hit_are_those_the_recorder_saw_hit(recorded):
     assert newest.max() <= 100
 
 
-def test_a_perfect_prediction_is_perfect_in_every_stratum(test_set):
+def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     perfect = 255 * test_set.truth
     counts = count_quantized(perfect, test_set.truth, test_set.groups, GROUPS)
     table = by_recency(counts.reshape(4, 2, *counts.shape[1:]).sum(1), draw_weights(4, draws=50))
@@ -66,10 +69,10 @@ def test_a_perfect_prediction_is_perfect_in_every_stratum(test_set):
     assert np.allclose(values["brier"].dropna(), 0)
     assert values.drop("all")["pixel_share"].sum() == pytest.approx(1)
     hits = by_last_hit([perfect], test_set, draw_weights(4, draws=50))
-    found = hits.pivot(index="last_hit", columns="metric", values="value")
-    assert np.allclose(found["recall"].dropna(), 1)
+    by_hit = hits.pivot(index="last_hit", columns="metric", values="value")
+    assert np.allclose(by_hit["recall"].dropna(), 1)
     area = test_set.masks.sum((1, 2)) > 0
-    assert found["obstacles"].sum() == 2 * area.sum()
+    assert by_hit["obstacles"].sum() == 2 * area.sum()
 
 
 def test_nothing_found_is_no_recall(test_set):
@@ -78,26 +81,26 @@ def test_nothing_found_is_no_recall(test_set):
     assert (hits[hits["metric"] != "obstacles"]["value"] == 0).all()
 
 
-def test_evidence_is_gathered_from_what_lies_there(outputs):
+def test_frames_are_gathered_from_all_evaluated_runs(outputs):
     frames = gather(outputs)
     names = {"intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"}
     assert set(frames) == names
     for name, frame in frames.items():
-        keys = ["experiment", "model", "encoding", "decay"]
+        keys = ["experiment", "model", "encoding"]
         assert set(frame.columns) >= ({"one", "other"} if name == "differences" else set(keys)), name
         assert not frame.empty, name
     rows = frames["intervals"].set_index(["model", "metric"])
     assert (rows["low"] <= rows["value"] + 1e-9).all()
     assert (rows["value"] <= rows["high"] + 1e-9).all()
     assert rows.loc[("unet", "accuracy"), "seeds"] == 2
-    whats = frames["calibration"]["what"].unique().tolist()
-    assert whats == ["as it is", "temperature_scaled", "mean of 2 seeds"]
+    methods = frames["calibration"]["method"].unique().tolist()
+    assert methods == ["uncalibrated", "temperature-scaled", "mean of 2 seeds"]
     assert (frames["cost"]["channels"] == 1).all()
-    assert frames["differences"]["what"].unique().tolist() == ["networks"]
+    assert frames["differences"]["comparison"].unique().tolist() == ["networks"]
 
 
-def test_evidence_says_what_the_tables_say(outputs):
+def test_intervals_agree_with_the_metrics_of_the_run(outputs):
     row = gather(outputs)["intervals"].query("model == 'last_seen'").set_index("metric")["value"]
-    kept = evaluate(outputs.run("3", "last_seen", "decay", 0), outputs.recordings("3"))
+    kept = evaluate(outputs.run(RunKey("3", "last_seen")), outputs.recordings("3"))
     for metric in ("accuracy", "specificity", "ssim", "obstacle_iou"):
         assert row[metric] == pytest.approx(kept[metric], abs=1e-5), metric

@@ -8,7 +8,8 @@ from repro.learning.training import train
 from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.metrics.scores import METRICS, confusion, scores
+from repro.metrics.names import METRICS
+from repro.metrics.scores import confusion, scores
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import recordings_hash
 from repro.runs.provenance import Status
@@ -62,7 +63,7 @@ def test_validation_is_measured_on_the_validation_set(evaluated, recorded):
 
 @pytest.mark.parametrize("measure", [evaluate, validate])
 def test_an_untrained_run_is_refused(measure, recorded, tmp_path):
-    with pytest.raises(ValueError, match="not trained to its end"):
+    with pytest.raises(ValueError, match="not fully trained"):
         measure(prepared(tmp_path), recorded)
 
 

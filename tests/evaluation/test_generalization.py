@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from conftest import prepared, world_spec
 
+from repro.evaluation import generalization
 from repro.learning.training import train
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
@@ -12,7 +13,7 @@ from repro.simulation.worlds import sample_world
 
 @pytest.fixture(scope="module")
 def predictor(recorded, tmp_path_factory):
-    run = prepared(tmp_path_factory.mktemp("transfer"), max_epochs=1)
+    run = prepared(tmp_path_factory.mktemp("generalization"), max_epochs=1)
     train(run, recorded, accelerator="cpu")
     return load_predictor(run.model)
 
@@ -25,22 +26,22 @@ def scans():
 
 
 def test_noise_is_as_large_as_it_says_and_leaves_misses_alone(scans):
-    noisy = transfer.noisy_ranges(scans, 0.2, np.random.default_rng(0))
+    noisy = generalization.noisy_ranges(scans, 0.2, np.random.default_rng(0))
     hit = np.isfinite(scans.ranges)
     assert np.array_equal(hit, np.isfinite(noisy.ranges))
     assert (noisy.ranges[hit] - scans.ranges[hit]).std() == pytest.approx(0.2, rel=0.05)
-    moved = transfer.noisy_poses(scans, 0.2, np.random.default_rng(0)).poses
+    moved = generalization.noisy_poses(scans, 0.2, np.random.default_rng(0)).poses
     assert moved[..., 0].std() == pytest.approx(0.2, rel=0.15)
     assert moved[..., 2].std() == pytest.approx(0.01, rel=0.15)
 
 
 def test_dropped_beams_are_misses(scans):
-    dropped = transfer.dropped_beams(scans, 0.25, np.random.default_rng(0))
+    dropped = generalization.dropped_beams(scans, 0.25, np.random.default_rng(0))
     before, after = (np.isfinite(each.ranges).sum() for each in (scans, dropped))
     assert after / before == pytest.approx(0.75, abs=0.02)
 
 
-@pytest.mark.parametrize("change", [change for change, _ in transfer.CHANGES.values()])
+@pytest.mark.parametrize("change", [change for change, _ in generalization.CHANGES.values()])
 def test_no_change_changes_nothing(scans, change):
     same = change(scans, 0.0, np.random.default_rng(0))
     assert np.array_equal(same.ranges, scans.ranges)
@@ -49,34 +50,34 @@ def test_no_change_changes_nothing(scans, change):
 
 def test_a_wider_view_has_more_beams_and_the_same_worlds():
     spec = world_spec("4")
-    wide = transfer.with_field_of_view(spec, 180)
+    wide = generalization.with_field_of_view(spec, 180)
     lidar = wide["robot"]["sensors"][0]
     assert lidar["angle_range"] == pytest.approx(math.pi)
     assert lidar["number"] == 200
-    assert transfer.with_field_of_view(spec, 90)["robot"]["sensors"][0]["number"] == 100
+    assert generalization.with_field_of_view(spec, 90)["robot"]["sensors"][0]["number"] == 100
     assert sample_world(spec, 7)["obstacle"] == sample_world(wide, 7)["obstacle"]
-    fast = transfer.with_speed(spec, 2)
+    fast = generalization.with_speed(spec, 2)
     assert fast["obstacles"]["behavior"]["speed_m_s"] == [0.4, 1.4]
     assert spec["obstacles"]["behavior"]["speed_m_s"] == [0.2, 0.7]
 
 
 def test_a_network_is_tested_on_every_experiment(predictor, recorded):
-    table = transfer.across_experiments({"3": predictor}, {"3": recorded})
-    assert set(table["what"]) == {"experiment"}
+    table = generalization.across_experiments({"3": predictor}, {"3": recorded})
+    assert set(table["shift"]) == {"experiment"}
     assert table[table["metric"] == "accuracy"][["trained", "tested"]].to_numpy().tolist() == [["3", "3"]]
     assert (table["low"] <= table["value"] + 1e-9).all()
 
 
 def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch):
-    monkeypatch.setattr(transfer, "FIELDS_OF_VIEW", (60, 90))
-    monkeypatch.setattr(transfer, "SPEEDS", (1, 2))
-    table = transfer.under_changes(predictor, "3", world_spec("3"), tmp_path, 4)
-    accuracy = table[table["metric"] == "accuracy"].set_index(["what", "tested"])["value"]
+    monkeypatch.setattr(generalization, "FIELDS_OF_VIEW", (60, 90))
+    monkeypatch.setattr(generalization, "SPEEDS", (1, 2))
+    table = generalization.under_changes(predictor, "3", world_spec("3"), tmp_path, 4)
+    accuracy = table[table["metric"] == "accuracy"].set_index(["shift", "tested"])["value"]
     assert accuracy["field of view [deg]", "90"] == accuracy["obstacles' speed [times]", "1"]
     assert accuracy["range noise [m]", "0"] == accuracy["pose noise [m]", "0"] == accuracy["beams dropped", "0"]
     assert accuracy["field of view [deg]", "90"] == pytest.approx(accuracy["beams dropped", "0"])
-    assert set(accuracy.index.get_level_values("what")) == {
-        *transfer.CHANGES,
+    assert set(accuracy.index.get_level_values("shift")) == {
+        *generalization.CHANGES,
         "field of view [deg]",
         "obstacles' speed [times]",
     }

@@ -5,32 +5,34 @@ import pandas as pd
 import pytest
 from conftest import fake_run
 
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.evaluation import learning_curves
 from repro.evaluation.learning_curves import METRICS, extrapolate, fit_law, read_points
 from repro.runs.directories import Outputs
 
-CURVES = {("3", True): (0.95, 0.02, 0.01), ("3", False): (0.93, 0.03, 0.02)}
+CURVES = {("3", PROJECTION): (0.95, 0.02, 0.01), ("3", PROJECTION_NO_DECAY): (0.93, 0.03, 0.02)}
 
 
 @pytest.fixture(autouse=True)
 def few_draws(monkeypatch):
-    monkeypatch.setattr(curves, "DRAWS", 20)
+    monkeypatch.setattr(learning_curves, "DRAWS", 20)
 
 
 def made(sizes=(32, 64, 128), alpha=0.4, beta=0.8, noise=0.0) -> pd.DataFrame:
     """Points on a known law, every metric alike."""
     generator, rows = np.random.default_rng(0), []
-    for ((experiment, decay), (c, a, b)), pairs, px in itertools.product(
+    for ((experiment, encoding), (c, a, b)), pairs, px in itertools.product(
         CURVES.items(), (500, 1000, 2000, 4000, 8000), sizes
     ):
         value = c - a * (pairs / 1000) ** -alpha - b * (px / 64) ** -beta + noise * generator.normal()
-        row = {"experiment": experiment, "decay": decay, "pairs": pairs, "size_px": px, "schedule": "short"}
+        row = {"experiment": experiment, "encoding": encoding, "pairs": pairs, "size_px": px, "schedule": "short"}
         rows.append(row | dict.fromkeys(METRICS, value))
     return pd.DataFrame(rows)
 
 
 def test_a_law_is_found_again():
     points = made()
-    curve = (~points["decay"]).to_numpy().astype(int)
+    curve = (points["encoding"] == PROJECTION_NO_DECAY).to_numpy().astype(int)
     at = (curve, points["pairs"].to_numpy(float), points["size_px"].to_numpy(float))
     law = fit_law(*at, points["accuracy"].to_numpy())
     assert (law.alpha, law.beta) == pytest.approx((0.4, 0.8), abs=0.02)
@@ -40,13 +42,13 @@ def test_a_law_is_found_again():
 
 def test_paper_scale_and_what_was_left_out_are_foretold_within_their_intervals():
     table = extrapolate(made(noise=2e-4))
-    rows = table[(table["metric"] == "accuracy") & (table["what"] == "paper scale")].set_index("decay")
-    for (_, decay), (c, a, b) in CURVES.items():
+    rows = table[(table["metric"] == "accuracy") & (table["target"] == "paper scale")].set_index("encoding")
+    for (_, encoding), (c, a, b) in CURVES.items():
         truth = c - a * 10**-0.4 - b * 4**-0.8
-        low, high = rows.loc[decay, ["low", "high"]]
+        low, high = rows.loc[encoding, ["low", "high"]]
         assert 1e-5 < high - low < 0.01
         assert low - (high - low) / 2 < truth < high + (high - low) / 2
-    held = table[table["what"] == "largest left out"]
+    held = table[table["target"] == "held-out point"]
     assert set(zip(held["pairs"], held["size_px"], strict=True)) == {(8000, 128)}
     assert (held["measured"].between(held["low"] - 0.001, held["high"] + 0.001)).all()
 
@@ -55,8 +57,8 @@ def test_paper_scale_and_what_was_left_out_are_foretold_within_their_intervals()
 def test_fewer_than_three_resolutions_say_nothing_of_another(sizes):
     table = extrapolate(made(sizes=sizes))
     assert set(table["size_px"]) == {64}
-    rows = table[table["what"] == "paper scale"].set_index(["decay", "metric"])["value"]
-    assert rows[True, "accuracy"] == pytest.approx(0.95 - 0.01 - 0.02 * 10**-0.4, abs=1e-3)
+    rows = table[table["target"] == "paper scale"].set_index(["encoding", "metric"])["value"]
+    assert rows[PROJECTION, "accuracy"] == pytest.approx(0.95 - 0.01 - 0.02 * 10**-0.4, abs=1e-3)
 
 
 def test_what_keeps_to_the_papers_schedule_is_not_fitted():
@@ -67,10 +69,10 @@ def test_what_keeps_to_the_papers_schedule_is_not_fitted():
 
 def test_points_are_the_unets_with_the_papers_input(tmp_path):
     for seed, decay in ((0, True), (1, True), (0, False)):
-        fake_run(tmp_path, "3", "unet", decay, seed, 0.8, flip_augmentation=True, ema_decay=0.99)
-    fake_run(tmp_path, "4", "unet", True, 0, 0.9)
-    fake_run(tmp_path, "3", "fpn", True, 0, 0.7)
-    fake_run(tmp_path, "3", "all_free", True, 0, 0.6)
+        fake_run(tmp_path, "3", "unet", 0.8, decay=decay, seed=seed, flip_augmentation=True, ema_decay=0.99)
+    fake_run(tmp_path, "4", "unet", 0.9)
+    fake_run(tmp_path, "3", "fpn", 0.7)
+    fake_run(tmp_path, "3", "all_free", 0.6)
     points = read_points([Outputs(tmp_path)])
     assert len(points) == 4
     assert points.set_index("experiment").loc["4", "schedule"] == "stated"

@@ -1,10 +1,12 @@
-import torch
+import pytest
 
 from repro.config import NETWORKS, PairCounts, Scale
-from repro.learning.cost import cost_warning, plan_study
+from repro.learning import cost
+from repro.learning.cost import plan_study, readable
 
 SCALE = Scale(
     name="paper",
+    takes="a day",
     size_px=64,
     pairs=PairCounts(10000, 128, 500),
     learning_rate=1e-4,
@@ -15,27 +17,25 @@ SCALE = Scale(
 )
 
 
-def test_plan_says_scale_reason_and_time():
+def test_plan_lists_recordings_trainings_evaluations_and_the_total():
     trainings = {"unet": 6, "fpn": 0, "upernet": 1, "segformer": 2}
-    text = "\n".join(plan_study(SCALE, "32-true", 1000, trainings))
-    assert "Scale paper" in text
-    assert "64 px, 10000 training pairs" in text
-    assert "at 20 epochs a training" in text
-    assert "1000 recordings: 4 s" in text
-    assert all(words in text for words in ("6 x unet: ", "fpn: done", "1 x upernet: ", "2 x segformer: "))
+    text = "\n".join(plan_study(SCALE, "32-true", 1000, trainings, 9))
+    assert "1000 recordings: 12 s" in text
+    assert all(part in text for part in ("6 x unet: ", "fpn: done", "1 x upernet: ", "2 x segformer: "))
+    assert "evaluation and analysis of 9 runs: 45 s" in text
+    assert "in total, at 20 epochs per training" in text
 
 
-def test_nothing_is_measured_of_what_is_done(monkeypatch):
-    monkeypatch.setattr(planning, "seconds_per_image", None)
-    text = "\n".join(plan_study(SCALE, "32-true", 0, dict.fromkeys(NETWORKS, 0)))
-    assert "recordings: done" in text
-    assert "About 0 s in all" in text
+def test_a_finished_study_is_not_measured(monkeypatch):
+    monkeypatch.setattr(cost, "seconds_per_image", None)
+    assert [line.strip() for line in plan_study(SCALE, "32-true", 0, dict.fromkeys(NETWORKS, 0), 0)] == [
+        "recordings: done",
+        *(f"{name}: done" for name in NETWORKS),
+    ]
 
 
-def test_without_gpu_the_cost_and_the_way_out_are_named(monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    text = cost_warning(["unet"] * 8, SCALE, "32-true")
-    assert text is not None
-    assert "no CUDA GPU" in text
-    assert "these 8 trainings take" in text
-    assert "scale=laptop" in text
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0, "0 s"), (89, "89 s"), (90, "2 min"), (7199, "120 min"), (7200, "2 h")]
+)
+def test_durations_are_readable(seconds, text):
+    assert readable(seconds) == text

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from repro.config import LEARNED
+from repro.config import NETWORKS, paper_model
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
 from repro.networks.create import create_network
 
@@ -17,7 +17,7 @@ def gradients(network, image):
     return logits, {name: parameter.grad for name, parameter in network.named_parameters()}
 
 
-@pytest.mark.parametrize("architecture", LEARNED)
+@pytest.mark.parametrize("architecture", NETWORKS)
 def test_a_network_computes_what_it_did_and_names_its_weights_as_before(architecture):
     torch.manual_seed(1)
     plain, image = create_network(paper_model(architecture)).double(), torch.rand(2, 1, 64, 64, dtype=torch.double)

@@ -12,6 +12,7 @@ import torch
 from conftest import ROOT, prepared
 
 from repro.learning import callbacks, training
+from repro.learning.budget import Budget
 from repro.learning.callbacks import CPUContention
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
@@ -25,6 +26,11 @@ from repro.system.files import sha256
 def begin(path, recorded, **changes):
     """Prepares and trains a small run to its end."""
     return train(prepared(path, **changes), recorded, accelerator="cpu")
+
+
+def spent_budget() -> Budget:
+    """Return the budget of a new process that pauses after one epoch."""
+    return Budget(1, since=time.monotonic() - 3600)
 
 
 def same_weights(first, second):
@@ -67,19 +73,17 @@ def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp
     assert not same_weights(finished, tmp_path / "other")
 
 
-def test_an_average_of_the_weights_is_validated_kept_and_resumed(recorded, tmp_path, monkeypatch):
+def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp_path):
     settings = {"max_epochs": 4, "flip_augmentation": True, "ema_decay": 0.9}
     assert begin(tmp_path / "whole", recorded, **settings) is Status.trained
     run = prepared(tmp_path / "parts", **settings)
-    monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
     for _ in range(4):
-        monkeypatch.setattr(training.Budget, "epochs", 0)  # as in a new process
-        status = train(run, recorded, accelerator="cpu", max_minutes=1)
+        status = train(run, recorded, accelerator="cpu", budget=spent_budget())
     assert status is Status.trained
     assert losses(run.path).equals(losses(tmp_path / "whole"))
     assert same_weights(run.path, tmp_path / "whole")
 
-    # the kept weights are those source validation loss was the lowest
+    # the saved weights are those with the lowest validation loss
     val = load_pairs_of_run(recorded, "val", run.config(), "cpu")
     network = load_predictor(run.model).network.eval()
     with torch.inference_mode():
@@ -116,15 +120,15 @@ def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded,
     assert [step["step"] for step in run.provenance().steps] == ["recorded", *["trained"] * (kills + 1)]
 
 
-def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, recorded, tmp_path, monkeypatch):
+def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, recorded, tmp_path):
     run, calls = prepared(tmp_path / "paused", max_epochs=6), 0
-    monkeypatch.setattr(training.Budget, "started", time.monotonic() - 3600)
-    assert train(run, recorded, accelerator="cpu", max_minutes=59) is Status.paused
+    used = spent_budget()
+    used.epochs = 1
+    assert train(run, recorded, accelerator="cpu", budget=used) is Status.paused
     assert run.status is Status.prepared  # nothing was begun
     while True:
         calls += 1
-        monkeypatch.setattr(training.Budget, "epochs", 0)  # as in a new process
-        if train(run, recorded, accelerator="cpu", max_minutes=1) is Status.trained:
+        if train(run, recorded, accelerator="cpu", budget=spent_budget()) is Status.trained:
             break
         assert run.status is Status.paused
         assert len(losses(run.path)) == run.provenance().fact("epochs") == calls
@@ -153,11 +157,11 @@ def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, secon
     monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
     monkeypatch.setattr(callbacks.os, "getloadavg", lambda: (load, load, load))
     monkeypatch.setattr(callbacks.os, "cpu_count", lambda: 2)
-    crowding = CPUContention()
+    contention = CPUContention()
     for _ in range(2):
-        crowding.on_train_epoch_start(None, None)
+        contention.on_train_epoch_start(None, None)
         clock = {"monotonic": clock["monotonic"] + seconds, "process_time": clock["process_time"] + used}
-        crowding.on_train_epoch_end(None, None)
+        contention.on_train_epoch_end(None, None)
     said = capsys.readouterr().out.splitlines()
     assert len(said) == bool(says)
     assert all(says in line and "OMP_NUM_THREADS=1" in line for line in said)
@@ -199,7 +203,7 @@ def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, 
 def test_other_recordings_than_the_run_began_with_are_refused(recorded, tmp_path):
     run = prepared(tmp_path)
     run.use_recordings("of another day")
-    with pytest.raises(ValueError, match="began with other recordings"):
+    with pytest.raises(ValueError, match="started with other recordings"):
         train(run, recorded)
 
 

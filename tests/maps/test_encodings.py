@@ -1,9 +1,12 @@
+from pathlib import Path
+
 import pytest
 import torch
-import yaml
 from conftest import ROOT
+from omegaconf import OmegaConf
 
-from repro.maps.encodings import ENCODINGS, Ages, Exponential, Negative, ObservedFree, Stack, create_encoding
+from repro.config import plain
+from repro.maps.encodings import ENCODINGS, Ages, Encoding, Exponential, Negative, ObservedFree, Stack, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
 from repro.maps.visibility import newest_visible
@@ -11,7 +14,17 @@ from repro.recordings.reader import read_shards
 from repro.scans import Scans
 
 GRID = Grid(64, 50.0)
-ALL = [Projection(), Negative(), Exponential(), Ages(), ObservedFree(), Stack(4), Stack(10)]
+CONFIGURED = sorted((ROOT / "conf" / "encoding").glob("*.yaml"))
+
+
+def configured(path: Path) -> Encoding:
+    """Create the encoding of a file in conf/encoding with the parameters it has by default."""
+    world = OmegaConf.load(ROOT / "conf" / "world" / "paper.yaml")
+    values = {"world": world, "decay": True, "oldest_gray": 0.8, "encoding": OmegaConf.load(path)}
+    return create_encoding(**plain(OmegaConf.create(values))["encoding"])
+
+
+ALL = [configured(path) for path in CONFIGURED]
 
 
 @pytest.fixture(scope="module")
@@ -20,9 +33,9 @@ def scans(recorded):
 
 
 def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding():
-    files = {path.stem: yaml.safe_load(path.read_text()) for path in (ROOT / "conf" / "encoding").glob("*.yaml")}
-    assert set(files) == set(ENCODINGS) == {encoding.name for encoding in ALL}
-    assert all(content["name"] == name for name, content in files.items())
+    assert set(ENCODINGS) == {path.stem for path in CONFIGURED}
+    assert [encoding.name for encoding in ALL] == [path.stem for path in CONFIGURED]
+    assert {Projection(), Negative(), Exponential(), Ages(), ObservedFree(), Stack(4), Stack(10)} <= set(ALL)
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
@@ -61,7 +74,7 @@ def test_ages_keep_hit_and_age_apart(scans):
     assert torch.equal(images[:, 1:], Projection(oldest_gray=0.5).encode(scans, GRID))
 
 
-def test_where_a_beam_passed_last_is_the_second_image_of_seen_free(scans):
+def test_the_second_image_of_observed_free_is_where_beams_passed_last(scans):
     images = ObservedFree().encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection().encode(scans, GRID))
     passed = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
@@ -86,7 +99,7 @@ def test_an_encoding_is_made_from_its_name_and_parameters():
     with pytest.raises(ValueError, match="encoding projection takes decay, oldest_gray, got dark"):
         create_encoding("projection", {"dark": 1})
     assert create_encoding("stack4", {"frames": 4}) == Stack(4)
-    with pytest.raises(ValueError, match=r"stack4 is not what its parameters .* make, which is stack5"):
+    with pytest.raises(ValueError, match=r"stack4 does not match its parameters .* describe stack5"):
         create_encoding("stack4", {"frames": 5})
 
 

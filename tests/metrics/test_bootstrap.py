@@ -53,7 +53,7 @@ def test_a_paired_difference_is_narrower_than_its_parts():
     row = value_of(difference(one, other), "recall")
     alone = value_of(interval(one), "recall")
     assert row["excludes_zero"]
-    assert row["high"] - row["low"] < 0.6 * (alone["high"] - exclusive["low"])
+    assert row["high"] - row["low"] < 0.6 * (alone["high"] - alone["low"])
     assert not value_of(difference(one, one), "recall")["excludes_zero"]
 
 

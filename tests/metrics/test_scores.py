@@ -3,7 +3,8 @@ import torch
 from torchmetrics.functional import classification as tm
 from torchmetrics.functional.image import structural_similarity_index_measure
 
-from repro.metrics.scores import METRICS, confusion, scores, ssim
+from repro.metrics.names import METRICS
+from repro.metrics.scores import confusion, scores, ssim
 
 
 @pytest.fixture

@@ -1,11 +1,13 @@
 import torch
 
+from repro.config import Model
 from repro.networks.convlstm import ConvLSTM
+from repro.networks.create import create_network, load_network
 
 
 def test_maps_a_series_of_images_to_one_map_of_logits():
     with torch.inference_mode():
-        assert create_model("convlstm", in_channels=4).eval()(torch.rand(2, 4, 64, 96)).shape == (2, 1, 64, 96)
+        assert create_network(Model("convlstm"), in_channels=4).eval()(torch.rand(2, 4, 64, 96)).shape == (2, 1, 64, 96)
 
 
 def test_the_order_of_the_images_matters():

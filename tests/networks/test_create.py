@@ -2,8 +2,8 @@ import pytest
 import segmentation_models_pytorch as smp
 import torch
 
-from repro.config import NETWORKS
-from repro.networks.create import create_network
+from repro.config import NETWORKS, Model, paper_model
+from repro.networks.create import OWN_ARCHITECTURES, create_network
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
@@ -19,7 +19,9 @@ def test_maps_one_gray_image_to_one_map_of_logits(architecture):
 @pytest.mark.parametrize("channels", [2, 4])
 def test_takes_as_many_channels_as_the_encoding_has(channels):
     with torch.inference_mode():
-        assert create_model("unet", in_channels=channels).eval()(torch.rand(1, channels, 64, 64)).shape == (
+        assert create_network(paper_model("unet"), in_channels=channels).eval()(
+            torch.rand(1, channels, 64, 64)
+        ).shape == (
             1,
             1,
             64,
@@ -36,8 +38,9 @@ def test_weights_survive_saving_and_loading(tmp_path):
 
 
 def test_unknown_architecture_lists_the_known_ones():
-    with pytest.raises(ValueError, match=r"unet, fpn, upernet, segformer, convlstm, got 'resnet'"):
+    with pytest.raises(ValueError, match=r"model\.architecture=resnet: must be one of") as caught:
         create_network(paper_model("resnet"))
+    assert all(name in str(caught.value) for name in (*NETWORKS, *OWN_ARCHITECTURES))
 
 
 def test_weights_that_cannot_be_had_say_what_to_do(monkeypatch):
@@ -46,4 +49,4 @@ def test_weights_that_cannot_be_had_say_what_to_do(monkeypatch):
 
     monkeypatch.setattr(smp, "create_model", refuse)
     with pytest.raises(ValueError, match=r"imagenet weights of mit_b0 .*offline.*encoder_weights=null"):
-        create_model("unet", encoder_weights="imagenet")
+        create_network(Model("unet", encoder_name="mit_b0", encoder_weights="imagenet"))

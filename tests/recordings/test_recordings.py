@@ -12,15 +12,10 @@ import numpy as np
 import pytest
 from conftest import ROOT, world_spec
 
-from repro.recordings.format import read_shard, spec_fingerprint
-from repro.recordings.reader import (
-    read_manifest,
-    read_scans,
-    read_shards,
-    record_experiment,
-    record_part,
-    recordings_hash,
-)
+from repro.recordings import format
+from repro.recordings.format import SPLITS, read_shard, spec_fingerprint
+from repro.recordings.reader import read_manifest, read_scans, read_shards, recordings_hash
+from repro.simulation.recorder import record_experiment, record_part
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.files import lock
@@ -39,7 +34,7 @@ def test_what_is_read_is_what_was_simulated(recorded):
     shard = next(read_shards(recorded, "test"))
     assert shard.scans.ranges.shape == (8, 100, 100)
     for number in range(4):
-        world = sample_world(world_spec("3"), shards.SPLITS["test"] + number)
+        world = sample_world(world_spec("3"), SPLITS["test"] + number)
         mine = shard.world == number
         for twin, item in enumerate((world, reverse_direction(world))):
             recording, stored = simulate(item), 2 * number + twin
@@ -50,9 +45,9 @@ def test_what_is_read_is_what_was_simulated(recorded):
 
 
 def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
+    monkeypatch.setattr(format, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
     record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
-    world = sample_world(world_spec("3"), shards.SPLITS["train"] + 3)
+    world = sample_world(world_spec("3"), SPLITS["train"] + 3)
     for index, item in ((6, world), (7, reverse_direction(world))):
         scans = read_scans(tmp_path, "train", index)
         assert np.array_equal(scans.ranges, simulate(item).scans.ranges.astype(np.float32))
@@ -62,7 +57,7 @@ def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
 
 
 def test_content_does_not_depend_on_workers(tmp_path, monkeypatch):
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     manifests = [
         record_experiment(tmp_path / str(workers), world_spec("4"), PAIRS, workers=workers) for workers in (1, 2)
     ]
@@ -164,7 +159,7 @@ def test_another_configuration_is_refused(copy, stage):
 
 
 def test_recordings_that_hold_more_training_pairs_serve_for_fewer(tmp_path, monkeypatch):
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)
+    monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     fewer = PAIRS | {"train": 4}
     for pairs, name in ((PAIRS, "more"), (fewer, "fewer")):
         record_experiment(tmp_path / name, world_spec("3"), pairs, workers=1)
@@ -185,16 +180,16 @@ def test_recordings_that_hold_more_training_pairs_serve_for_fewer(tmp_path, monk
     ids=["not whole shards", "more", "other test pairs", "no test pairs"],
 )
 def test_recordings_that_do_not_serve_are_refused(tmp_path, monkeypatch, asked):
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)
+    monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
-    with pytest.raises(ValueError, match=r"holds .*'train': 8.* asked for"):
+    with pytest.raises(ValueError, match=r"holds .*'train': 8.* than the requested"):
         record_experiment(tmp_path, world_spec("3"), asked, workers=1)
-    with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not serve for"):
+    with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not cover the requested"):
         recordings_hash(tmp_path, asked)
 
 
 def test_parts_recorded_apart_make_the_same_recordings(tmp_path, monkeypatch):
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     whole = record_experiment(tmp_path / "whole", world_spec("3"), PAIRS, workers=1)
     directory = tmp_path / "parts"
     for part in (2, 0):
@@ -209,7 +204,7 @@ def test_parts_recorded_apart_make_the_same_recordings(tmp_path, monkeypatch):
 def test_a_whole_recording_waits_for_a_part_that_is_under_way(tmp_path, capsys):
     directory = tmp_path / "parts"
     directory.mkdir()
-    half = directory / "train-0000.npz.tmp"
+    half = directory / f"train-0000.npz.{'0' * 32}.tmp"
     with lock(directory, ".lock-0-of-2"):
         half.touch()  # being written
         waiting = threading.Thread(
@@ -253,7 +248,7 @@ def test_a_full_disk_leaves_only_whole_shards(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
         save(file, **arrays)
 
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     monkeypatch.setattr(np, "savez_compressed", save_until_full)
     with pytest.raises(OSError, match="No space left"):
         record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
@@ -285,9 +280,10 @@ def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on
     directory = tmp_path / "rec"
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
-        "from pathlib import Path; from conftest import world_spec; from repro.simulation import shards, store\n"
-        "shards.SHARD_WORLDS = 2\n"
-        f"store.record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1)\n"
+        "from pathlib import Path; from conftest import world_spec\n"
+        "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
+        "format.SHARD_WORLDS = 2\n"
+        f"record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True)
     deadline = time.monotonic() + 60
@@ -300,8 +296,8 @@ def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on
     assert not (directory / "manifest.json").exists()
     for path in written:
         read_shard(path, spec_fingerprint(world_spec("2")))
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 2)
-    (directory / "half.tmp").write_bytes(b"half of a shard")
+    monkeypatch.setattr(format, "SHARD_WORLDS", 2)
+    (directory / f"half.{'0' * 32}.tmp").write_bytes(b"half of a shard")
     record_experiment(directory, world_spec("2"), {"train": 400}, workers=2)
     assert sum(len(shard.scans) for shard in read_shards(directory, "train")) == 400
     assert not list(directory.glob("*.tmp"))

@@ -4,6 +4,7 @@ import pytest
 import yaml
 from conftest import ROOT
 
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.reporting.audit import audit, audit_averages
 from repro.reporting.claims import Verdict, judge, read_claims
@@ -11,7 +12,7 @@ from repro.reporting.numbers import Numbers, paper_rows
 from repro.reporting.paper import read_paper
 
 LEDGER = ROOT / "reproduce" / "claims.yaml"
-KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "decay": True, "low": np.nan, "high": np.nan}
+KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
 
 
 def ledger_of(tmp_path, **claim):
@@ -145,11 +146,11 @@ def test_the_papers_tables_agree_with_themselves():
     assert rows["free_agrees"].all()
     assert rows["dice_agrees"].all()
     assert audit_averages(read_paper())["agrees"].all()
-    average = rows[rows["model"] == "average"].set_index(["experiment", "decay"])
-    assert average.loc[("3", True), "obstacle_iou"] == pytest.approx(0.472, abs=1e-3)
-    assert average.loc[("4", False), "obstacle_iou"] == pytest.approx(0.352, abs=1e-3)
-    assert average.loc[("3", True), "all_free_accuracy"] == pytest.approx(0.9164, abs=1e-3)
-    assert average.loc[("3", True), "gain"] == pytest.approx(0.0323, abs=1e-3)
+    average = rows[rows["model"] == "average"].set_index(["experiment", "encoding"])
+    assert average.loc[("3", PROJECTION), "obstacle_iou"] == pytest.approx(0.472, abs=1e-3)
+    assert average.loc[("4", PROJECTION_NO_DECAY), "obstacle_iou"] == pytest.approx(0.352, abs=1e-3)
+    assert average.loc[("3", PROJECTION), "all_free_accuracy"] == pytest.approx(0.9164, abs=1e-3)
+    assert average.loc[("3", PROJECTION), "gain"] == pytest.approx(0.0323, abs=1e-3)
 
 
 @pytest.mark.parametrize(("metric", "column"), [("specificity", "free_agrees"), ("dice", "dice_agrees")])

@@ -4,11 +4,12 @@ import pytest
 import torch
 from conftest import run_config, world_spec
 
-from repro.config import PairCounts
+from repro.config import PROJECTION, PairCounts
 from repro.evaluation.evaluate import write_predictions
 from repro.evaluation.examples import Example, load_example
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.recordings import format
 from repro.reporting.figures import (
     data_collection,
     data_representation,
@@ -17,6 +18,7 @@ from repro.reporting.figures import (
     results,
 )
 from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -27,7 +29,7 @@ def example():
     scans = simulate(sample_world(world_spec("3"), 0)).scans
     image = np.full((32, 32), 255, dtype=np.uint8)
     image[4:8, 4:8] = 0
-    return Example("3", True, image, image / 255, image // 255, scans, 0.8)
+    return Example("3", PROJECTION, image, image / 255, image // 255, scans, 0.8)
 
 
 @pytest.fixture(autouse=True)
@@ -69,15 +71,16 @@ def test_representation_and_overview_are_drawn(example, tmp_path):
 
 def test_an_example_belongs_to_one_recording_in_whatever_shard(tmp_path, monkeypatch):
     """Its scans are those that its projection was drawn from."""
-    monkeypatch.setattr(shards, "SHARD_WORLDS", 1)
+    monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     outputs = Outputs(tmp_path)
     record_experiment(outputs.recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 6}, workers=1)
-    run = outputs.run("3", "unet", "decay", 0)
+    key = RunKey("3", "unet", PROJECTION, 0)
+    run = outputs.run(key)
     run.prepare(run_config(pairs=PairCounts(2, 2, 6)))
     write_predictions(run, torch.rand(6, 1, 32, 32))
     for index in (0, 5):
-        example = load_example(outputs, "3", decay=True, index=index)
+        example = load_example(outputs, key, index=index)
         drawn = Projection().encode(example.scans.tensors(), Grid(32, 50.0))[0, 0].numpy()
         assert np.array_equal(example.projection, drawn)
     with pytest.raises(ValueError, match="none of index 6"):
-        load_example(outputs, "3", decay=True, index=6)
+        load_example(outputs, key, index=6)

@@ -87,13 +87,12 @@ def test_the_page_is_whole_and_asks_for_nothing(page):
 
 
 def test_the_page_has_every_claim_and_says_what_it_is_from(page):
-    assert page.count("<details>") == len(read_claims(ROOT / "reproduce" / "claims.yaml").claims)
+    assert "This is the smoke test" in page and "<details>" not in page and "#claims" not in page
     assert "Scale smoke: 64 x 64 px, 16 training and 8 test pairs" in page
     assert "its numbers mean nothing" in page
     for section in (
         "summary",
         "tables",
-        "claims",
         "samples",
         "where",
         "calibration",

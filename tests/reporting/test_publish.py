@@ -67,7 +67,7 @@ def test_published_tables_follow_from_the_published_runs(directory):
 def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     outputs, results = tmp_path / "laptop", tmp_path / "results"
     fake_study(outputs)
-    fake_run(outputs, "3", "unet", False, 0, 0.4)
+    fake_run(outputs, "3", "unet", 0.4, decay=False)
     target = publish(Outputs(outputs), results, "laptop")
     assert target == results / "laptop"
     tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
@@ -100,24 +100,24 @@ def listing(directory):
     ("now", "words"),
     [
         ({"size_px": 64}, None),
-        ({}, "2 of the 6 published runs are not here"),
-        ({"size_px": 16}, "32 px are published, here are 16"),
+        ({}, "2 of the 6 published runs are missing"),
+        ({"size_px": 16}, "the published runs have 32 px, these runs have 16"),
     ],
 )
 def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
     """A result in its place is not given up for less, unless that is asked for."""
     results = tmp_path / "results"
     fake_study(tmp_path / "first" / "laptop")
-    fake_run(tmp_path / "first" / "laptop", "3", "unet", False, 0, 0.4)
+    fake_run(tmp_path / "first" / "laptop", "3", "unet", 0.4, decay=False)
     (target := publish(Outputs(tmp_path / "first" / "laptop"), results, "laptop") / "exp3-unet").mkdir()
     (target / "kept").write_text("weights")
     before = listing(results / "laptop")
     other = tmp_path / "other" / "laptop"
     names = [*NETWORKS, "all_free"] if now else NETWORKS
     for name in names:
-        fake_run(other, "3", name, True, 0, 0.7, **now)
+        fake_run(other, "3", name, 0.7, **now)
     if words or now:
-        with pytest.raises(ValueError, match=words or "1 of the 6 published runs are not here"):
+        with pytest.raises(ValueError, match=words or "1 of the 6 published runs are missing"):
             publish(Outputs(other), results, "laptop")
         assert listing(results / "laptop") == before
     publish(Outputs(other), results, "laptop", force=True)
@@ -132,7 +132,7 @@ def test_a_published_run_with_another_input_is_missed(tmp_path):
     runs = read_results(Outputs(tmp_path / "laptop"))
     unet = runs[runs["model"] == "unet"]
     pd.concat([runs, unet.assign(encoding="stack10")]).to_csv(tmp_path / "runs.csv", index=False)
-    assert doubts(runs, [], tmp_path) == ["1 of the 6 published runs are not here"]
+    assert doubts(runs, [], tmp_path) == ["1 of the 6 published runs are missing"]
     runs.drop(columns="encoding").to_csv(tmp_path / "runs.csv", index=False)  # as the earliest were published
     assert doubts(runs, [], tmp_path) == []
 
@@ -140,18 +140,18 @@ def test_a_published_run_with_another_input_is_missed(tmp_path):
 def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
     monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc+")
     fake_study(tmp_path / "laptop")
-    with pytest.raises(ValueError, match=r"not committed when some of it was made; publish\.force=true"):
+    with pytest.raises(ValueError, match=r"some runs were made with uncommitted code; publish\.force=true"):
         publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
     assert not (tmp_path / "results").exists()
 
 
 def test_finer_weights_are_not_replaced_by_coarser(tmp_path):
-    run = fake_run(tmp_path / "laptop", "3", "unet", True, 0, 0.4)
+    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4)
     pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)]).to_csv(run.metrics, index=False)
     network = create_network(paper_model("unet"))
     Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
     Predictor(network, Projection(), Grid(64, 50.0)).save(tmp_path / "weights")
-    with pytest.raises(ValueError, match=r"holds weights for 64 px, .* has 32 px: publish\.force=true"):
+    with pytest.raises(ValueError, match=r"has weights for 64 px, .* has 32 px: publish\.force=true"):
         export_weights(run, tmp_path / "weights")
     export_weights(run, tmp_path / "weights", force=True)
     assert (tmp_path / "weights" / "README.md").is_file()
@@ -159,7 +159,7 @@ def test_finer_weights_are_not_replaced_by_coarser(tmp_path):
 
 def test_a_variant_is_trained_again_with_its_own_words(tmp_path):
     outputs = tmp_path / "laptop-fp32"
-    fake_run(outputs, "3", "unet", True, 0, 0.4)
+    fake_run(outputs, "3", "unet", 0.4)
     page = (publish(Outputs(outputs), tmp_path / "results", "laptop") / "README.md").read_text()
     assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
 
@@ -184,7 +184,7 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
         assert made[1].startswith("**Scale laptop: 32 x 32 px")
         assert [line.split("(")[0] for line in made[5:-1]] == shown
         assert made[-1] == "<!-- end -->"
-        fake_run(outputs, "3", "unet", False, 0, 0.4)
+        fake_run(outputs, "3", "unet", 0.4, decay=False)
 
 
 def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
@@ -215,7 +215,7 @@ def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
 
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
-    with pytest.raises(ValueError, match="no network has been evaluated"):
+    with pytest.raises(ValueError, match="no network is evaluated"):
         publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
 
 
@@ -232,7 +232,7 @@ def test_a_mark_without_its_end_deletes_nothing(text, tmp_path):
 
 
 def test_a_page_says_on_what_each_step_was_done(tmp_path, monkeypatch):
-    run = fake_run(tmp_path / "laptop", "3", "unet", True, 0, 0.4, status=Status.trained)
+    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4, status=Status.trained)
     where = {"commit": "B", "hardware": {"gpu": "none at all"}, "versions": run.provenance().steps[-1]["versions"]}
     monkeypatch.setattr("repro.runs.directories.environment", lambda: where)
     run.begin_step("evaluated", Status.evaluated, test_pairs=8)
@@ -246,7 +246,7 @@ def test_a_page_says_on_what_each_step_was_done(tmp_path, monkeypatch):
 
 def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     """A fifth experiment has no set-up of the paper's to be named by."""
-    run = fake_run(tmp_path / "laptop", "office", "unet", True, 0, 0.4)
+    run = fake_run(tmp_path / "laptop", "office", "unet", 0.4)
     network = create_network(paper_model("unet"))
     Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
     metrics = pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)])

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 from conftest import fake_run, fake_study
 
-from repro.config import NETWORKS, Encoding
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS
 from repro.reporting.paper import read_paper
 from repro.reporting.results import caption, compare, read_results
@@ -12,14 +12,14 @@ from repro.runs.provenance import Status
 
 def test_every_metric_stands_beside_the_papers(tmp_path):
     fake_study(tmp_path)
-    table = compare(read_results(Outputs(tmp_path)), decay=True)
-    expected = ["experiment", "model", "decay", "seeds"]
+    table = compare(read_results(Outputs(tmp_path)), PROJECTION)
+    expected = ["experiment", "model", "encoding", "seeds"]
     for metric in METRICS:
         expected += [metric, f"paper_{metric}", f"delta_{metric}"]
     assert list(table.columns) == expected
     assert table["model"].tolist() == [*NETWORKS, "average", "all_free"]
     unet = table.iloc[0]
-    paper = read_paper().query("model == 'unet' and experiment == '3' and decay").iloc[0]
+    paper = read_paper().query("model == 'unet' and experiment == '3' and encoding == @PROJECTION").iloc[0]
     assert unet["paper_ssim"] == paper["ssim"]
     assert unet["delta_ssim"] == pytest.approx(0.5 - paper["ssim"])
     average = table.set_index("model").loc["average"]
@@ -30,7 +30,7 @@ def test_every_metric_stands_beside_the_papers(tmp_path):
 
 def test_several_seeds_give_mean_and_deviation(tmp_path):
     fake_study(tmp_path, seeds=(0, 1, 2))
-    table = compare(read_results(Outputs(tmp_path)), decay=True).set_index("model")
+    table = compare(read_results(Outputs(tmp_path)), PROJECTION).set_index("model")
     assert table.loc["unet", "seeds"] == table.loc["average", "seeds"] == 3
     assert table.loc["unet", "ssim"] == pytest.approx(0.51)
     assert table.loc["unet", "std_ssim"] == pytest.approx(0.01)
@@ -39,30 +39,30 @@ def test_several_seeds_give_mean_and_deviation(tmp_path):
 
 
 def test_there_is_no_average_while_a_network_is_missing(tmp_path):
-    fake_run(tmp_path, "3", "unet", True, 0, 0.5)
-    fake_run(tmp_path, "3", "fpn", True, 0, 0.5)
-    assert "average" not in compare(read_results(Outputs(tmp_path)), decay=True)["model"].tolist()
+    fake_run(tmp_path, "3", "unet", 0.5)
+    fake_run(tmp_path, "3", "fpn", 0.5)
+    assert "average" not in compare(read_results(Outputs(tmp_path)), PROJECTION)["model"].tolist()
 
 
 def test_ablation_and_main_do_not_mix(tmp_path):
-    fake_run(tmp_path, "3", "unet", True, 0, 0.5)
-    fake_run(tmp_path, "3", "unet", False, 0, 0.4)
+    fake_run(tmp_path, "3", "unet", 0.5)
+    fake_run(tmp_path, "3", "unet", 0.4, decay=False)
     results = read_results(Outputs(tmp_path))
-    assert compare(results, decay=True)["ssim"].tolist() == [0.5]
-    ablation = compare(results, decay=False)
+    assert compare(results, PROJECTION)["ssim"].tolist() == [0.5]
+    ablation = compare(results, PROJECTION_NO_DECAY)
     assert ablation["ssim"].tolist() == [0.4]
     assert ablation["paper_ssim"].tolist() == [0.6493]
 
 
 def test_unfinished_runs_are_left_out(tmp_path):
-    fake_run(tmp_path, "3", "unet", True, 0, 0.5)
-    fake_run(tmp_path, "3", "fpn", True, 0, 0.5, status=Status.failed)
+    fake_run(tmp_path, "3", "unet", 0.5)
+    fake_run(tmp_path, "3", "fpn", 0.5, status=Status.failed)
     assert read_results(Outputs(tmp_path))["model"].tolist() == ["unet"]
 
 
 def test_resolutions_do_not_mix(tmp_path):
-    fake_run(tmp_path, "3", "unet", True, 0, 0.5)
-    fake_run(tmp_path, "3", "fpn", True, 0, 0.5, size_px=64)
+    fake_run(tmp_path, "3", "unet", 0.5)
+    fake_run(tmp_path, "3", "fpn", 0.5, size_px=64)
     with pytest.raises(ValueError, match=r"differ in size_px: \[32, 64\]"):
         read_results(Outputs(tmp_path))
 
@@ -76,22 +76,18 @@ def test_caption_says_what_the_table_is_from(tmp_path):
 
 def test_caption_says_where_the_seeds_are_uneven_and_that_smoke_means_nothing(tmp_path):
     fake_study(tmp_path / "a")
-    fake_run(tmp_path / "a", "3", "unet", True, 1, 0.5)
-    assert "seeds 0, 1, 1 to 2 a cell." in caption(read_results(Outputs(tmp_path / "a")))
-    fake_run(tmp_path / "any name", "3", "unet", True, 0, 0.5, scale="smoke")
+    fake_run(tmp_path / "a", "3", "unet", 0.5, seed=1)
+    assert "seeds 0, 1 (1 to 2 per cell)." in caption(read_results(Outputs(tmp_path / "a")))
+    fake_run(tmp_path / "any name", "3", "unet", 0.5, scale="smoke")
     assert caption(read_results(Outputs(tmp_path / "any name"))).startswith("Scale smoke: ")
     assert "its numbers mean nothing" in caption(read_results(Outputs(tmp_path / "any name")))
 
 
 def test_our_best_input_has_its_row_below_the_papers(tmp_path):
     fake_study(tmp_path)
-    stack = Encoding("stack10", {"frames": 10})
-    run = Outputs(tmp_path).run("3", "unet", "stack10", 0)
-    made = fake_run(tmp_path / "elsewhere", "3", "unet", True, 0, 0.7, encoding=stack)
-    run.path.parent.mkdir(parents=True)
-    made.path.rename(run.path)
-    table = compare(read_results(Outputs(tmp_path)), decay=True)
-    assert table["model"].tolist() == [*NETWORKS, "average", "ours", "all_free"]
-    ours = table.set_index("model").loc["ours"]
+    fake_run(tmp_path, "3", "unet", 0.7, encoding=Encoding("stack10", {"frames": 10}))
+    table = compare(read_results(Outputs(tmp_path)), PROJECTION)
+    assert table["model"].tolist() == [*NETWORKS, "average", "unet", "all_free"]
+    ours = table[table["encoding"] == "stack10"].iloc[0]
     assert ours["dice"] == 0.7
     assert pd.isna(ours["paper_dice"])

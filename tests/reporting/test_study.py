@@ -21,7 +21,7 @@ def test_a_training_knows_its_place_and_what_is_left(tmp_path):
     first = study.runs()["3", "fpn", "decay"]
     assert study.place(first) == "training 1 of 24: exp 3, FPN"
     assert study.seconds_left() is None
-    fake_run(tmp_path, "3", "unet", True, 0, 0.9)  # took a second
+    fake_run(tmp_path, "3", "unet", 0.9)  # took a second
     assert study.seconds_left() == pytest.approx(23)
     place = study.place(study.runs()["4", "fpn", "no-decay"])
     assert (
@@ -32,13 +32,13 @@ def test_a_training_knows_its_place_and_what_is_left(tmp_path):
 
 def test_what_stands_where_is_said_for_every_run(tmp_path):
     outputs = Outputs(tmp_path)
-    fake_run(tmp_path, "3", "unet", True, 0, 0.9)
-    fake_run(tmp_path, "3", "fpn", True, 1, 0.9, status=Status.paused)
+    fake_run(tmp_path, "3", "unet", 0.9)
+    fake_run(tmp_path, "3", "fpn", 0.9, seed=1, status=Status.paused)
     (outputs.run("3", "fpn", "decay", 1).path / "history.csv").write_text("epoch,train_loss\n0,1\n1,0.5\n")
-    fake_run(tmp_path, "4", "unet", False, 0, 0.9, status=Status.failed)
-    broken = fake_run(tmp_path, "4", "fpn", True, 0, 0.9)
+    fake_run(tmp_path, "4", "unet", 0.9, decay=False, status=Status.failed)
+    broken = fake_run(tmp_path, "4", "fpn", 0.9)
     (broken.path / "provenance.json").write_text("{")
-    lost = fake_run(tmp_path, "3", "segformer", True, 0, 0.9)
+    lost = fake_run(tmp_path, "3", "segformer", 0.9)
     lost.metrics.unlink()
     directory = outputs.recordings("3")
     directory.mkdir(parents=True)
@@ -52,10 +52,10 @@ def test_what_stands_where_is_said_for_every_run(tmp_path):
         "| 5 | missing |",
         "| 3 | U-Net | decay | evaluated |  |",
         "| 3 | FPN | decay | missing | paused, 2 epochs |",
-        "| 3 | Segformer | decay | evaluated, metrics lost |  |",
+        "| 3 | Segformer | decay | evaluated, metrics missing |  |",
         "| 4 | U-Net | no-decay | failed |  |",
         "| 4 | FPN | decay | cannot be read |  |",
     ):
         assert row in text, text
     assert "Of the study's 24 trainings with seed 0: 20 missing" in text
-    assert "min of training are left" in text
+    assert "min of training remain" in text

@@ -1,5 +1,6 @@
 import pandas as pd
 
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.summaries import claims_to_markdown, extrapolated_to_markdown, methods_to_markdown
 
 
@@ -19,17 +20,17 @@ def test_every_claim_has_its_row_and_every_verdict_its_count():
 
 def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
     rows = [
-        (experiment, model, encoding, True, metric, value, value - 0.01, value + 0.01, 2)
+        (experiment, model, encoding, metric, value, value - 0.01, value + 0.01, 2)
         for experiment in ("3", "4")
         for model, encoding, value in (
-            ("tracker", "projection", 0.3),
+            ("tracker", "", 0.3),
             ("unet", "observed_free", 0.6),
             ("unet", "projection", 0.5),
         )
         for metric in ("accuracy", "specificity", "obstacle_iou", "ssim")
     ]
-    rows += [("1", "unet", "projection", True, "accuracy", 0.9, 0.9, 0.9, 2)]
-    columns = ["experiment", "model", "encoding", "decay", "metric", "value", "low", "high", "seeds"]
+    rows += [("1", "unet", "projection", "accuracy", 0.9, 0.9, 0.9, 2)]
+    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high", "seeds"]
     lines = methods_to_markdown(pd.DataFrame(rows, columns=columns), "Methods").splitlines()
     assert lines[0] == "**Methods**"
     assert lines[2].count("Exp. 3") == lines[2].count("Exp. 4") == 3
@@ -38,17 +39,17 @@ def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
     assert lines[6].split(" | ")[1] == ""  # a baseline has no seeds
 
 
-def test_what_is_foretold_stands_beside_the_paper_and_what_was_measured():
+def test_extrapolated_metrics_are_beside_those_of_the_paper_and_the_measured_ones():
     rows = [
-        {"experiment": "3", "decay": decay, "metric": metric, "what": what, "pairs": pairs, "size_px": 256,
+        {"experiment": "3", "encoding": encoding, "metric": metric, "target": target, "pairs": pairs, "size_px": 256,
          "value": 0.9, "low": 0.8, "high": 0.95, "paper": paper, "measured": measured}
-        for decay in (True, False)
+        for encoding in (PROJECTION, PROJECTION_NO_DECAY)
         for metric, paper in (("accuracy", 0.948), ("obstacle_iou", None))
-        for what, pairs, measured in (("paper scale", 10_000, None), ("largest left out", 8000, 0.91))
+        for target, pairs, measured in (("paper scale", 10_000, None), ("held-out point", 8000, 0.91))
     ]  # fmt: skip
     lines = extrapolated_to_markdown(pd.DataFrame(rows)).splitlines()
     assert "10,000 pairs and 256 px" in lines[0]
-    assert lines[3] == "| Exp. | Acc. | Obstacle IoU | Acc. left out | Obstacle IoU left out |"
+    assert lines[3] == "| Exp. | Acc. | Obstacle IoU | Acc. held out | Obstacle IoU held out |"
     cell = "0.900 [0.800, 0.950]"
     assert lines[5] == f"| 3 | {cell} (0.948) | {cell} | 0.900, 0.910 | 0.900, 0.910 |"
     assert lines[6].startswith("| 3, no decay |")

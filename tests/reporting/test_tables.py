@@ -7,7 +7,7 @@ from repro.runs.directories import Outputs
 
 def test_three_forms_of_both_tables(tmp_path):
     fake_study(tmp_path)
-    fake_run(tmp_path, "4", "unet", False, 0, 0.4)
+    fake_run(tmp_path, "4", "unet", 0.4, decay=False)
     tables = write_tables(Outputs(tmp_path))
     files = {path.name for path in (tmp_path / "tables").iterdir()}
     assert files == {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "md", "tex")}
@@ -55,7 +55,7 @@ def test_costs_leave_out_what_was_measured_nowhere():
 
 def test_latex_has_every_experiment_also_ones_own(tmp_path):
     for experiment in ("1", "3", "office"):
-        fake_run(tmp_path, experiment, "unet", True, 0, 0.5)
+        fake_run(tmp_path, experiment, "unet", 0.5)
     write_tables(Outputs(tmp_path))
     text = (tmp_path / "tables" / "main.tex").read_text()
     for title in ("Experiment 1 (Static, rotation)", "Experiment 3 (Dynamic, rotation)", "{Experiment office}"):

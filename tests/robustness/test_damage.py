@@ -100,7 +100,7 @@ def test_a_bad_run_is_not_trained_over(copy, name, how):
     for task in ("all", "train", "evaluate"):
         said = call(copy, task, "exp=3", "model=fpn", *other)
         assert f"{name} cannot be read (" in said
-        assert "put it back, or delete" in said
+        assert "restore it, or delete" in said
     assert (run_of(copy) / "model" / "model.safetensors").read_bytes() == weights
 
 
@@ -187,9 +187,9 @@ def test_a_run_copied_to_another_place_is_not_counted_there(copy, to, capsys):
 @pytest.mark.parametrize(
     ("words", "difference"),
     [
-        ("train.dice_eps=1e-5", "train.dice_eps is 1e-06, asked for 1e-05"),
-        ("scale.size_px=32", "data.size_px is 64, asked for 32"),
-        ("oldest_gray=0.5", "encoding.parameters.oldest_gray is 0.8, asked for 0.5"),
+        ("train.dice_eps=1e-5", "train.dice_eps is 1e-06, requested 1e-05"),
+        ("scale.size_px=32", "data.size_px is 64, requested 32"),
+        ("oldest_gray=0.5", "encoding.parameters.oldest_gray is 0.8, requested 0.5"),
         ("world.obstacles.moving.disc_share=1", "data.worlds is"),
     ],
 )
@@ -213,7 +213,7 @@ def test_simple_predictors_do_not_stand_in_the_way_of_another_size(tmp_path):
     outputs = tmp_path / "smoke"
     assert call(outputs, "all", "exp=3", "model=fpn") is None
     said = call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32")
-    assert "data.size_px is 64, asked for 32" in said
+    assert "data.size_px is 64, requested 32" in said
     shutil.rmtree(run_of(outputs))
     shutil.rmtree(outputs / "runs" / "exp3" / "all_free")
     shutil.rmtree(outputs / "runs" / "exp3" / "last_seen")

@@ -215,7 +215,7 @@ def test_damaged_checkpoints_are_passed_over_and_the_numbers_stay(paused, record
         file.unlink() if how == "missing" else file.write_bytes(damaged[how])
     assert train(run, recorded, accelerator="cpu") is Status.trained
     said = capsys.readouterr().out
-    assert ("passing over the damaged checkpoint" in said) == (how != "missing")
+    assert ("skipping the damaged checkpoint" in said) == (how != "missing")
     assert (run.model / "model.safetensors").read_bytes() == weights
 
 
@@ -296,7 +296,7 @@ def test_a_sweep_says_at_its_end_which_jobs_failed_and_why(whole, tmp_path):
     last = text.split("failed:")[1].strip().splitlines()
     assert len(last) == 1
     assert last[0].startswith("exp=3 model=fpn decay=true seed=0: ")
-    assert "train.batch_size is 4, asked for 8" in last[0]
+    assert "train.batch_size is 4, requested 8" in last[0]
     assert (outputs / "runs/exp4/fpn/decay/seed0/metrics.csv").is_file()
     assert not list(outputs.glob(".failures*"))
 

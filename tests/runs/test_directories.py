@@ -4,20 +4,23 @@ import pytest
 from conftest import prepared, run_config
 
 from repro.runs.directories import Outputs, Run
+from repro.runs.keys import RunKey
 from repro.runs.provenance import Status
 
 
 def test_directories_are_named_by_what_the_run_is(tmp_path):
     outputs = Outputs(tmp_path)
-    assert outputs.run("3", "unet", "decay", 0).path == tmp_path / "runs/exp3/unet/decay/seed0"
+    assert outputs.run(RunKey("3", "unet", "projection", 0)).path == tmp_path / "runs/exp3/unet/projection/seed0"
+    assert outputs.run(RunKey("3", "tracker")).path == tmp_path / "baselines/exp3/tracker"
     assert outputs.recordings("4") == tmp_path / "recordings/exp4"
 
 
 def test_all_run_directories_are_found(tmp_path):
     outputs = Outputs(tmp_path)
-    for seed in (0, 1):
-        outputs.run("office", "unet", "decay", seed).prepare(run_config(seed=seed, experiment="office"))
-    assert [run.config().seed for run in outputs.runs()] == [0, 1]
+    configs = [run_config(experiment="office", **changes) for changes in ({}, {"seed": 1}, {"model": "all_free"})]
+    for config in configs:
+        outputs.run(config.key).prepare(config)
+    assert [run.config() for run in outputs.runs()] == configs
 
 
 @pytest.mark.parametrize("model", ["unet", "all_free"])
@@ -29,13 +32,13 @@ def test_a_configuration_is_read_as_it_was_written(tmp_path, model):
 
 def test_another_configuration_is_refused_naming_the_difference(tmp_path):
     run = prepared(tmp_path)
-    with pytest.raises(ValueError, match=r"data\.size_px is 32, asked for 64; train\.patience is 5, asked for 3"):
+    with pytest.raises(ValueError, match=r"data\.size_px is 32, requested 64; train\.patience is 5, requested 3"):
         run.prepare(run_config(size_px=64, patience=3))
     assert run.config() == run_config()
 
 
 def test_no_run_directory_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"no run directory: it has no config\.yaml"):
+    with pytest.raises(ValueError, match=r"not a run directory: it has no config\.yaml"):
         Run(tmp_path).config()
 
 
@@ -44,7 +47,7 @@ def test_a_broken_configuration_is_named_with_its_mend(tmp_path, content):
     run = prepared(tmp_path)
     (tmp_path / "config.yaml").write_text(content)
     for call in (run.config, lambda: run.prepare(run_config())):
-        with pytest.raises(ValueError, match=r"config\.yaml cannot be read .*delete .* to begin the run anew"):
+        with pytest.raises(ValueError, match=r"config\.yaml cannot be read .*delete .* to start the run again"):
             call()
 
 
@@ -107,7 +110,7 @@ def test_surroundings_are_noted(tmp_path):
 def test_other_recordings_are_refused(tmp_path):
     run = prepared(tmp_path)
     run.use_recordings("abc")
-    with pytest.raises(ValueError, match="began with other recordings"):
+    with pytest.raises(ValueError, match="started with other recordings"):
         run.use_recordings("def")
 
 

@@ -1,8 +1,9 @@
 import pytest
 import torch
 
-from repro import devices
+from repro.config import paper_model
 from repro.networks.create import create_network
+from repro.system import devices
 from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 
 
@@ -12,7 +13,7 @@ def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
 
     monkeypatch.setattr(torch.nn.Module, "compile", fail)
     assert not compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
-    assert "torch.compile fails here (TypeError)" in capsys.readouterr().out
+    assert "torch.compile failed (TypeError)" in capsys.readouterr().out
     monkeypatch.setattr(torch.nn.Module, "compile", lambda self: None)
     assert compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
 

@@ -1,4 +1,4 @@
-"""Names and titles of the baselines, without the libraries that compute them."""
+"""Names and titles of the baselines; imports no numerical library."""
 
 from repro.config import NETWORKS
 
@@ -9,7 +9,7 @@ BASELINES = {
     "transitional": "Transitional grid",
     "tracker": "Tracker",
 }
-QUICK_BASELINES = ("all_free", "last_seen")  # evaluated with every network; the others with task=analysis
+QUICK_BASELINES = ("all_free", "last_seen")  # evaluated together with every network; task=analysis evaluates the others
 
 
 def rank(model: str) -> int:

@@ -1,4 +1,4 @@
-"""Occupancy grids filtered step by step: what a mapping stack would do with the same scans."""
+"""Occupancy grids filtered step by step, as a mapping stack would do with the same scans."""
 
 from collections.abc import Iterator
 
@@ -12,20 +12,20 @@ from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_visible
 from repro.scans import Scans
 
-PRIOR = 0.08  # of an obstacle, the share that the paper's moving worlds have
-HIT, PASSED = 0.9, 0.05  # probability of an obstacle where a beam ended, and where one passed over, by itself
+PRIOR = 0.08  # prior probability of an obstacle, its share in the paper's dynamic worlds
+HIT, PASSED = 0.9, 0.05  # probability of an obstacle, given a single beam that ended in the pixel or passed through it
 
 
 def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Tensor:
-    """Filters an occupancy grid with forgetting (Elfes 1989; forgetting as in Yguel et al. 2007).
+    """Filter a log-odds occupancy grid with forgetting (Elfes 1989; forgetting as in Yguel et al. 2007).
 
-    Every step l <- (1 - forgetting) l, then l <- l + log(p / (1 - p)) - log(prior / (1 - prior)) with p = `HIT` where a
-    beam ended and `PASSED` where one passed over.
+    Every step computes l <- (1 - forgetting) l, then l <- l + log(p / (1 - p)) - log(prior / (1 - prior)) with
+    p = `HIT` in pixels where a beam ended and p = `PASSED` in pixels that a beam passed through.
 
     Args:
         recorded: recordings, (M, T, N).
-        forgetting: share of what is known that a step forgets.
-        batch: recordings at a time.
+        forgetting: share of the log-odds that is forgotten in every step.
+        batch: number of recordings processed at a time.
 
     Returns:
         probability of an obstacle at the last step, (M, H, W).
@@ -34,26 +34,26 @@ def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Ten
     gain = {True: _logit(HIT) - prior, False: _logit(PASSED) - prior}
     maps = []
     for scans in _parts(recorded, batch):
-        known = torch.zeros(len(scans), recorded.grid.size_px, recorded.grid.size_px)
+        log_odds = torch.zeros(len(scans), recorded.grid.size_px, recorded.grid.size_px)
         for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
-            known *= 1 - forgetting
-            known += gain[True] * hit + gain[False] * passed
-            known.clamp_(-8, 8)
-        maps.append(torch.sigmoid(known + prior))
+            log_odds *= 1 - forgetting
+            log_odds += gain[True] * hit + gain[False] * passed
+            log_odds.clamp_(-8, 8)
+        maps.append(torch.sigmoid(log_odds + prior))
     return torch.cat(maps)
 
 
 def transitional_grid(recorded: Recorded, moving: float, batch: int = 64) -> Tensor:
-    """Filters static and dynamic occupancy together, in the manner of transitional grid maps (arXiv 2401.06518).
+    """Filter static and dynamic occupancy together, following transitional grid maps (arXiv 2401.06518).
 
-    A pixel is free, static or dynamic. In every step dynamic occupancy spreads to the eight pixels around with
-    probability `moving`, and a hundredth of it comes to rest as static; then Bayes' rule with the likelihoods of a hit
-    and of a beam that passed.
+    A pixel is free, static or dynamic. In every step, dynamic occupancy spreads to the eight neighboring pixels with
+    probability `moving`, and one percent of it becomes static. Bayes' rule then applies the likelihoods of a hit and of
+    a passing beam.
 
     Args:
         recorded: recordings, (M, T, N).
-        moving: probability that what is dynamic leaves its pixel in a step.
-        batch: recordings at a time.
+        moving: probability that dynamic occupancy leaves its pixel in a step.
+        batch: number of recordings processed at a time.
 
     Returns:
         probability of an obstacle of either kind at the last step, (M, H, W).
@@ -78,11 +78,11 @@ def transitional_grid(recorded: Recorded, moving: float, batch: int = 64) -> Ten
 
 
 def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yields where beams ended and where they passed over in every step, bool, (B, H, W)."""
+    """Yield for every step the pixels in which beams ended and those they passed through, bool, each (B, H, W)."""
     for step in range(scans.ranges.shape[1]):
-        here = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
-        hit = newest_hits(here, grid) > 0
-        yield hit, (newest_visible(here, grid, range_max_m, margin_m=-grid.resolution_m / 2) > 0) & ~hit
+        current = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
+        hit = newest_hits(current, grid) > 0
+        yield hit, (newest_visible(current, grid, range_max_m, margin_m=-grid.resolution_m / 2) > 0) & ~hit
 
 
 def _parts(recorded: Recorded, batch: int) -> list[Scans]:

@@ -1,7 +1,7 @@
-"""Baselines: classical predictors to compare the networks with, each tuned on the validation set.
+"""Classical baselines to compare the networks with, each tuned on the validation set.
 
 A baseline maps the validation and the test recordings to the probability of free of the test recordings,
-(M, 1, H, W), and the tuned settings. A new one is a function here, an entry in `PREDICTORS` and its title in
+(M, 1, H, W), and the tuned settings. A new baseline needs a function here, an entry in `PREDICTORS` and its title in
 `baselines.names`.
 """
 
@@ -22,7 +22,7 @@ from repro.metrics.scores import confusion, scores
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
-RADII_M = tuple(0.5 * number for number in range(10))  # around what was hit
+RADII_M = tuple(0.5 * number for number in range(10))  # radii around hits
 
 
 def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
@@ -36,26 +36,26 @@ def last_seen(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 
 def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
-    """Predict by a log-odds occupancy grid with forgetting; see `occupancy_grids.log_odds_grid`."""
+    """Predict with a log-odds occupancy grid with forgetting; see `occupancy_grids.log_odds_grid`."""
     settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": RADII_M[:6]}
     return tune(_dilated(log_odds_grid, "forgetting"), settings, val, test)
 
 
 def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
-    """Predict by a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
+    """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
     settings = {"moving": (0.02, 0.1, 0.3), "radius_m": RADII_M[:6]}
     return tune(_dilated(transitional_grid, "moving"), settings, val, test)
 
 
 def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict by tracking clusters of hits; see `tracker.track`."""
-    known: dict[tuple[int, float], Any] = {}
+    tracks: dict[tuple[int, float], Any] = {}
 
     def predict(each: Recorded, depth_m: float, radius_m: float) -> Tensor:
         key = (id(each), depth_m)
-        if key not in known:
-            known[key] = track(each, depth_m)
-        return draw(known[key], each.grid, radius_m)
+        if key not in tracks:
+            tracks[key] = track(each, depth_m)
+        return draw(tracks[key], each.grid, radius_m)
 
     return tune(predict, {"depth_m": (1.0, 2.0, 3.0), "radius_m": RADII_M[2:8]}, val, test)
 
@@ -72,16 +72,19 @@ PREDICTORS: dict[str, Baseline] = {
 def tune(
     predict: Callable[..., Tensor], settings: Mapping[str, Iterable[float]], val: Recorded, test: Recorded
 ) -> tuple[Tensor, Settings]:
-    """Predicts with the settings that have the best obstacle IoU on the validation set.
+    """Predict the test set with the settings that have the best obstacle IoU on the validation set.
 
     Args:
-        predict: from recordings and settings to the probability of free, (M, 1, H, W).
-        settings: the values to try of each.
+        predict: function from recordings and settings to the probability of free, (M, 1, H, W).
+        settings: the candidate values of each setting.
         val: the validation recordings.
         test: the test recordings.
+
+    Returns:
+        the probability of free of the test recordings, (M, 1, H, W), and the chosen settings.
     """
-    tried = [dict(zip(settings, values, strict=True)) for values in itertools.product(*settings.values())]
-    best = max(tried, key=lambda words: _obstacle_iou(predict(val, **words), val))
+    candidates = [dict(zip(settings, values, strict=True)) for values in itertools.product(*settings.values())]
+    best = max(candidates, key=lambda chosen: _obstacle_iou(predict(val, **chosen), val))
     return predict(test, **best), best
 
 

@@ -1,6 +1,6 @@
-"""A tracker by hand: clusters of hits, assigned to tracks, filtered with constant velocity, drawn at the last step.
+"""A classical tracker: clusters of hits, assigned to tracks with constant velocity, drawn at the last step.
 
-Clusters by scikit-learn's DBSCAN, assignment by SciPy, the Kalman filter by Stone Soup.
+The clusters come from scikit-learn's DBSCAN, the assignment from SciPy and the Kalman filter from Stone Soup.
 """
 
 import datetime
@@ -23,32 +23,32 @@ from torch import Tensor
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
 
-NEAR_M = 1.5  # hits nearer than this are of one cluster
-GATE_M = 3.0  # a cluster farther from every track than this begins a new one
-NOISE_M = 0.5  # standard deviation of a cluster's centre
-SPEED_M_S = 0.5  # standard deviation of a speed before it is measured
-EVERY = 2  # steps from one update to the next; in between nothing of the paper's moves by more than 0.14 m
+NEAR_M = 1.5  # hits closer than this belong to one cluster
+GATE_M = 3.0  # a cluster farther than this from every track starts a new one
+NOISE_M = 0.5  # standard deviation of a cluster's center
+SPEED_M_S = 0.5  # standard deviation of the initial speed
+EVERY = 2  # steps from one update to the next; the paper's obstacles move at most 0.14 m in between
 START = datetime.datetime(2000, 1, 1)
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Hits of one step that lie together: where their obstacle's centre may be [m], and whether the view cut them."""
+    """A cluster of hits of one step: estimated obstacle center [m], (2,), and whether the field of view cuts it."""
 
     center: np.ndarray
     is_cut: bool
 
 
 def track(recorded: Recorded, depth_m: float, workers: int = 2) -> list[np.ndarray]:
-    """Tracks what was hit to the last step.
+    """Track the obstacles of every recording up to the last step.
 
     Args:
         recorded: recordings, (M, T, N).
-        depth_m: how far behind the mean of its hits, seen from the robot, the centre of an obstacle lies [m].
-        workers: processes.
+        depth_m: distance of an obstacle's center behind the mean of its hits, as seen from the robot [m].
+        workers: number of processes.
 
     Returns:
-        for each recording the positions of its tracks at the last step [m], (tracks, 2).
+        the positions of the tracks of each recording at the last step [m], (tracks, 2).
     """
     scans, step_s = recorded.scans, recorded.step_s
     ranges, poses, angles = scans.ranges.numpy(), scans.poses.numpy(), scans.angles.numpy()
@@ -57,7 +57,7 @@ def track(recorded: Recorded, depth_m: float, workers: int = 2) -> list[np.ndarr
 
 
 def draw(tracks: list[np.ndarray], grid: Grid, radius_m: float) -> Tensor:
-    """Draws a disc around every track: probability of free, (M, 1, H, W)."""
+    """Draw a disc around every track; return the probability of free, (M, 1, H, W)."""
     centers = grid.centers().numpy()
     free = np.ones((len(tracks), len(centers)), dtype=np.float32)
     for image, positions in zip(free, tracks, strict=True):
@@ -67,43 +67,43 @@ def draw(tracks: list[np.ndarray], grid: Grid, radius_m: float) -> Tensor:
 
 
 def clusters(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_m: float) -> list[list[Cluster]]:
-    """Finds the clusters of each scan of a recording.
+    """Compute the clusters of each scan of a recording.
 
     Args:
-        ranges: (T, N) [m], a miss is inf.
-        angles: (N,) [rad].
+        ranges: ranges [m], inf for a miss, (T, N).
+        angles: beam angles [rad], (N,).
         poses: x, y [m], heading [rad], (T, 3).
         depth_m: see `track`.
     """
-    found: list[list[Cluster]] = [[] for _ in ranges]
+    per_step: list[list[Cluster]] = [[] for _ in ranges]
     step, beam = np.nonzero(np.isfinite(ranges))
     if not len(step):
-        return found
+        return per_step
     heading = poses[step, 2] + angles[beam]
     points = poses[step, :2] + ranges[step, beam, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    apart = np.column_stack([points, 10 * NEAR_M * step])  # one call for all scans, none near another
-    label = DBSCAN(eps=NEAR_M, min_samples=2).fit_predict(apart)
+    separated = np.column_stack([points, 10 * NEAR_M * step])  # a third axis keeps the scans apart in one call
+    label = DBSCAN(eps=NEAR_M, min_samples=2).fit_predict(separated)
     for number in range(label.max() + 1):
-        mine = label == number
-        when, mean = int(step[mine][0]), points[mine].mean(0)
+        members = label == number
+        when, mean = int(step[members][0]), points[members].mean(0)
         away = mean - poses[when, :2]
-        is_cut = bool(np.isin(beam[mine], (0, len(angles) - 1)).any())
-        found[when].append(Cluster(mean + depth_m * away / max(float(np.linalg.norm(away)), 1e-9), is_cut))
-    return found
+        is_cut = bool(np.isin(beam[members], (0, len(angles) - 1)).any())
+        per_step[when].append(Cluster(mean + depth_m * away / max(float(np.linalg.norm(away)), 1e-9), is_cut))
+    return per_step
 
 
 def _track_one(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_m: float, step_s: float) -> np.ndarray:
-    """Tracks one recording, (T, N); a cluster that the view cuts begins a track and moves none."""
+    """Track one recording, (T, N); a cluster that the field of view cuts starts a track but never updates one."""
     predictor = KalmanPredictor(CombinedLinearGaussianTransitionModel([ConstantVelocity(0.01)] * 2))
     measured = LinearGaussian(ndim_state=4, mapping=(0, 2), noise_covar=np.eye(2) * NOISE_M**2)
     updater = KalmanUpdater(measured)
     tracks: list[GaussianState] = []
-    chosen = slice((len(ranges) - 1) % EVERY, None, EVERY)  # the last step is one of them
+    chosen = slice((len(ranges) - 1) % EVERY, None, EVERY)  # includes the last step
     steps = np.arange(len(ranges))[chosen]
-    for step, found in zip(steps, clusters(ranges[chosen], angles, poses[chosen], depth_m), strict=True):
+    for step, current in zip(steps, clusters(ranges[chosen], angles, poses[chosen], depth_m), strict=True):
         now = START + datetime.timedelta(seconds=step * step_s)
-        pairs = _assign(np.array([each.center for each in found]), np.array([_position(t, now) for t in tracks]))
-        for index, cluster in enumerate(found):
+        pairs = _assign(np.array([each.center for each in current]), np.array([_position(t, now) for t in tracks]))
+        for index, cluster in enumerate(current):
             detection = Detection(cluster.center[:, None], timestamp=now, measurement_model=measured)
             if index not in pairs:
                 mean = [cluster.center[0], 0, cluster.center[1], 0]
@@ -117,7 +117,7 @@ def _track_one(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_
 
 
 def _assign(centers: np.ndarray, positions: np.ndarray) -> dict[int, int]:
-    """Assigns clusters to tracks, each to at most one, the sum of distances smallest, none beyond the gate."""
+    """Assign clusters to tracks, one to one, with the smallest sum of distances and none beyond the gate."""
     if not len(centers) or not len(positions):
         return {}
     distance = np.linalg.norm(centers[:, None] - positions, axis=-1)
@@ -126,7 +126,7 @@ def _assign(centers: np.ndarray, positions: np.ndarray) -> dict[int, int]:
 
 
 def _position(state: GaussianState, now: datetime.datetime) -> np.ndarray:
-    """Where a track is now, by its velocity [m], (2,)."""
+    """Return the position of a track at a time, predicted by its velocity [m], (2,)."""
     x, vx, y, vy = np.asarray(state.state_vector, dtype=float).ravel()
     passed = (now - state.timestamp).total_seconds()
     return np.array([x + vx * passed, y + vy * passed])

@@ -14,7 +14,6 @@ from repro.simulation.schema import world_errors
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
-OWN_ARCHITECTURES = ("convlstm",)  # without an encoder of smp, see `networks.create`
 RENAMED_KEYS = {
     "lightest": "oldest_gray",
     "scale.mirror": "scale.flip_augmentation",
@@ -148,15 +147,12 @@ def _library_errors(config: Config) -> list[ConfigError]:
 
 
 def _model_errors(model: Model) -> list[ConfigError]:
-    """Return what is wrong with architecture, encoder and weights; asks smp about all but the paper's."""
-    architecture, encoder, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights
-    if architecture in OWN_ARCHITECTURES:
-        given = {"encoder_name": encoder, "encoder_weights": weights}
-        expected = f"architecture {architecture} has an encoder of its own, leave it null"
-        return [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
-    if architecture in NETWORKS and encoder in MIT_ENCODERS:
-        wrong = weights not in MIT_WEIGHTS
-        return [ConfigError("model.encoder_weights", weights, "must be null or imagenet")] if wrong else []
-    from repro.networks.create import architecture_errors  # imports smp, some seconds
+    """Return what is wrong with architecture, encoder and weights; imports smp for all but the paper's."""
+    if (model.architecture or model.name) in NETWORKS and model.encoder_name in MIT_ENCODERS:
+        wrong = model.encoder_weights not in MIT_WEIGHTS
+        return (
+            [ConfigError("model.encoder_weights", model.encoder_weights, "must be null or imagenet")] if wrong else []
+        )
+    from repro.networks.create import architecture_errors  # takes some seconds
 
     return architecture_errors(model)

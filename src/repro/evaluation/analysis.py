@@ -1,7 +1,8 @@
-"""Analysis: what run directories and recordings say beyond the tables, as tidy frames.
+"""Analysis of evaluated runs beyond the main tables, as tidy frames.
 
-For every cell (experiment, model, encoding with or without decay) and all of its seeds: intervals, differences, where
-and when the errors are, calibration. Recordings in, run directories in, frames out.
+For every cell (experiment, model, encoding with or without decay) and all of its seeds: confidence intervals,
+differences between cells, errors by recency and by obstacle, calibration, cost. Recordings and run directories in,
+frames out.
 """
 
 import itertools
@@ -28,18 +29,18 @@ from repro.networks.predictor import load_predictor
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL
 
-FEWER_DRAWS = 501  # for what is measured recency by recency
+FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 Cell = tuple[str, str, str]  # experiment, model, encoding
 
 
 @dataclass
 class Analysis:
-    """Tidy rows, by name: what becomes <name>.csv."""
+    """Tidy rows by the name of the CSV file they are written to."""
 
     rows: dict[str, list[pd.DataFrame]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, name: str, frame: pd.DataFrame, columns: dict[str, Any]) -> None:
-        """Adds rows, with the columns of a key before theirs."""
+        """Add rows with constant columns, which identify them, before their own."""
         self.rows[name].append(
             pd.DataFrame({**{name: [value] * len(frame) for name, value in columns.items()}, **frame})
         )
@@ -49,26 +50,26 @@ class Analysis:
 
 
 def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
-    """Gathers the analysis of all evaluated runs below an outputs directory.
+    """Gather the analysis of all evaluated runs below an outputs directory.
 
     Args:
-        outputs: an outputs directory with the recordings its runs were made from.
+        outputs: an outputs directory with its runs and recordings.
 
     Returns:
-        intervals, differences, recency, ages, obstacles, calibration, reliability and cost, each a tidy frame. Empty
-        when no network has been evaluated.
+        intervals, differences, recency, ages, obstacles, calibration, reliability and cost, each a tidy frame; empty if
+        no run is evaluated.
 
     Raises:
-        ValueError: a run or a recording cannot be trusted.
+        ValueError: a run or a recording is damaged or inconsistent.
     """
     analysis, cells = Analysis(), _cells(outputs)
     for experiment in sorted({experiment for experiment, *_ in cells}):
-        mine = {key: runs for key, runs in cells.items() if key[0] == experiment}
-        recordings, config = outputs.recordings(experiment), next(iter(mine.values()))[0].config()
+        own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
+        recordings, config = outputs.recordings(experiment), next(iter(own_cells.values()))[0].config()
         test = load_test_set(recordings, grid_of(config))
         weights = draw_weights(len(test.truth) // 2)
         draws: dict[Cell, pd.DataFrame] = {}
-        for cell, runs in tqdm(mine.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
+        for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
             draws[cell] = _measure_cell(analysis, _columns(cell), runs, recordings, test, weights)
         for cell, table in list(_averages(draws)):
             draws[cell] = table
@@ -94,7 +95,7 @@ def _cells(outputs: Outputs) -> dict[Cell, list[Run]]:
 def _measure_cell(
     analysis: Analysis, columns: dict[str, Any], runs: list[Run], recordings: Path, test: TestSet, weights: np.ndarray
 ) -> pd.DataFrame:
-    """Measures all seeds of a cell; returns its metrics in every draw of the bootstrap."""
+    """Measure all seeds of a cell; return its metrics in every draw of the bootstrap."""
     predictions = [read_quantized(run) for run in runs]
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
     ssim = np.stack([by_world(read_ssim(run)) / 2 for run in runs])
@@ -112,7 +113,7 @@ def _measure_cell(
 
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
-    """Says what a cell costs: parameters of its network, channels of its input; time and memory of a training."""
+    """Return the cost of a cell: network parameters and input channels, mean time and peak memory of a training."""
     predictor = load_predictor(runs[0].model)
     facts = {name: [run.provenance().fact(name) for run in runs] for name in ("training_seconds", "peak_memory_gb")}
     row = {
@@ -133,9 +134,9 @@ def _calibrate(
     predictions: list[np.ndarray],
     truth: np.ndarray,
 ) -> None:
-    """Measures calibration as it is, after temperature scaling fitted on validation data, and of the seeds' mean.
+    """Measure calibration: uncalibrated, temperature-scaled (fitted on validation data), and of the mean over seeds.
 
-    `each` has the counts of each seed, (S, 2, 256), `recency` those of all seeds together, (2, 256).
+    `each` contains the counts of each seed, (S, 2, 256), `recency` those of all seeds together, (2, 256).
     """
     validation = [validation_quantized(run, recordings) for run in runs]
     temperatures = [fit_temperature(count_quantized(free, true)[:, 0].sum(0)) for free, true in validation]
@@ -162,7 +163,7 @@ def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
 
 
 def _averages(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[Cell, pd.DataFrame]]:
-    """Yield the mean of the paper's networks, in every draw, for each encoding that all of them have."""
+    """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated."""
     for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in draws):
         networks = [draws.get((experiment, name, encoding)) for name in NETWORKS]
         complete = [table for table in networks if table is not None]
@@ -183,11 +184,11 @@ def _compare_cells(analysis: Analysis, draws: dict[Cell, pd.DataFrame]) -> None:
 
 
 def _comparison(one: Cell, other: Cell) -> str | None:
-    """Name what differs between two cells; None where more than one thing does."""
+    """Name the difference between two cells: networks, decay or encodings; None if they differ in more than one."""
     encodings = one[2], other[2]
     bases = [encoding.removesuffix(NO_DECAY) for encoding in encodings]
     decays = [encoding.endswith(NO_DECAY) for encoding in encodings]
-    if one[1] != other[1]:  # a baseline has no encoding, and is compared with the networks on the paper's input
+    if one[1] != other[1]:  # a baseline has no encoding and is compared with the networks on the paper's input
         same = encodings[0] == encodings[1] or ("" in encodings and PROJECTION in encodings)
         return "networks" if same else None
     if bases[0] == bases[1]:

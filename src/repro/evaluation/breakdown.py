@@ -1,4 +1,4 @@
-"""Where and when a prediction is right: by how long ago each pixel was seen, and each obstacle hit."""
+"""Prediction quality by recency: time since each pixel was last seen and each obstacle last hit."""
 
 import itertools
 from collections import defaultdict
@@ -29,15 +29,15 @@ HITS = {**dict(list(RECENCY.items())[:4]), "never": range(BINS, BINS + 1)}
 
 @dataclass(frozen=True)
 class TestSet:
-    """The test recordings of an experiment: what was true, when it was seen, which obstacle was hit when.
+    """The test recordings of an experiment: true maps, recency of the pixels, newest hits of the obstacles.
 
     Args:
         truth: true maps, 1 is free, (M, H, W).
-        groups: see `recency.pixel_groups`, (M, H, W).
-        masks: each obstacle by itself, (K, H, W).
-        recording: the recording of each obstacle, of either twin, (2, K).
-        newest: the newest step at which it was hit there, 0 for never, (2, K).
-        steps: steps of a recording, T.
+        groups: recency group of each pixel, see `recency.pixel_groups`, (M, H, W).
+        masks: pixels of each single obstacle, (K, H, W).
+        recording: index of the recording of each obstacle, for both twins, (2, K).
+        newest: newest step at which the obstacle was hit in that recording, 0 for never, (2, K).
+        steps: number of steps of a recording, T.
     """
 
     truth: np.ndarray
@@ -49,10 +49,10 @@ class TestSet:
 
 
 def load_test_set(recordings: Path, grid: Grid) -> TestSet:
-    """Reads the test recordings of an experiment and labels them.
+    """Read the test recordings of an experiment and label their pixels and obstacles.
 
     Raises:
-        ValueError: a shard cannot be trusted, see `store.read_shards`.
+        ValueError: a shard is damaged, see `recordings.reader.read_shards`.
     """
     range_max_m = read_manifest(recordings).spec["robot"]["sensors"][0]["range_max"]
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
@@ -65,19 +65,19 @@ def load_test_set(recordings: Path, grid: Grid) -> TestSet:
         parts["newest"].append(newest_hits_of_obstacles(shard))
         first, steps = first + len(shard.scans), shard.scans.ranges.shape[1]
     of_obstacles = ("recording", "newest")
-    whole = {name: np.concatenate(found, axis=int(name in of_obstacles)) for name, found in parts.items()}
-    return TestSet(**whole, steps=steps)
+    arrays = {name: np.concatenate(part, axis=int(name in of_obstacles)) for name, part in parts.items()}
+    return TestSet(**arrays, steps=steps)
 
 
 def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
-    """Measures each recency, and all together, with intervals over worlds.
+    """Measure the predictions by recency, and over all pixels, with intervals over worlds.
 
     Args:
-        counts: of each world by group, truth and level, (W, G, 2, 256).
-        weights: how often each world is taken in each draw, the first row every one once, (draws + 1, W).
+        counts: counts of each world by group, truth and quantized probability, (W, G, 2, 256).
+        weights: number of times each world is taken in each draw, the first row every world once, (draws + 1, W).
 
     Returns:
-        recency, metric, value, low, high, a row each; what has no pixel, or no obstacle, has no row.
+        rows of recency, metric, value, low, high; undefined values (no pixel or no obstacle) have no row.
     """
     recency = {"all": range(counts.shape[1]), **RECENCY}
     summed = np.stack([counts[:, list(groups)].sum(1) for groups in recency.values()], axis=1)
@@ -95,15 +95,16 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
 
 
 def by_age(counts: np.ndarray) -> pd.DataFrame:
-    """Measures each bin of ages, from (G, 2, 256): age (its first, in steps), metric, value."""
+    """Measure each age bin from counts (G, 2, 256); rows of age (lower edge of the bin in steps), metric, value."""
     measured = pd.DataFrame(measures(counts[:BINS]))
     return measured.assign(age=BIN * np.arange(BINS) + 1).melt("age", var_name="metric").dropna()
 
 
 def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
-    """Computes what is asked of a part of the map from (..., 2, 256), each (...), nan where it has no meaning.
+    """Compute the measures of a part of the map from counts (..., 2, 256), each (...), nan where undefined.
 
-    Obstacle recall is the paper's specificity, free recall its recall; `pr_auc` is of obstacles, `entropy` in nats.
+    Obstacle recall is the paper's specificity, free recall the paper's recall; `pr_auc` takes obstacles as the positive
+    class, `entropy` is in nats.
     """
     scored = pooled_scores(counts)
     obstacles, free = counts[..., 0, :].sum(-1), counts[..., 1, :].sum(-1)
@@ -121,24 +122,24 @@ def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:
-    """Says how much of each obstacle is predicted, and how many at least half, by when each was last hit.
+    """Measure the predicted share of each obstacle and the share of detected obstacles, by time since the last hit.
 
     Args:
-        predictions: predictions of each seed, uint8, (M, H, W).
+        predictions: quantized predictions of each seed, uint8, (M, H, W).
         test: the test recordings.
         weights: see `by_recency`.
 
     Returns:
-        last_hit, metric (`obstacles` how many, `recall` their mean share found, `detected` the share of those found at
-        least half), value, low, high.
+        rows of last_hit, metric, value, low, high. The metrics are `obstacles` (their number), `recall` (mean predicted
+        share of an obstacle) and `detected` (share of the obstacles that are predicted by at least half).
     """
     area = test.masks.sum((1, 2))
     group = np.where(test.newest > 0, age_bin(test.steps - test.newest + 1), BINS)
-    found = np.zeros_like(test.newest, dtype=float)
+    recall = np.zeros_like(test.newest, dtype=float)
     for free, twin in itertools.product(predictions, (0, 1)):
         for number in np.flatnonzero(area):
             predicted = free[test.recording[twin, number]][test.masks[number]] < 128
-            found[twin, number] += predicted.mean() / len(predictions)
+            recall[twin, number] += predicted.mean() / len(predictions)
     rows = []
     for name, bins in HITS.items():
         chosen = np.isin(group, list(bins)) & (area > 0)
@@ -146,7 +147,7 @@ def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarra
         if not chosen.any():
             continue
         times = weights[:, test.recording[chosen] // 2].astype(float)
-        for metric, value in {"recall": found[chosen], "detected": (found[chosen] >= 0.5).astype(float)}.items():
+        for metric, value in {"recall": recall[chosen], "detected": (recall[chosen] >= 0.5).astype(float)}.items():
             drawn = times @ value / np.maximum(times.sum(1), 1)
             low, high = bounds(drawn)
             rows.append({"last_hit": name, "metric": metric, "value": drawn[0], "low": low, "high": high})

@@ -1,4 +1,4 @@
-"""What a recorded experiment offers: how much of the map obstacles cover, and how much of them the lidar ever hits."""
+"""Statistics of a recorded experiment: map area covered by obstacles, obstacle area that the lidar hits."""
 
 from pathlib import Path
 
@@ -11,16 +11,16 @@ from repro.recordings.reader import read_shards
 
 
 def describe(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
-    """Measures coverage and visibility of a split, to be read beside what the paper's tables imply.
+    """Measure coverage and visibility of a split, for comparison with the values that the paper's tables imply.
 
     Args:
         recordings: a recorded experiment.
         split: train, val or test.
-        grid: the resolution at which areas are counted.
+        grid: grid on which areas are counted.
 
     Returns:
         `coverage`, the mean share of the map that obstacles cover at the last step, and `visibility`, the share of
-        the obstacle area that belongs to obstacles hit at least once: the ceiling of specificity.
+        the obstacle area that belongs to obstacles hit at least once, an upper bound of the specificity.
     """
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in read_shards(recordings, split):
@@ -30,7 +30,7 @@ def describe(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
         maps_px += worlds * grid.size_px**2
         obstacles = len(shard.world)
         area = (1 - rasterize(outlines, states, torch.arange(obstacles), obstacles, grid)).sum((1, 2)).numpy()
-        rank = np.arange(obstacles) - np.searchsorted(shard.world, shard.world)  # number of an obstacle in its world
+        rank = np.arange(obstacles) - np.searchsorted(shard.world, shard.world)  # index of an obstacle in its world
         for twin in (0, 1):
             seen_px += area[shard.seen[2 * shard.world + twin, rank]].sum()
             all_px += area.sum()

@@ -1,7 +1,7 @@
-"""Evaluates what a run directory predicts, a network or a baseline, on the test set.
+"""Evaluation of a network or a baseline on the test set.
 
-Run directory in, run directory out: predictions, the pooled metrics and one row an image. Whatever metric is
-wanted later is computed from the predictions kept there.
+The run directory receives the quantized predictions, the pooled metrics and one row of metrics per image. All later
+analyses are computed from the stored predictions.
 """
 
 import zipfile
@@ -26,12 +26,12 @@ from repro.system.files import read_table, replacing, write_text
 
 
 def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
-    """Evaluates a run on the test set: a baseline, or the best weights of a network that is trained.
+    """Evaluate a run on the test set: a baseline or the best weights of a trained network.
 
     Args:
         run: a run directory.
         recordings: the recorded experiment it was trained on.
-        accelerator: auto, cpu or gpu; a baseline always runs on the CPU.
+        accelerator: auto, cpu or gpu; baselines always run on the CPU.
 
     Returns:
         the pooled metrics, as in metrics.csv.
@@ -60,7 +60,7 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
 
 
 def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
-    """Evaluate a baseline on the worlds and the grid of a run, unless that is done."""
+    """Evaluate a baseline on the worlds and the grid of a run, unless it is evaluated already."""
     config = config.of_baseline(name)
     run = outputs.run(config.key)
     run.prepare(config)
@@ -70,12 +70,12 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
 
 
 def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
-    """Measures the best weights of a trained run on the validation set and writes validation.csv.
+    """Measure the best weights of a trained run on the validation set and write validation.csv.
 
-    Worlds are calibrated by these numbers, so that nothing is ever chosen on test data.
+    The calibration of the worlds uses these metrics, so that no choice depends on test data.
 
     Args:
-        run: a run directory source training is finished.
+        run: a run directory with a finished training.
         recordings: the recorded experiment it was trained on.
         accelerator: auto, cpu or gpu.
 
@@ -93,7 +93,7 @@ def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
 
 
 def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
-    """Measures predictions (M, 1, H, W) against true maps: the pooled metrics, and one row an image."""
+    """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image."""
     truth = maps.cpu().float()
     counts = confusion(probability, truth)
     similarity = ssim(probability, truth)
@@ -106,17 +106,17 @@ def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]
 
 
 def read_ssim(run: Run) -> np.ndarray:
-    """Reads the SSIM of every test image of an evaluated run, (M,).
+    """Read the SSIM of every test image of an evaluated run, (M,).
 
     Raises:
         ValueError: per_image.csv cannot be read.
     """
-    fix = f"delete {run.metrics} and give the same command with task=evaluate"
+    fix = f"delete {run.metrics} and run the same command with task=evaluate"
     return read_table(run.path / "per_image.csv", ("ssim",), fix)["ssim"].to_numpy()
 
 
 def validation_quantized(run: Run, recordings: Path, *, accelerator: str = "auto") -> tuple[np.ndarray, np.ndarray]:
-    """Predicts the validation set by the best weights of a trained run: levels as in `read_quantized`, and true maps.
+    """Predict the validation set with the best weights of a trained run; return quantized probabilities and true maps.
 
     Raises:
         ValueError: the run is not trained, or the recordings are not those it was trained on.
@@ -126,23 +126,24 @@ def validation_quantized(run: Run, recordings: Path, *, accelerator: str = "auto
 
 
 def quantize(probability: Tensor) -> np.ndarray:
+    """Quantize probabilities (M, 1, H, W) in [0, 1] to uint8, 0 to 255, (M, H, W)."""
     return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
 
 
 def write_predictions(run: Run, probability: Tensor) -> None:
-    """Keeps probabilities of free (M, 1, H, W) as uint8."""
+    """Write the probabilities of free (M, 1, H, W), quantized to uint8."""
     free = quantize(probability)
     with replacing(run.path / "predictions.npz") as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, free=free)
 
 
 def read_predictions(run: Run) -> np.ndarray:
-    """Reads the kept probabilities of free, (M, H, W), float32 in [0, 1]; see `read_quantized`."""
+    """Read the stored probabilities of free, (M, H, W), float32 in [0, 1]; see `read_quantized`."""
     return read_quantized(run).astype(np.float32) / 255
 
 
 def read_quantized(run: Run) -> np.ndarray:
-    """Reads the kept probabilities of free as they are kept, (M, H, W), uint8, 255 for 1.
+    """Read the quantized probabilities of free, (M, H, W), uint8, 255 for 1.
 
     Raises:
         ValueError: the file is missing or cannot be read.
@@ -152,14 +153,14 @@ def read_quantized(run: Run) -> np.ndarray:
         with np.load(path, allow_pickle=False) as file:
             return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        fix = f"delete {run.metrics} and give the same command with task=evaluate"
+        fix = f"delete {run.metrics} and run the same command with task=evaluate"
         raise ValueError(f"{path} cannot be read ({error}): {fix}") from error
 
 
 def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:
-    """Loads the pairs of a split and predicts them by the best weights of a trained run."""
+    """Load the pairs of a split and predict them with the best weights of a trained run."""
     if not run.is_trained:
-        raise ValueError(f"{run} is not trained to its end: train it with task=train first")
+        raise ValueError(f"{run} is not fully trained: train it with task=train first")
     config = run.config()
     run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
     device = resolve_device(accelerator)

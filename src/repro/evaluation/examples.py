@@ -1,4 +1,4 @@
-"""One test recording with what a network makes of it, as arrays for a figure or a page."""
+"""One test recording with the prediction of a network, as arrays for figures."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,12 @@ class Example:
 
     Args:
         experiment: the experiment.
-        encoding: label of the encoding, the paper's projection or that of its ablation.
+        encoding: label of the encoding, the paper's projection or its ablation.
         projection: gray image, 0 black to 255 white, (H, W).
         prediction: probability of free, (H, W).
         truth: true map, 1 is free, (H, W).
-        scans: the recording itself, ranges (T, N).
-        oldest_gray: gray of the oldest hit, 1 is white.
+        scans: the scans of the recording, ranges (T, N).
+        oldest_gray: gray value of the oldest hit, 1 is white.
     """
 
     experiment: str
@@ -36,15 +36,15 @@ class Example:
 
 
 def load_example(outputs: Outputs, key: RunKey, index: int = 0) -> Example:
-    """Reads one test recording: what went into a network of seed 0, what came out, what was true.
+    """Read one test recording with its input image, the prediction of a run and the true map.
 
     Args:
         outputs: an outputs directory with this network evaluated.
-        key: the run.
-        index: which recording of the test split.
+        key: key of the run.
+        index: index of the recording in the test split.
 
     Raises:
-        ValueError: the run is not there, or there is no such recording.
+        ValueError: the run or the recording does not exist, or the run is a baseline.
     """
     run, recordings = outputs.run(key), outputs.recordings(key.experiment)
     config = run.config()

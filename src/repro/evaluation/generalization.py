@@ -1,4 +1,4 @@
-"""Does it travel: networks on experiments they were not trained on, and on sensors, poses and speeds they never saw."""
+"""Generalization under distribution shift: other experiments, sensor noise, pose noise, fields of view and speeds."""
 
 import copy
 import dataclasses
@@ -20,28 +20,28 @@ from repro.simulation.recorder import record_experiment
 
 Spec = dict[str, Any]
 Change = Callable[[Scans, float, np.random.Generator], Scans]
-FIELDS_OF_VIEW = (45, 60, 90, 120, 180)  # [deg], with the beams as dense as they were
-SPEEDS = (1, 2, 4)  # times as fast
-RAD_PER_M = 0.05  # noise of the heading that goes with noise of the position: at 20 m both shift a hit alike
+FIELDS_OF_VIEW = (45, 60, 90, 120, 180)  # [deg], at the original angular resolution
+SPEEDS = (1, 2, 4)  # multiples of the original speed
+RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
 
 
 def noisy_ranges(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
-    """Adds IR-SIM's own range noise: normal, to every hit; scans as arrays, `std_m` [m]."""
+    """Add normal noise to the range of every hit, as IR-SIM does; scans are NumPy arrays, `std_m` in meters."""
     noise = rng.normal(0, std_m, scans.ranges.shape)
     hit = np.isfinite(scans.ranges)
     return dataclasses.replace(scans, ranges=np.where(hit, (scans.ranges + noise).clip(0), scans.ranges))
 
 
 def noisy_poses(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
-    """Adds normal noise to every pose, `std_m` [m] to x and y and 0.05 rad per metre of it to the heading."""
+    """Add normal noise to every pose: `std_m` [m] to x and y, 0.05 rad per meter of `std_m` to the heading."""
     noise = rng.normal(0, std_m, scans.poses.shape) * [1, 1, RAD_PER_M]
     return dataclasses.replace(scans, poses=scans.poses + noise)
 
 
 def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans:
-    """Loses a share of all readings at random, as if those beams had hit nothing."""
-    lost = rng.random(scans.ranges.shape) < share
-    return dataclasses.replace(scans, ranges=np.where(lost, np.inf, scans.ranges))
+    """Drop a random share of all readings; dropped beams become misses."""
+    dropped = rng.random(scans.ranges.shape) < share
+    return dataclasses.replace(scans, ranges=np.where(dropped, np.inf, scans.ranges))
 
 
 CHANGES: dict[str, tuple[Change, tuple[float, ...]]] = {
@@ -52,16 +52,16 @@ CHANGES: dict[str, tuple[Change, tuple[float, ...]]] = {
 
 
 def with_field_of_view(spec: Spec, degrees: float) -> Spec:
-    """Gives the lidar of a spec another field of view [deg], its beams as dense as before."""
+    """Return a spec with another field of view of the lidar [deg] at the same angular resolution."""
     changed = copy.deepcopy(spec)
     lidar = changed["robot"]["sensors"][0]
-    wider = math.radians(degrees) / lidar["angle_range"]
-    lidar |= {"angle_range": math.radians(degrees), "number": round(lidar["number"] * wider)}
+    factor = math.radians(degrees) / lidar["angle_range"]
+    lidar |= {"angle_range": math.radians(degrees), "number": round(lidar["number"] * factor)}
     return changed
 
 
 def with_speed(spec: Spec, times: float) -> Spec:
-    """Makes the obstacles of a spec so many times as fast."""
+    """Return a spec with the speed of the obstacles multiplied by `times`."""
     changed = copy.deepcopy(spec)
     behavior = changed["obstacles"]["behavior"]
     behavior["speed_m_s"] = [times * speed for speed in behavior["speed_m_s"]]
@@ -69,42 +69,42 @@ def with_speed(spec: Spec, times: float) -> Spec:
 
 
 def across_experiments(predictors: Mapping[str, Predictor], recordings: Mapping[str, Path]) -> pd.DataFrame:
-    """Tests the network of each experiment on the test recordings of every experiment.
+    """Test the network of each experiment on the test recordings of every experiment.
 
     Args:
-        predictors: a trained network of each experiment.
-        recordings: the recorded experiments.
+        predictors: a trained network by experiment.
+        recordings: directory of the recordings by experiment.
 
     Returns:
-        shift (`experiment`), trained, tested, metric, value, low, high.
+        rows of shift (`experiment`), trained, tested, metric, value, low, high.
     """
     rows = []
     for tested, directory in recordings.items():
         test = load_recorded(directory, "test", next(iter(predictors.values())).grid)
         for trained, predictor in predictors.items():
-            found = score(predictor, test.scans, test)
-            rows.append(found.assign(shift="experiment", trained=trained, tested=tested))
+            scored = score(predictor, test.scans, test)
+            rows.append(scored.assign(shift="experiment", trained=trained, tested=tested))
     return pd.concat(rows, ignore_index=True)
 
 
 def under_changes(predictor: Predictor, experiment: str, spec: Spec, directory: Path, pairs: int) -> pd.DataFrame:
-    """Tests a network on worlds of its own experiment, sensed or moving otherwise than it has learned.
+    """Test a network on its own experiment under changed sensing or obstacle speed.
 
     Args:
         predictor: the network.
         experiment: the experiment it was trained on.
-        spec: the worlds of that experiment; those of a changed one are its test worlds, seed by seed.
-        directory: where changed worlds are recorded.
-        pairs: how many recordings of each.
+        spec: the world spec of that experiment; changed recordings use the same test worlds and seeds.
+        directory: directory for the changed recordings.
+        pairs: number of recordings per change.
 
     Returns:
-        shift (the change), trained, tested (how much of it), metric, value, low, high.
+        rows of shift (kind of change), trained, tested (amount of change), metric, value, low, high.
     """
     rows = []
 
     def add(shift: str, amount: float, scans: Scans, test: Recorded) -> None:
-        found = score(predictor, scans, test)
-        rows.append(found.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
+        scored = score(predictor, scans, test)
+        rows.append(scored.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
 
     def record(name: str, changed: Spec) -> Recorded:
         record_experiment(directory / name, changed, {"test": pairs})
@@ -125,7 +125,7 @@ def under_changes(predictor: Predictor, experiment: str, spec: Spec, directory: 
 
 
 def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:
-    """Predicts scans and compares with the true maps of their recordings: metric, value, low, high."""
+    """Compare the prediction of scans with the true maps of their recordings; rows of metric, value, low, high."""
     free = predictor.predict(scans)
     quantized = (free * 255).round().numpy().astype(np.uint8)
     counts = by_world(count_quantized(quantized, test.maps[:, 0].numpy()))[:, 0]

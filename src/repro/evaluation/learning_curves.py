@@ -1,12 +1,13 @@
-"""Learning curves: what more pairs and more pixels would give, from what fewer gave.
+"""Learning curves: extrapolation of the metrics to more training pairs and higher resolution.
 
-Of every metric m, for n training pairs and maps of p x p pixels,
+Every metric m for n training pairs and maps of p x p pixels follows
 
     1 - m(n, p) = c + a (n / 1000)^-alpha + b (p / 64)^-beta        with a, b, c >= 0,
 
-a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017) with a, b, c of each
-experiment, with and without decay, and exponents that all share. With fewer than three resolutions there is no term of
-p, and nothing is said of others. For given exponents the rest is a least-squares problem: only they are searched.
+a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017). Each curve (an
+experiment with or without decay) has its own a, b and c; all curves share the exponents. With fewer than three
+resolutions the law has no term in p and applies to the measured resolution only. Only the exponents need a search; for
+given exponents, a, b and c solve a non-negative least-squares problem.
 """
 
 from dataclasses import dataclass
@@ -22,20 +23,20 @@ from repro.runs.directories import Outputs, Run
 
 METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
 CURVE = ["experiment", "encoding"]
-FITTED = "short"  # the schedule of the fitted points: mirrored, averaged; "stated" keeps to what the paper states
+FITTED = "short"  # schedule of the fitted points: flip augmentation and EMA; "stated" is the schedule of the paper
 DRAWS = 200
-EXPONENTS = (0.02, 3.0)  # between which they are searched
+EXPONENTS = (0.02, 3.0)  # search interval
 
 
 def read_points(directories: list[Outputs]) -> pd.DataFrame:
-    """Reads the evaluated U-Nets with the paper's input, whatever their pairs and pixels.
+    """Read all evaluated U-Nets with the paper's input, for any number of pairs and any resolution.
 
     Args:
         directories: outputs directories.
 
     Returns:
-        a row a run: experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics, training_seconds,
-        recordings and commit, where it came from.
+        one row per run: experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics,
+        training_seconds, recordings (their hash) and commit of the training.
     """
     runs = [run for outputs in directories for run in outputs.runs() if run.is_evaluated]
     rows = [_row(run) for run in runs if run.config().model.name == "unet"]
@@ -63,24 +64,24 @@ def _row(run: Run) -> dict[str, Any] | None:
 
 @dataclass(frozen=True)
 class Law:
-    """A fitted law: exponents, and c, a and b of each curve, (curves, 3); b is zero where one resolution was fitted."""
+    """A fitted law: exponents, and c, a and b of each curve, (curves, 3); b is zero for a single resolution."""
 
     alpha: float
     beta: float
     factors: np.ndarray
 
     def __call__(self, curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray) -> np.ndarray:
-        """Gives the metric of some curves (by number) for some pairs and pixels, all (K,)."""
+        """Return the metric of curves, given by index, for pairs and resolutions, all (K,)."""
         return 1 - (self.factors[curve] * _terms(self.alpha, self.beta, pairs, size_px)).sum(1)
 
 
 def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np.ndarray) -> Law:
-    """Fits the law to points, all (K,).
+    """Fit the law to points, all (K,).
 
     Args:
-        curve: the number of each point's curve, from 0.
-        pairs: training pairs.
-        size_px: pixels along a side.
+        curve: index of each point's curve, from 0.
+        pairs: number of training pairs.
+        size_px: side of the map [px].
         value: the metric.
 
     Raises:
@@ -93,8 +94,8 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
         terms = _terms(exponents[0], exponents[1], pairs, size_px)
         if len(np.unique(size_px)) == 1:
             terms[:, 2] = 0
-        found = [nnls(terms[curve == k], 1 - value[curve == k]) for k in range(curve.max() + 1)]
-        return sum(rest**2 for _, rest in found), np.stack([factors for factors, _ in found])
+        solutions = [nnls(terms[curve == k], 1 - value[curve == k]) for k in range(curve.max() + 1)]
+        return sum(rest**2 for _, rest in solutions), np.stack([factors for factors, _ in solutions])
 
     best = minimize(
         lambda x: solve(np.clip(x, *EXPONENTS))[0], (0.5, 1.0), method="Nelder-Mead", options={"xatol": 1e-3}
@@ -104,17 +105,18 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
 
 
 def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -> pd.DataFrame:
-    """Extrapolates the metrics at paper scale, and those of the largest point of each curve from the others.
+    """Extrapolate the metrics to paper scale, and to the held-out (largest) point of each curve from its other points.
 
     Args:
-        points: see `read_points`; those of the short schedule are fitted, seeds averaged.
-        pairs: training pairs to extrapolate.
-        size_px: resolution to extrapolate. An exponent needs three resolutions; with fewer, the one with most points is
-            taken by itself, and nothing is said of others.
+        points: see `read_points`; the fit uses the points of the short schedule, averaged over seeds.
+        pairs: number of training pairs to extrapolate to.
+        size_px: resolution to extrapolate to [px]. The exponent of the resolution needs three resolutions; with fewer,
+            only the resolution with most points is fitted and this argument is ignored.
 
     Returns:
         experiment, encoding, metric, target (`paper scale` or `held-out point`), pairs, size_px, value with low and
-        high (95 %, residuals drawn as normal noise and refitted), alpha, beta, and `measured` for a held-out point.
+        high (95 %, by a parametric bootstrap with normal residuals), alpha, beta, and `measured` for a held-out point.
+        Empty if no curve has four points.
     """
     keys = [*CURVE, "pairs", "size_px"]
     means = points[points["schedule"] == FITTED].groupby(keys, as_index=False)[list(METRICS)].mean()
@@ -123,38 +125,39 @@ def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -
     means = means.groupby(CURVE).filter(lambda rows: len(rows) >= 4)
     if means.empty:
         return pd.DataFrame()
-    means = means.sort_values(["encoding", "experiment"], kind="stable")  # as the tables
+    means = means.sort_values(["encoding", "experiment"], kind="stable")  # the order of the tables
     sizes = means["size_px"].unique()
     size_px = size_px if len(sizes) > 1 else int(sizes[0])
     largest = (means["pairs"] * means["size_px"] ** 2).groupby([means[key] for key in CURVE], sort=False).idxmax()
-    held, rest = means.loc[largest], means.drop(largest)
-    aims = held.assign(pairs=pairs, size_px=size_px)
+    held_out, others = means.loc[largest], means.drop(largest)
+    aims = held_out.assign(pairs=pairs, size_px=size_px)
     frames = []
     for metric in METRICS:
         frames.append(_extrapolated(means, aims, metric).assign(target="paper scale"))
-        left_out = _extrapolated(rest, held, metric).assign(target="held-out point", measured=held[metric].to_numpy())
-        frames.append(left_out)
+        predicted = _extrapolated(others, held_out, metric)
+        frames.append(predicted.assign(target="held-out point", measured=held_out[metric].to_numpy()))
     return pd.concat(frames, ignore_index=True)
 
 
 def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str, seed: int = 0) -> pd.DataFrame:
-    names = list(dict.fromkeys(zip(means["experiment"], means["decay"], strict=True)))
+    """Fit the law to the points of one metric and extrapolate it to `aims`, with intervals."""
+    names = list(dict.fromkeys(zip(means["experiment"], means["encoding"], strict=True)))
 
-    def places(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        curve = [names.index(name) for name in zip(rows["experiment"], rows["decay"], strict=True)]
+    def coordinates(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        curve = [names.index(name) for name in zip(rows["experiment"], rows["encoding"], strict=True)]
         return np.array(curve), rows["pairs"].to_numpy(float), rows["size_px"].to_numpy(float)
 
-    at, value, aim = places(means), means[metric].to_numpy(), places(aims)
+    at, value, aim = coordinates(means), means[metric].to_numpy(), coordinates(aims)
     law = fit_law(*at, value)
-    rest = value - law(*at)
+    residuals = value - law(*at)
     free = max(len(value) - np.count_nonzero(law.factors) - 2, 1)
-    noise = np.random.default_rng(seed).normal(0, np.sqrt((rest**2).sum() / free), (DRAWS, len(value)))
+    noise = np.random.default_rng(seed).normal(0, np.sqrt((residuals**2).sum() / free), (DRAWS, len(value)))
     drawn = np.stack([law(*aim), *(fit_law(*at, law(*at) + each)(*aim) for each in noise)])
     low, high = bounds(drawn)
-    found = aims[[*CURVE, "pairs", "size_px"]].reset_index(drop=True)
-    return found.assign(metric=metric, value=drawn[0], low=low, high=high, alpha=law.alpha, beta=law.beta)
+    table = aims[[*CURVE, "pairs", "size_px"]].reset_index(drop=True)
+    return table.assign(metric=metric, value=drawn[0], low=low, high=high, alpha=law.alpha, beta=law.beta)
 
 
 def _terms(alpha: float, beta: float, pairs: np.ndarray, size_px: np.ndarray) -> np.ndarray:
-    """1, (n / 1000)^-alpha and (p / 64)^-beta, (K, 3)."""
+    """Compute 1, (n / 1000)^-alpha and (p / 64)^-beta, (K, 3)."""
     return np.stack([np.ones_like(pairs, float), (pairs / 1000) ** -alpha, (size_px / 64) ** -beta], axis=1)

@@ -1,7 +1,7 @@
-"""Where and when: how long ago each pixel was seen and each obstacle hit, from a recording alone.
+"""Recency: time since each pixel was last seen and each obstacle last hit, computed from the recording.
 
-An age is counted in steps back from the last: 1 is the last step itself. A pixel that was in the field of view and
-always hidden is `occluded`, one that never was in it `never in view`.
+Ages count steps back from the end of the recording; the last step has age 1. A pixel inside the field of view that was
+always hidden is `occluded`; a pixel that was never inside the field of view is `never in view`.
 """
 
 import numpy as np
@@ -13,11 +13,11 @@ from repro.maps.visibility import newest_in_view, newest_visible
 from repro.recordings.format import ShardContent
 from repro.scans import Scans
 
-BIN = 5  # steps in a bin of ages
-BINS = 20  # the last takes in all that is older
+BIN = 5  # steps per age bin
+BINS = 20  # the last bin includes all older ages
 OCCLUDED, NEVER_IN_VIEW = BINS, BINS + 1
 GROUPS = BINS + 2
-RECENCY = {  # names of what is reported together, and the groups in it
+RECENCY = {  # reported time since last seen [steps], and the groups of pixels in it
     "1-10": range(0, 2),
     "11-25": range(2, 5),
     "26-50": range(5, 10),
@@ -25,23 +25,23 @@ RECENCY = {  # names of what is reported together, and the groups in it
     "occluded": range(OCCLUDED, OCCLUDED + 1),
     "never in view": range(NEVER_IN_VIEW, NEVER_IN_VIEW + 1),
 }
-TOUCH_M = 0.02  # ranges are kept as float32; a hit lies no farther from its obstacle than this
+TOUCH_M = 0.02  # largest distance of a hit from its obstacle; ranges are stored as float32
 
 
 def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
-    """Says of every pixel when it was last visible.
+    """Group the pixels by the time since they were last visible.
 
     Args:
         scans: windows of scans, (B, T, N).
-        grid: where the pixels are.
-        range_max_m: how far a beam reaches that hits nothing [m].
+        grid: the grid of the pixels.
+        range_max_m: length of a beam without a hit [m].
 
     Returns:
-        the group of each pixel, uint8, (B, H, W): 0 for ages of 1 to 5 steps, 1 for 6 to 10, ... 19 for 96 and
-        more, 20 for occluded, 21 for out of range. `RECENCY` names which are reported together.
+        the group of each pixel, uint8, (B, H, W): 0 for ages of 1 to 5 steps, 1 for 6 to 10, ..., 19 for 96 and more,
+        20 for occluded, 21 for never in view. `RECENCY` combines the groups for reports.
     """
     windows = scans.tensors()
-    half = grid.resolution_m / 2  # a surface that was hit is visible
+    half = grid.resolution_m / 2  # the margin makes a hit surface visible
     visible = newest_visible(windows, grid, range_max_m, margin_m=half).numpy()
     in_view = newest_in_view(windows, grid, range_max_m).numpy()
     group = age_bin(windows.ranges.shape[1] - visible + 1)
@@ -49,18 +49,19 @@ def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
 
 
 def age_bin(age: np.ndarray) -> np.ndarray:
-    """Gives the bin of an age in steps, 1 for the last step: 0 for 1 to 5, and so on."""
+    """Return the bin of ages in steps, which start at 1: bin 0 for ages 1 to 5, and so on."""
     return np.minimum((age - 1) // BIN, BINS - 1)
 
 
 def newest_hits_of_obstacles(shard: ShardContent) -> np.ndarray:
-    """Finds the newest step at which each obstacle was hit, in each of the two recordings of its world.
+    """Compute the newest step at which each obstacle was hit, in both recordings of its world.
 
     Args:
-        shard: recordings of R / 2 worlds with K obstacles in all.
+        shard: recordings of R / 2 worlds with K obstacles in total.
 
     Returns:
-        the step, counted from 1, 0 for never, (2, K): counter-clockwise, clockwise.
+        the step, counted from 1, or 0 for never, (2, K); the first row is the counter-clockwise twin, the second the
+        clockwise twin.
     """
     windows = shard.scans.tensors(dtype=torch.float64)
     heading = windows.poses[..., 2:] + windows.angles
@@ -77,7 +78,7 @@ def newest_hits_of_obstacles(shard: ShardContent) -> np.ndarray:
 
 
 def _steps_touching(points: torch.Tensor, hit: torch.Tensor, outline: torch.Tensor, states: torch.Tensor) -> np.ndarray:
-    """Finds the steps at which any of the points (T, N, 2) lies on or in an obstacle with states (T, 3)."""
+    """Return the steps at which any of the points (T, N, 2) is on or inside an obstacle with states (T, 3)."""
     offset = points - states[:, None, :2]
     near = hit & (offset.square().sum(-1) <= (outline.square().sum(-1).max().sqrt() + TOUCH_M) ** 2)
     step, beam = torch.nonzero(near, as_tuple=True)
@@ -92,7 +93,7 @@ def _steps_touching(points: torch.Tensor, hit: torch.Tensor, outline: torch.Tens
 
 
 def obstacle_masks(shard: ShardContent, grid: Grid) -> np.ndarray:
-    """Draws each obstacle by itself at the last step, bool, (K, H, W)."""
+    """Draw each single obstacle at the last step, bool, (K, H, W)."""
     outlines, states = torch.as_tensor(shard.outlines), torch.as_tensor(shard.states[:, -1])
     number = len(shard.world)
     return rasterize(outlines, states, torch.arange(number), number, grid).numpy() == 0

@@ -1,4 +1,4 @@
-"""Test recordings with what every network makes of them, small enough for a page: gray PNGs as base64."""
+"""Test recordings with the predictions of every run, as gray PNGs in base64 for the HTML report."""
 
 import base64
 import io
@@ -17,17 +17,17 @@ Sample = dict[str, Any]
 
 
 def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int = 8) -> list[Sample]:
-    """Reads the first recordings of the test split, one of each world, with the inputs and predictions of some runs.
+    """Read the first recordings of the test split, one per world, with the inputs and predictions of some runs.
 
     Args:
         outputs: the outputs directory.
         experiment: the experiment.
-        runs: evaluated runs of it.
-        count: how many recordings, at most those of the first shard.
+        runs: evaluated runs of the experiment.
+        count: number of recordings; limited to those of the first shard.
 
     Returns:
-        for each: `index`, its number in the split; `truth`, the true map; `inputs`, the image of each encoding by its
-        variant; `predictions`, the probability of free by each run's place. Images are PNG in base64.
+        for each recording: `index`, its index in the split; `truth`, the true map; `inputs`, the image of each encoding
+        by its label; `predictions`, the probability of free by the path of each run. Images are PNG in base64.
     """
     shard = next(read_shards(outputs.recordings(experiment), "test"))
     chosen = np.arange(0, len(shard.scans), 2)[:count]
@@ -52,7 +52,7 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int 
 
 
 def png(gray: np.ndarray) -> str:
-    """Writes a gray image (H, W), uint8, as PNG in base64."""
+    """Encode a gray image (H, W), uint8, as PNG in base64."""
     buffer = io.BytesIO()
     Image.fromarray(gray).save(buffer, format="PNG", optimize=True)
     return base64.b64encode(buffer.getvalue()).decode()

@@ -1,4 +1,4 @@
-"""The time limit of a process, shared by its trainings."""
+"""Time limit of a process, shared by its trainings."""
 
 import time
 from dataclasses import dataclass, field
@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Budget:
-    """A time limit shared by the trainings of one process, which always trains at least one epoch.
+    """A time limit shared by the trainings of one process, which trains at least one epoch in any case.
 
     Args:
-        minutes: the limit, from the creation of the budget; None is no limit.
-        since: when the budget was created, by `time.monotonic` [s].
-        epochs: epochs trained so far.
+        minutes: the limit, counted from the creation of the budget [min]; None is no limit.
+        since: time of creation by `time.monotonic` [s].
+        epochs: number of epochs trained so far.
     """
 
     minutes: float | None

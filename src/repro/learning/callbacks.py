@@ -1,4 +1,4 @@
-"""What a training does at the end of every epoch: note it, say what slows it, stop early or because time is up."""
+"""Callbacks at the end of every epoch: history, early stopping, time limit, weight averaging, CPU contention."""
 
 import math
 import os
@@ -17,7 +17,7 @@ from repro.system.files import write_text
 
 
 class History(Callback):
-    """One row an epoch in history.csv, kept in the checkpoint so that a resumed run has them all."""
+    """One row per epoch in history.csv; checkpoints keep the rows, so that a resumed run has the complete history."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -49,7 +49,7 @@ class History(Callback):
 
 
 class Stop(EarlyStopping):
-    """Early stopping that remembers, after a resume, that it had already stopped; and the time budget."""
+    """Early stopping that keeps its decision across a resume, and the time limit of the process."""
 
     def __init__(self, budget: Budget | None, **options: Any) -> None:
         super().__init__("val_loss", check_on_train_epoch_end=True, **options)
@@ -68,18 +68,19 @@ class Stop(EarlyStopping):
 
 
 class CPUContention(Callback):
-    """Says once when other work takes the cores from a training of several threads, which then wait for one another.
+    """One message per training when other processes slow down a training on several threads.
 
-    It does when the process gets little of its threads' time though no core is free; where cores are free, the threads
-    had nothing to do.
+    Two conditions hold at the same time: the process used much less CPU time than its threads had available, and more
+    processes want to run than the machine has cores. With free cores, low CPU time only means that the threads had no
+    work.
     """
 
-    LEAST_SECONDS = 5.0  # a shorter epoch tells nothing
-    LEAST_SHARE = 0.75  # of its threads' time, that the process must get
+    LEAST_SECONDS = 5.0  # a shorter epoch is too short to measure
+    LEAST_SHARE = 0.75  # share of the available CPU time below which the training counts as slowed down
 
     def __init__(self) -> None:
         self.since = time.monotonic(), time.process_time()
-        self.said = False
+        self.is_reported = False
 
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         self.since = time.monotonic(), time.process_time()
@@ -88,21 +89,21 @@ class CPUContention(Callback):
         threads = torch.get_num_threads()
         seconds, used = time.monotonic() - self.since[0], time.process_time() - self.since[1]
         share = used / (seconds * threads)
-        crowded = os.getloadavg()[0] > (os.cpu_count() or 1)  # more to run, of the last minute, than cores
+        overloaded = os.getloadavg()[0] > (os.cpu_count() or 1)  # runnable processes, averaged over a minute
         slowed = threads > 1 and seconds > self.LEAST_SECONDS and share < self.LEAST_SHARE
-        if crowded and slowed and not self.said:
+        if overloaded and slowed and not self.is_reported:
             print(
-                f"note: other work on this machine leaves this training {share:.0%} of the time of its {threads} "
-                "threads, and they wait for one another: begun with OMP_NUM_THREADS=1 it is faster beside that work",
+                f"note: CPU contention: this training gets {share:.0%} of the time of its {threads} threads, which "
+                "wait for one another. With OMP_NUM_THREADS=1 it is faster beside other work",
                 flush=True,
             )
-            self.said = True
+            self.is_reported = True
 
 
 def exponential_moving_average(decay: float) -> WeightAveraging:
-    """Creates a moving average of the weights, updated every step, which is what is validated and kept.
+    """Create the exponential moving average (EMA) of the weights, updated every step; it is validated and saved.
 
     Args:
-        decay: share of the average that stays at every step.
+        decay: factor of the previous average in every update.
     """
     return WeightAveraging(multi_avg_fn=get_ema_multi_avg_fn(decay))

@@ -1,4 +1,4 @@
-"""Checkpoints that survive: written whole, the one before kept, a damaged one passed over with a word."""
+"""Checkpoints that survive interruptions: atomic writes, one previous version, checksums verified before a resume."""
 
 import io
 import os
@@ -14,7 +14,7 @@ from repro.system.files import replacing
 
 
 class WholeCheckpointIO(TorchCheckpointIO):
-    """Writes a checkpoint beside its place and moves it there; what stood there before becomes <name>.before."""
+    """Checkpoint writer that replaces a file atomically and keeps the previous version as <name>.before."""
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
         content = io.BytesIO()
@@ -28,43 +28,43 @@ class WholeCheckpointIO(TorchCheckpointIO):
 
 
 def resume_from(directory: Path) -> Path | None:
-    """Finds the checkpoint to go on from, the last or the one before; None when the training must begin anew.
+    """Return the checkpoint to resume from, the last or the previous one, or None to restart the training.
 
-    A training that goes on must find its best weights too; where they are damaged it begins anew, which ends with the
-    same numbers.
+    A resume also needs intact best weights. Without them the checkpoints are deleted and the training restarts; a
+    restarted training ends with the same numbers.
 
     Args:
-        directory: the checkpoints of a run.
+        directory: directory with the checkpoints of a run.
     """
     candidates = [path for path in (directory / "last.ckpt", _before(directory / "last.ckpt")) if path.is_file()]
-    found = next((path for path in candidates if _is_whole(path)), None)
-    if found and find_best(directory):
-        return found
+    intact = next((path for path in candidates if _is_intact(path)), None)
+    if intact and find_best(directory):
+        return intact
     if candidates:
-        print(f"no whole checkpoint in {directory}: the training begins anew", flush=True)
+        print(f"no intact checkpoint in {directory}: the training restarts", flush=True)
         shutil.rmtree(directory)
     return None
 
 
 def find_best(directory: Path) -> Path | None:
-    """Finds the best weights; the file before only where a process was killed between moving the two."""
+    """Return the checkpoint of the best weights; the previous one if a process was killed between the two renames."""
     best = directory / "best.ckpt"
     if not best.is_file() and _before(best).is_file():
         best = _before(best)
-    return best if best.is_file() and _is_whole(best) else None
+    return best if best.is_file() and _is_intact(best) else None
 
 
 def _before(path: Path) -> Path:
     return path.with_name(path.name + ".before")
 
 
-def _is_whole(path: Path) -> bool:
-    """Checks a checkpoint, a zip archive, against the checksums it carries; says so where it is damaged."""
+def _is_intact(path: Path) -> bool:
+    """Check a checkpoint, a zip archive, against the checksums in it; print a message if it is damaged."""
     try:
         with zipfile.ZipFile(path) as archive:
             damaged = archive.testzip()
     except (zipfile.BadZipFile, OSError, EOFError, ValueError) as error:
         damaged = str(error)
     if damaged:
-        print(f"passing over the damaged checkpoint {path} ({damaged})", flush=True)
+        print(f"skipping the damaged checkpoint {path} ({damaged})", flush=True)
     return not damaged

@@ -10,8 +10,8 @@ from repro.learning.losses import MapLoss
 from repro.networks.create import create_network
 from repro.system.devices import clock, resolve_device, resolve_precision
 
-USUAL_EPOCHS = 20  # after which early stopping has usually ended a training
-RECORDING_SECONDS = 0.012  # per recording, with two workers that start first
+USUAL_EPOCHS = 20  # early stopping usually ends a training by then
+RECORDING_SECONDS = 0.012  # per recording with two workers, start-up included
 EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
 ANALYSIS_SECONDS = 3.0  # per evaluated run
 
@@ -37,14 +37,14 @@ def seconds_per_image(model: Model, size_px: int, batch_size: int, precision: st
 def plan_study(
     scale: Scale, precision: str, recordings: int, trainings: Mapping[str, int], evaluations: int
 ) -> Iterator[str]:
-    """Yield what is left of the study and its estimated time, line by line as it is measured.
+    """Yield the remaining work of the study and its estimated duration, line by line as it is measured.
 
     Args:
         scale: the scale.
         precision: see `devices.resolve_precision`.
-        recordings: recordings left.
-        trainings: trainings left of each of the paper's networks.
-        evaluations: runs left to evaluate.
+        recordings: number of remaining recordings.
+        trainings: number of remaining trainings of each of the paper's networks.
+        evaluations: number of remaining runs to evaluate.
     """
     total = recordings * RECORDING_SECONDS
     yield f"  {recordings} recordings: {readable(total)}" if recordings else "  recordings: done"
@@ -68,7 +68,7 @@ def plan_study(
 def training_seconds(model: Model, scale: Scale, precision: str) -> float:
     """Estimate the duration of a training on this machine from a few steps [s]."""
     device = resolve_device()
-    quick = device == "cuda" or scale.size_px <= 64  # else a smaller batch is enough to measure a CPU
+    quick = device == "cuda" or scale.size_px <= 64  # a smaller batch suffices on a CPU at high resolution
     batch_size, steps = (scale.batch_size, 8) if quick else (4, 2)
     precision = resolve_precision(precision, device)
     return seconds_per_image(model, scale.size_px, batch_size, precision, steps) * scale.pairs.train * _epochs(scale)

@@ -1,9 +1,10 @@
-"""A network as it trains fastest: the same modules and weights, computed by better kernels.
+"""Faster kernels for training: the same modules, weights and results.
 
-Channels last on every device. On a CPU two modules of the paper's networks meet kernels of PyTorch (2.15) that take 4
-to 13 times as long in bfloat16 as they need: the gradient of a depthwise convolution on a map of less than 3 x 3 pixels
-(mit_b0's last stage at 64 px; a tenth of a training step of U-Net, FPN and Segformer) and group normalisation with the
-channels last (FPN's decoder; a twentieth). What is computed stays, and so do the names of the weights.
+All devices use the channels-last memory format. On a CPU, two operations of the paper's networks use slow PyTorch
+kernels (2.15), 4 to 13 times slower in bfloat16 than necessary: the gradient of a depthwise convolution on a map
+smaller than 3 x 3 pixels (last stage of mit_b0 at 64 px; a tenth of a training step of U-Net, FPN and Segformer), and
+group normalization in the channels-last format (decoder of FPN; a twentieth). The replacements compute the same
+function and keep the names of the weights.
 """
 
 import torch
@@ -12,10 +13,10 @@ from torch.nn import functional as F
 
 
 class DepthwiseConv2d(nn.Conv2d):
-    """A depthwise convolution that widens maps smaller than its kernel by zeros, which it would see there anyway."""
+    """A depthwise convolution that pads maps smaller than its kernel with zeros, which equals its own zero padding."""
 
     def forward(self, images: Tensor) -> Tensor:
-        """Convolves images (B, C, H, W)."""
+        """Return the convolved images, (B, C, H, W)."""
         height, width = images.shape[-2:]
         below, right = (max(0, kernel - size) for kernel, size in zip(self.kernel_size, (height, width), strict=True))
         if not (below or right):
@@ -24,15 +25,15 @@ class DepthwiseConv2d(nn.Conv2d):
 
 
 class FloatGroupNorm(nn.GroupNorm):
-    """Group normalisation in the type of its weights, float32, as CUDA's autocast has it."""
+    """Group normalization in float32, the type of its weights, as in CUDA's autocast."""
 
     def forward(self, images: Tensor) -> Tensor:
-        """Normalises images (B, C, H, W) of any type."""
+        """Return the normalized images, (B, C, H, W), in the type of the input."""
         return super().forward(images.to(self.weight.dtype)).to(images.dtype)
 
 
 def accelerate(network: nn.Module, device: str) -> None:
-    """Makes a network train faster on a device, in place; what it computes and its weights' names stay.
+    """Replace slow modules of a network in place; its function and the names of its weights stay the same.
 
     Args:
         network: any network.
@@ -47,6 +48,6 @@ def accelerate(network: nn.Module, device: str) -> None:
 
 
 def _is_depthwise(conv: nn.Conv2d) -> bool:
-    """Says whether each channel is convolved by itself with a 3 x 3 kernel, to a map as large as before."""
+    """Return whether a convolution is depthwise, 3 x 3, with stride 1 and an output as large as its input."""
     shape = (conv.kernel_size, conv.stride, conv.padding, conv.dilation, conv.padding_mode)
     return 1 < conv.groups == conv.in_channels and shape == ((3, 3), (1, 1), (1, 1), (1, 1), "zeros")

@@ -4,8 +4,8 @@ r"""The training loss of the paper: binary cross-entropy plus Dice.
     L_BCE = -1/N \sum_i [g_i log p_i + (1 - g_i) log(1 - p_i)]                      (Eq. 1)
     L_Dice = 1 - 2 \sum_i p_i g_i / (\sum_i p_i^2 + \sum_i g_i^2 + eps)             (Eq. 2)
 
-The sums run over all N pixels of the batch. Not to be confused with smp's `DiceLoss`, source denominator has
-no squares.
+The sums run over all N pixels of the batch. The `DiceLoss` of segmentation_models_pytorch is a different loss: its
+denominator has no squares.
 """
 
 import torch
@@ -14,24 +14,24 @@ from torch.nn import functional as F
 
 
 def bce_loss(logits: Tensor, target: Tensor) -> Tensor:
-    """Computes binary cross-entropy, Eq. 1; p = sigmoid(logits) and g = target of any one shape."""
+    """Compute the binary cross-entropy, Eq. 1; p = sigmoid(logits) and g = target have the same shape."""
     return F.binary_cross_entropy_with_logits(logits, target)
 
 
 def dice_loss(logits: Tensor, target: Tensor, eps: float = 1e-6) -> Tensor:
-    """Computes the Dice loss with squares in the denominator, Eq. 2; p = sigmoid(logits), g = target, of one shape."""
+    """Compute the Dice loss with squares in the denominator, Eq. 2; p = sigmoid(logits), g = target, same shape."""
     p = torch.sigmoid(logits)
     return 1 - 2 * (p * target).sum() / (p.square().sum() + target.square().sum() + eps)
 
 
 class MapLoss(nn.Module):
-    """The sum of both, Eq. 3. The value of eps is not stated: DEVIATIONS D8."""
+    """The sum of both losses, Eq. 3. The paper does not state the value of eps: DEVIATIONS D8."""
 
     def __init__(self, eps: float = 1e-6) -> None:
         super().__init__()
         self.eps = eps
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
-        """Computes the loss of logits (B, 1, H, W) against maps (B, 1, H, W) with 1 = free; computed in float32."""
+        """Compute the loss of logits (B, 1, H, W) against true maps (B, 1, H, W) with 1 = free, in float32."""
         logits, target = logits.float(), target.float()
         return bce_loss(logits, target) + dice_loss(logits, target, self.eps)

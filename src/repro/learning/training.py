@@ -1,9 +1,8 @@
-"""Trains one network in its run directory: `config.yaml` in; weights, history and provenance out.
+"""Training of one network in its run directory: `config.yaml` in; weights, history and provenance out.
 
-The data lives in memory as uint8 images, on the GPU where there is one, and is gathered and cast per batch.
-Order, dropout and everything else random of an epoch follow from the seed and the epoch's number alone, and a
-checkpoint is written at every epoch's end, so that a run killed at any moment and started again ends with the
-same numbers as one that never was.
+The data stays in memory as uint8 images, on the GPU if there is one, and is gathered and cast per batch. The order of
+the samples, dropout and all other randomness of an epoch depend only on the seed and the number of the epoch, and a
+checkpoint is written at the end of every epoch. Interrupted runs therefore resume bit-identically.
 
 Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and patience 5.
 """
@@ -37,7 +36,7 @@ from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, r
 
 
 class TrainingModule(L.LightningModule):
-    """A network with its data, loss and optimiser."""
+    """A network with its data, loss and optimizer."""
 
     def __init__(self, network: Network, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
         super().__init__()
@@ -73,15 +72,15 @@ class TrainingModule(L.LightningModule):
         self.log("val_loss", self._batch_loss(batch), batch_size=len(batch[0]))
 
     def train_loss(self) -> Tensor:
-        """Computes the mean loss of the epoch's steps; looked at once an epoch, so that a GPU never waits.
+        """Compute the mean loss over the steps of the epoch; read once per epoch, so that a GPU never waits for it.
 
         Raises:
             FloatingPointError: a loss is not finite.
         """
         losses = torch.stack(self.step_losses)
-        broken = (~torch.isfinite(losses)).nonzero()
-        if len(broken):
-            batch = int(broken[0, 0])
+        not_finite = (~torch.isfinite(losses)).nonzero()
+        if len(not_finite):
+            batch = int(not_finite[0, 0])
             raise FloatingPointError(f"the loss is {losses[batch]} at epoch {self.current_epoch}, batch {batch}")
         return losses.mean()
 
@@ -102,21 +101,23 @@ def train(
     compile: bool = False,
     budget: Budget | None = None,
 ) -> Status:
-    """Trains the network of a run directory, from where it was left if it was.
+    """Train the network of a run directory, or resume its training.
 
     Args:
         run: a run directory with its config.yaml (`Run.prepare`).
         recordings: the recorded experiment to train on.
         accelerator: auto, cpu, gpu, see `devices.resolve_device`.
-        precision: Lightning's: 32-true, bf16-mixed; auto is bf16-mixed where it is native, else 32-true.
-        compile: whether to compile the network with torch.compile; where that fails it says so and goes on.
-        budget: time budget; when it is spent the run pauses at the end of an epoch. None is no limit.
+        precision: precision in Lightning's terms, 32-true or bf16-mixed; auto is bf16-mixed on devices with native
+            support and 32-true elsewhere.
+        compile: whether to compile the network with torch.compile; if this fails, training continues without it after
+            a message.
+        budget: time limit; when it is reached, the run pauses at the end of the epoch. None is no limit.
 
     Returns:
-        `trained` (or `evaluated`, where that is done already) or `paused`.
+        `trained` (`evaluated` if the run already is) or `paused`.
 
     Raises:
-        ValueError: the recordings are missing, broken or others than the run began with.
+        ValueError: the recordings are missing, damaged or differ from those the run started with.
         FloatingPointError: the loss is not finite; the run is marked failed.
     """
     with run.exclusive():
@@ -149,7 +150,7 @@ def train(
 
 
 def _training_module(recordings: Path, config: RunConfig, device: str) -> TrainingModule:
-    """Loads the data and creates the network that a run's configuration names."""
+    """Load the data and create the network of a run's configuration."""
     assert config.train is not None, "a baseline is not trained"
     assert config.seed is not None, "a baseline is not trained"
     train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
@@ -162,7 +163,7 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
 def _fit(
     run: Run, module: TrainingModule, config: RunConfig, device: str, precision: str, budget: Budget | None
 ) -> bool:
-    """Fits until early stopping, the last epoch or the budget; returns whether that was the end."""
+    """Train until early stopping, the last epoch or the time limit; return whether the training is finished."""
     settings = module.settings
     checkpoints = run.path / "checkpoints"
     history = History(run.path / "history.csv")
@@ -178,7 +179,7 @@ def _fit(
     trainer = _trainer(settings.max_epochs, device, precision, callbacks)
     try:
         trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=False)
-    except SystemExit:  # Lightning's answer to Ctrl-C
+    except SystemExit:  # Lightning raises it on Ctrl-C
         raise KeyboardInterrupt from None
     facts: dict[str, Any] = {
         "train_pairs": len(module.pairs["train"]),
@@ -194,7 +195,7 @@ def _fit(
 
 
 def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
-    """Creates a trainer that says nothing itself, checks nothing beforehand and writes checkpoints whole."""
+    """Create a trainer without messages and sanity checks, with atomic checkpoints."""
     quiet()
     return L.Trainer(
         max_epochs=max_epochs,
@@ -212,23 +213,23 @@ def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Cal
 
 
 def _keep_best(run: Run, module: TrainingModule, config: RunConfig) -> str:
-    """Saves the best weights with their encoding and grid; returns their checksum."""
+    """Save the best weights with their encoding and grid; return their checksum."""
     checkpoints = run.path / "checkpoints"
     best = find_best(checkpoints)
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
-        raise ValueError(f"the best weights in {checkpoints} are damaged: the same command trains the run anew")
+        raise ValueError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=False)["state_dict"])
     return Predictor(module.network, encoding_of(config), grid_of(config)).save(run.model)
 
 
 def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:
-    """Creates a checkpoint of fixed name, written at epoch ends only."""
+    """Create a checkpoint callback with a fixed file name that writes at the end of an epoch only."""
     return ModelCheckpoint(directory, name, save_on_train_epoch_end=True, enable_version_counter=False, **options)
 
 
 def quiet() -> None:
-    """Silences Lightning's advice about loaders, loggers and workers, none of which applies here."""
+    """Silence Lightning's warnings about loaders, loggers and workers, which do not apply to data in memory."""
     for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.ERROR)
     warnings.filterwarnings("ignore", module="lightning")

@@ -26,7 +26,7 @@ class Pairs:
     Args:
         images: encoded scans, uint8, (M, C, H, W).
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
-        encoding: what drew the images.
+        encoding: the encoding that drew the images.
     """
 
     images: Tensor
@@ -37,24 +37,24 @@ class Pairs:
         return len(self.images)
 
     def batch(self, index: Tensor) -> tuple[Tensor, Tensor]:
-        """Gathers and casts some pairs: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W), float32."""
+        """Return the pairs of an index (B,) as float32: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W)."""
         return self.encoding.to_input(self.images[index]), self.maps[index].float()
 
     def __deepcopy__(self, _: dict) -> "Pairs":
-        """Pairs are never changed, so a copied training module shares them."""
+        """Return the pairs themselves: they are immutable, so that a copied training module can share them."""
         return self
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """All recordings of one split beside their true maps: what a baseline is given, which draws no images.
+    """All recordings of one split with their true maps: the input of a baseline, which uses no images.
 
     Args:
-        scans: as tensors, ranges (M, T, N).
-        maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free.
-        grid: of the maps.
-        range_max_m: how far a beam reaches that hits nothing [m].
-        step_s: time from a step to the next [s].
+        scans: ranges (M, T, N), angles (N,) and poses (M, T, 3), as tensors.
+        maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
+        grid: grid of the maps.
+        range_max_m: maximum range of the lidar [m].
+        step_s: duration of a time step [s].
     """
 
     scans: Scans
@@ -71,14 +71,14 @@ class Batches:
     """Batches of one epoch, gathered on the device that holds the pairs.
 
     Args:
-        pairs: what to gather from.
-        batch_size: pairs in a batch.
-        seed: shuffles them; None keeps their order.
-        flip_augmentation: flip half of the pairs, drawn by the seed, top to bottom. This is an exact symmetry of the
-            paper's worlds: obstacles are placed alike above and below, and the mirrored path is that of the twin.
+        pairs: the pairs of the split.
+        batch_size: pairs per batch, B.
+        seed: seed of the shuffling; None keeps the order of the pairs.
+        flip_augmentation: flip a random half of the pairs top to bottom. This is an exact symmetry of the paper's
+            worlds: obstacles are distributed equally above and below, and the mirrored path is that of the twin.
 
     Raises:
-        ValueError: there are fewer training pairs than a batch takes.
+        ValueError: there are fewer training pairs than one batch needs.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Batches:
 
     def __len__(self) -> int:
         full, rest = divmod(len(self.pairs), self.batch_size)
-        return full + (rest > 0 and self.seed is None)  # in training the last, smaller batch is left out
+        return full + (rest > 0 and self.seed is None)  # training drops a last batch that is not full
 
     def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
         order = torch.arange(len(self.pairs))
@@ -104,8 +104,8 @@ class Batches:
             if self.flip_augmentation:
                 flipped = torch.rand(len(self.pairs), generator=generator) < 0.5
         device = self.pairs.images.device
-        parts = zip(order.to(device).split(self.batch_size), flipped.to(device).split(self.batch_size), strict=True)
-        for index, flip in islice(parts, len(self)):
+        batches = zip(order.to(device).split(self.batch_size), flipped.to(device).split(self.batch_size), strict=True)
+        for index, flip in islice(batches, len(self)):
             image, target = self.pairs.batch(index)
             yield (_flip(image, flip), _flip(target, flip)) if self.flip_augmentation else (image, target)
 
@@ -119,18 +119,18 @@ def load_pairs(
     count: int | None = None,
     device: torch.device | str = "cpu",
 ) -> Pairs:
-    """Makes the pairs of a split from its recordings.
+    """Create the pairs of a split from its recordings.
 
     Args:
-        recordings: a recorded experiment.
+        recordings: directory of a recorded experiment.
         split: train, val or test.
-        grid: the resolution of both images.
-        encoding: what draws the scans.
-        count: the first so many pairs, all without it; see `store.read_shards`.
-        device: where the images are made and stay.
+        grid: grid of the images and maps.
+        encoding: the encoding that draws the scans.
+        count: number of pairs to cover, from the first; None for all, see `recordings.reader.read_shards`.
+        device: device on which the images are drawn and kept.
 
     Raises:
-        ValueError: a shard cannot be trusted, see `store.read_shards`.
+        ValueError: a shard fails verification, see `recordings.reader.read_shards`.
     """
     images, maps = [], []
     for shard in tqdm(
@@ -142,10 +142,10 @@ def load_pairs(
 
 
 def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
-    """Reads the recordings of a split with their true maps.
+    """Read the recordings of a split with their true maps.
 
     Raises:
-        ValueError: a shard cannot be trusted, see `store.read_shards`.
+        ValueError: a shard fails verification, see `recordings.reader.read_shards`.
     """
     shards = list(read_shards(recordings, split))
     ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
@@ -156,31 +156,31 @@ def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
 
 
 def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
-    """Draws the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
+    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
     outlines, states, owner = (
         torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
     )
     maps = rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid)
-    return maps.repeat_interleave(2, dim=0)  # a world and its twin share the map
+    return maps.repeat_interleave(2, dim=0)  # a world and its twin share their map
 
 
 def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:
-    """Makes the pairs of a split as the configuration of a run asks for them, see `load_pairs`."""
+    """Create the pairs of a split for the configuration of a run, see `load_pairs`."""
     count = getattr(config.data.pairs, split)
     return load_pairs(recordings, split, grid_of(config), encoding_of(config), count=count, device=device)
 
 
-def _flip(images: Tensor, which: Tensor) -> Tensor:
-    """Flips those of the images (B, C, H, W) top to bottom that `which` (B,) says."""
-    return torch.where(which[:, None, None, None], images.flip(-2), images)
+def _flip(images: Tensor, flipped: Tensor) -> Tensor:
+    """Flip the images (B, C, H, W) for which `flipped` (B,) is true top to bottom."""
+    return torch.where(flipped[:, None, None, None], images.flip(-2), images)
 
 
 def grid_of(config: RunConfig) -> Grid:
-    """Creates the grid of a run."""
+    """Create the grid of a run."""
     return Grid(config.data.size_px, config.data.size_m)
 
 
 def encoding_of(config: RunConfig) -> Encoding:
-    """Creates the encoding of a run."""
+    """Create the encoding of a run."""
     assert config.encoding, "a baseline has no encoding"
     return create_encoding(config.encoding.name, config.encoding.parameters)

@@ -1,8 +1,9 @@
-"""Encodings: how a window of scans becomes the network's input. Chosen by conf/encoding, made by `create_encoding`.
+"""Encodings: from a window of scans to the input of a network.
 
-An encoding is a frozen dataclass of its parameters. It draws uint8 images, many windows at once, at any resolution,
-on the CPU or a GPU; it says what a network is to be fed with. The paper's own is `projection.Projection`; a new one is
-a class here, a line in `ENCODINGS` and a file in conf/encoding.
+An encoding is a frozen dataclass of its parameters, selected by conf/encoding and created by `create_encoding`. It
+draws the uint8 images of a batch of windows at any resolution, on the CPU or a GPU, and converts them to the input of a
+network. The paper's encoding is `projection.Projection`. A new encoding needs a class here, a line in `ENCODINGS` and a
+file in conf/encoding.
 """
 
 import dataclasses
@@ -19,26 +20,26 @@ from repro.scans import Scans
 
 
 class Encoding(Protocol):
-    """What every encoding has."""
+    """The interface of an encoding."""
 
     @property
     def name(self) -> str:
-        """What conf/encoding calls it."""
+        """Name of the encoding in conf/encoding."""
 
     @property
     def channels(self) -> int:
-        """Channels of its images, C."""
+        """Number of channels of the images, C."""
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        """Draws the images of a batch of scans, uint8, (B, C, H, W)."""
+        """Draw the images of a batch of scans, uint8, (B, C, H, W)."""
 
     def to_input(self, images: Tensor) -> Tensor:
-        """Turns images into what a network takes, float32 in [0, 1], of the same shape."""
+        """Convert images to the input of a network, float32 in [0, 1], of the same shape."""
 
 
 @dataclass(frozen=True)
 class Negative(Projection):
-    """The projection fed as its negative, hits bright on a background of zeros: the same image, other numbers."""
+    """The projection with inverted intensities as the input: hits are bright and the background is zero."""
 
     name: ClassVar[str] = "negative"
 
@@ -48,13 +49,13 @@ class Negative(Projection):
 
 @dataclass(frozen=True)
 class Exponential(Projection):
-    """The projection with a gray that fades by halves: after `half_life` steps half way from black to `oldest_gray`.
+    """The projection with an exponential decay: a hit of age `half_life` is halfway from black to `oldest_gray`.
 
     Args:
-        half_life: steps.
+        half_life: age at which half of the decay is reached [steps].
 
     Raises:
-        ValueError: `half_life` is not positive, or see `Projection`.
+        ValueError: `half_life` is not positive, or `oldest_gray` is not in [0, 1).
     """
 
     name: ClassVar[str] = "exponential"
@@ -72,10 +73,10 @@ class Exponential(Projection):
 
 @dataclass(frozen=True)
 class Ages(Negative):
-    """The projection's ages apart from its hits: where a beam ever ended (black), and how long ago (gray).
+    """The position of the hits and their age as separate images.
 
-    The projection says both by one gray, so that an old hit is nearly the white of no hit. Here the second image has
-    the gray of the projection, and the first is the projection without decay; both are fed as their negatives.
+    The projection encodes both in one gray value, so an old hit is almost as white as the background. Here the first
+    image is the projection without decay and the second is the projection. Both are input with inverted intensities.
     """
 
     name: ClassVar[str] = "ages"
@@ -88,17 +89,17 @@ class Ages(Negative):
 
 @dataclass(frozen=True)
 class ObservedFree(Negative):
-    """The projection, and a second image of when each pixel was last seen to be free.
+    """The projection, and a second image of when each pixel was last observed to be free.
 
-    A beam that passed over a pixel says that it was free then, which the projection throws away. The second image has
-    the gray of the last step at which that happened, by the projection's own law, white where it never did. Both are
-    fed as their negatives.
+    A beam that passes over a pixel shows that it is free at that step, which the projection discards. The second image
+    has the gray of the last such step, by the decay law of the projection, and is white without one. Both are input
+    with inverted intensities.
 
     Args:
-        range_max_m: how far a beam reaches that hits nothing [m].
+        range_max_m: maximum range of the lidar [m].
 
     Raises:
-        ValueError: `range_max_m` is not positive, or see `Projection`.
+        ValueError: `range_max_m` is not positive, or `oldest_gray` is not in [0, 1).
     """
 
     name: ClassVar[str] = "observed_free"
@@ -118,12 +119,12 @@ class ObservedFree(Negative):
 
 @dataclass(frozen=True)
 class Stack:
-    """Several images in a row: the hits of each part of the window by themselves, oldest part first, equally black.
+    """A series of images: the hits of each part of the window in a separate image, oldest part first, all black.
 
-    The multi-image input that the paper argues against ("Cumulative Dynamic Sensor Projection") and did not try.
+    The paper argues against this multi-image input without testing it ("Cumulative Dynamic Sensor Projection").
 
     Args:
-        frames: images, the parts into which the window is cut.
+        frames: number of images and of parts of the window.
 
     Raises:
         ValueError: `frames` is below 1.
@@ -145,11 +146,11 @@ class Stack:
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         parts = torch.arange(scans.ranges.shape[1], device=scans.ranges.device).tensor_split(self.frames)
-        drawn = [newest_hits(Scans(scans.ranges[:, p], scans.angles, scans.poses[:, p]), grid) == 0 for p in parts]
-        return 255 * torch.stack(drawn, dim=1).to(torch.uint8)
+        hits = [newest_hits(Scans(scans.ranges[:, p], scans.angles, scans.poses[:, p]), grid) == 0 for p in parts]
+        return 255 * torch.stack(hits, dim=1).to(torch.uint8)
 
     def to_input(self, images: Tensor) -> Tensor:
-        return 1 - images.float() / 255  # of many images of nearly nothing but ones a network is slow to learn
+        return 1 - images.float() / 255  # networks learn slowly from many images of mostly ones
 
 
 ENCODINGS: dict[str, type[Encoding]] = {
@@ -164,10 +165,10 @@ ENCODINGS: dict[str, type[Encoding]] = {
 
 
 def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
-    """Creates an encoding from its name and parameters.
+    """Create an encoding from its name and parameters.
 
     Raises:
-        ValueError: the name is unknown, a parameter is, or a value is not allowed.
+        ValueError: the name or a parameter is unknown, or a value is not allowed.
     """
     if name not in ENCODINGS:
         raise ValueError(f"encoding must be one of {', '.join(ENCODINGS)}, got {name!r}")
@@ -177,5 +178,5 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
         raise ValueError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
     encoding = ENCODINGS[name](**parameters)
     if encoding.name != name:
-        raise ValueError(f"encoding {name} is not what its parameters {parameters} make, which is {encoding.name}")
+        raise ValueError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
     return encoding

@@ -1,7 +1,7 @@
-"""Metres to pixels and back: the one owner of axes and flips.
+"""Conversion between meters and pixels; the only place where axes are flipped.
 
-World axes are IR-SIM's: x to the right, y up, the origin at the lower left corner of the map. Image axes are
-(row, column) with row 0 at the top, so that an image shown as it is looks like the world drawn by IR-SIM.
+The world axes are those of IR-SIM: x to the right, y up, the origin at the lower left corner of the map. Image axes are
+(row, column) with row 0 at the top, so that a displayed image has the orientation of the world in IR-SIM.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Grid:
-    """A square map cut into square pixels.
+    """A square map divided into square pixels.
 
     Args:
         size_px: pixels along each side, H = W.
@@ -35,13 +35,13 @@ class Grid:
         return self.size_m / self.size_px
 
     def pixels(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Finds the pixel under each point.
+        """Return the pixel that contains each point.
 
         Args:
             points: world coordinates [m], (..., 2).
 
         Returns:
-            index: flat pixel index, row-major, (...); 0 where the point is outside.
+            index: flat pixel index, row-major, (...); 0 for a point outside the map.
             inside: whether the point lies on the map, (...).
         """
         column = torch.floor(points[..., 0] / self.resolution_m)
@@ -51,15 +51,15 @@ class Grid:
         return index, inside
 
     def centers(self, device: torch.device | str = "cpu") -> Tensor:
-        """World coordinates of all pixel centres [m], row-major from the top, (H W, 2)."""
+        """Return the world coordinates of all pixel centers [m], row-major from the top, (H W, 2)."""
         y = self.row_centers(device)
         return torch.stack([y.flip(0).repeat(self.size_px), y.repeat_interleave(self.size_px)], dim=-1)
 
     def row_centers(self, device: torch.device | str = "cpu") -> Tensor:
-        """World y of the pixel centres of each row [m], (H,), falling from top to bottom."""
+        """Return the world y of the pixel centers of each row [m], (H,), decreasing from top to bottom."""
         rows = torch.arange(self.size_px, dtype=torch.float32, device=device)
         return (self.size_px - 0.5 - rows) * self.resolution_m
 
     def first_column(self, x: Tensor) -> Tensor:
-        """First column source pixel centre is not left of `x` [m], clipped to [0, W]."""
+        """Return the first column with its pixel center at or to the right of `x` [m], clipped to [0, W]."""
         return torch.ceil(x / self.resolution_m - 0.5).clamp(0, self.size_px).long()

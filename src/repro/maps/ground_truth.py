@@ -1,4 +1,4 @@
-"""The true maps: obstacle outlines and states to images, many at once, on the CPU or a GPU."""
+"""True maps: rasterization of obstacle outlines and states, many maps at once, on the CPU or a GPU."""
 
 import torch
 from torch import Tensor
@@ -7,17 +7,17 @@ from repro.maps.grid import Grid
 
 
 def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid: Grid) -> Tensor:
-    """Draws the true maps: a pixel is an obstacle where its centre lies in one.
+    """Draw the true maps: a pixel is an obstacle if its center lies in one.
 
-    In every row of pixels the inside of a convex outline is one interval, between the leftmost and the
-    rightmost crossing of its edges with the row's centre line.
+    In every row of pixels, the inside of a convex outline is one interval between the leftmost and the rightmost
+    crossing of its edges with the center line of the row.
 
     Args:
-        outlines: convex outlines in their own frame [m], (K, V, 2), for the obstacles of all maps together.
+        outlines: convex outlines of the obstacles of all maps in their own frame [m], (K, V, 2).
         states: obstacle poses x, y [m], heading [rad], (K, 3).
-        owner: which map each obstacle belongs to, (K,).
+        owner: index of the map of each obstacle, (K,).
         count: number of maps, B.
-        grid: where the pixels are.
+        grid: grid of the maps.
 
     Returns:
         maps, uint8, (B, H, W); 1 is free, 0 is an obstacle.
@@ -37,7 +37,7 @@ def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid:
     left = grid.first_column(torch.where(crosses, crossing, torch.inf).amin(1))  # (K, H)
     right = grid.first_column(torch.where(crosses, crossing, -torch.inf).amax(1)).maximum(left)
 
-    # One up where an interval begins, one down where it ends; the running sum counts the obstacles over a pixel
+    # +1 where an interval begins, -1 where it ends; the cumulative sum counts the obstacles over a pixel
     stride = grid.size_px + 1
     line = (owner[:, None] * grid.size_px + torch.arange(grid.size_px, device=x.device)) * stride
     edges = torch.zeros(count * grid.size_px * stride, dtype=torch.int16, device=x.device)

@@ -14,15 +14,15 @@ from repro.scans import Scans
 class Projection:
     """The cumulative dynamic sensor projection: one gray-scale image, 0 black to 255 white.
 
-    Every hit is placed in the global frame by pose and beam angle. The newest hit of a pixel wins. Of T steps, a hit of
-    the last is black (0), one of the first has the gray `oldest_gray`, those between lie on a straight line; the
-    background is white.
+    Every hit is placed in the global frame by pose and beam angle. The newest hit of a pixel
+    determines its gray: of T steps, the last is black (0), the first has the gray `oldest_gray`, and the steps between
+    are interpolated linearly. The background is white.
 
     Paper: "Cumulative Dynamic Sensor Projection" and, for `decay=False`, "Ablation Study". The decay law is not
     stated: DEVIATIONS D7.
 
     Args:
-        decay: False makes every hit equally black.
+        decay: False draws all hits black.
         oldest_gray: gray of the oldest hit, in [0, 1), where 1 is white.
 
     Raises:
@@ -40,11 +40,11 @@ class Projection:
             raise ValueError(f"oldest_gray must be in [0, 1), got {self.oldest_gray}")
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        """Draws the projection of each window.
+        """Draw the projection of each window.
 
         Args:
             scans: a batch of windows, as tensors.
-            grid: where the pixels are.
+            grid: grid of the images.
 
         Returns:
             gray images, uint8, (B, 1, H, W); darker is more recent.
@@ -55,7 +55,7 @@ class Projection:
         return images.float() / 255
 
     def _shade(self, newest: Tensor, steps: int) -> Tensor:
-        """Gives each pixel the gray of its newest step, white where that is 0, (B, H, W) to (B, 1, H, W)."""
+        """Map the newest step of each pixel to its gray, 0 to white, (B, H, W) to (B, 1, H, W)."""
         shades = torch.zeros(steps + 1)
         if self.decay:
             shades[1:] = self._law(steps)
@@ -64,24 +64,24 @@ class Projection:
         return shades.index_select(0, newest.flatten()).view_as(newest)[:, None]  # much faster than indexing
 
     def _law(self, steps: int) -> Tensor:
-        """Gray of each step, from the oldest to the newest, (T,)."""
+        """Return the gray of each step in [0, 1], from the oldest to the newest, (T,)."""
         return torch.linspace(self.oldest_gray, 0, steps)
 
 
 def newest_hits(scans: Scans, grid: Grid) -> Tensor:
-    """Finds the newest step at which each pixel was hit.
+    """Return the newest step at which each pixel was hit.
 
     Args:
         scans: a batch of windows, as tensors.
-        grid: where the pixels are.
+        grid: grid of the images.
 
     Returns:
-        the step, counted from 1; 0 where there was no hit, int64, (B, H, W).
+        the step, counted from 1, 0 without a hit, int64, (B, H, W).
     """
     ranges, poses = scans.ranges, scans.poses
     batch, steps, _ = ranges.shape
 
-    # Points in the global frame, (B, T, N, 2); misses are left out below
+    # Points in the global frame, (B, T, N, 2); misses are excluded below
     heading = poses[..., 2:] + scans.angles
     directions = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
     hit = torch.isfinite(ranges)

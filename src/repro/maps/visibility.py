@@ -1,4 +1,4 @@
-"""What a lidar has seen: the newest step at which each pixel lay in its field of view, and was not hidden there."""
+"""Visibility of pixels to a lidar: the newest step at which each pixel was in view and not occluded."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -13,24 +13,24 @@ from repro.scans import Scans
 
 
 def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> Tensor:
-    """Finds the newest step at which each pixel was visible.
+    """Return the newest step at which each pixel was visible.
 
-    A pixel is in view of a step where its centre is within the lidar's range and nearer to one of its beams than half
-    the angle between two. It is visible where it is no farther than that beam reached. All of it follows from the scans
-    alone, no map is asked. It is drawn by compiled code on the CPU, wherever the scans are.
+    A pixel is in view at a step if its center is within the range of the lidar and within half the beam spacing of a
+    beam. It is visible if it is also no farther away than the range of that beam. The result depends only on the scans,
+    not on the true map. Compiled code computes it on the CPU, also for scans on a GPU.
 
     Args:
-        scans: a batch of windows, as tensors; the beam angles are evenly spaced and rise.
-        grid: where the pixels are.
-        range_max_m: how far a beam reaches that hits nothing [m].
-        margin_m: by how much farther than the beam reached a pixel still counts as visible [m]: half a pixel
-            takes in the surface that was hit, minus half a pixel leaves it out.
+        scans: a batch of windows, as tensors; the beam angles are evenly spaced and increasing.
+        grid: grid of the images.
+        range_max_m: maximum range of the lidar [m].
+        margin_m: distance behind the end of a beam up to which a pixel counts as visible [m]: plus half a pixel
+            includes the surface that was hit, minus half a pixel excludes it.
 
     Returns:
-        the step, counted from 1; 0 for never, int16, (B, H, W).
+        the step, counted from 1, 0 for never, int16, (B, H, W).
 
     Raises:
-        ValueError: the beam angles are not evenly spaced and rising.
+        ValueError: the beam angles are not evenly spaced and increasing.
     """
     spacing = beam_spacing(scans.angles)
     reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)  # a miss, inf, reaches range_max_m
@@ -50,20 +50,23 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
 
 
 def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> Tensor:
-    """Finds the newest step at which each pixel was in view, hidden or not, see `newest_visible`."""
+    """Return the newest step at which each pixel was in view, occluded or not, see `newest_visible`."""
     return newest_visible(Scans(torch.full_like(scans.ranges, torch.inf), scans.angles, scans.poses), grid, range_max_m)
 
 
 def beam_spacing(angles: Tensor) -> float:
-    """Gives the angle between two beams [rad].
+    """Return the angle between two adjacent beams [rad].
+
+    Args:
+        angles: beam angles [rad], (N,).
 
     Raises:
-        ValueError: they are not evenly spaced and rising, or half a turn apart or more.
+        ValueError: the angles are not evenly spaced and increasing, or are half a turn apart or more.
     """
     gaps = angles.double().diff()
     spacing = float(gaps.mean()) if len(gaps) else 0.0
     if not 0 < spacing < math.pi or (gaps - spacing).abs().max() > 0.01 * spacing:
-        raise ValueError("the beam angles must rise evenly, by less than half a turn, for each pixel to have its beam")
+        raise ValueError("the beam angles must rise evenly, by less than half a turn from beam to beam")
     return spacing
 
 
@@ -71,28 +74,28 @@ def beam_spacing(angles: Tensor) -> float:
 def _draw_windows(
     newest: np.ndarray, reach: np.ndarray, poses: np.ndarray, part: np.ndarray, first: float, spacing: float
 ) -> None:
-    """Draws the steps of some windows, oldest first, each as the sectors that its beams sweep.
+    """Draw the steps of some windows, oldest first, each as the sectors covered by its beams.
 
     Args:
         newest: the images, (B, H, W).
-        reach: how far each beam sees [px], (B, T, N); nothing where it is negative.
-        poses: column and row from below of the robot [px], where the centre of a pixel is whole, and heading [rad],
+        reach: visible distance along each beam [px], (B, T, N); a negative one draws nothing.
+        poses: column and row from below of the robot [px], with pixel centers at integers, and heading [rad],
             (B, T, 3).
-        part: which windows.
-        first: where the first beam's sector begins in the robot's frame [rad].
-        spacing: angle between two beams [rad].
+        part: indices of the windows.
+        first: start of the first beam's sector in the robot's frame [rad].
+        spacing: angle between two adjacent beams [rad].
     """
     beams = reach.shape[2]
     for window in part:
         for step in range(reach.shape[1]):
             x, y, heading = poses[window, step]
             if not math.isfinite(x + y + heading):
-                continue  # nothing is seen from a pose that is not known
+                continue  # nothing is visible from an unknown pose
             beam = 0
             while beam < beams:
                 radius, end = reach[window, step, beam], beam + 1
                 while end < beams and reach[window, step, end] == radius and (end + 1 - beam) * spacing < math.pi / 2:
-                    end += 1  # beams that reach equally far, as misses do, are one sector
+                    end += 1  # adjacent beams of equal reach, such as misses, form one sector
                 if radius >= 0:
                     start, stop = heading + first + beam * spacing, heading + first + end * spacing
                     _draw_sector(newest[window], x, y, start, stop, radius, step + 1)
@@ -101,15 +104,15 @@ def _draw_windows(
 
 @numba.njit(nogil=True)
 def _draw_sector(image: np.ndarray, x: float, y: float, start: float, stop: float, radius: float, value: int) -> None:
-    """Draws the part of a disc between two bearings [rad], less than half a turn apart, row by row.
+    """Draw the part of a disc between two bearings [rad], less than half a turn apart, row by row.
 
-    A pixel on `start` belongs to it and one on `stop` does not, so that sectors side by side neither overlap nor leave
-    a gap.
+    A pixel on `start` belongs to the sector and one on `stop` does not, so that adjacent sectors neither overlap nor
+    leave a gap.
     """
     size = len(image)
     from_cos, from_sin, to_cos, to_sin = math.cos(start), math.sin(start), math.cos(stop), math.sin(stop)
     lowest, highest = radius * min(0.0, from_sin, to_sin), radius * max(0.0, from_sin, to_sin)
-    if from_cos * to_cos <= 0:  # the y axis lies between them
+    if from_cos * to_cos <= 0:  # the sector contains a y axis direction
         lowest, highest = (lowest, radius) if from_sin + to_sin > 0 else (-radius, highest)
     from_slope, to_slope = from_cos / (from_sin or 1.0), to_cos / (to_sin or 1.0)
     for row in _whole(y + lowest, y + highest, size):
@@ -136,6 +139,6 @@ def _draw_sector(image: np.ndarray, x: float, y: float, start: float, stop: floa
 
 @numba.njit(nogil=True)
 def _whole(low: float, high: float, size: int) -> range:
-    """Gives the whole numbers of 0 to size - 1 that are not below `low` nor above `high`, however far off those are."""
+    """Return the integers from 0 to size - 1 between `low` and `high` inclusive; the two bounds may be any number."""
     low, high = max(0.0, np.ceil(low)), min(size - 1.0, np.floor(high))
     return range(int(low), int(high) + 1) if low <= high else range(0)

@@ -1,8 +1,8 @@
-"""Calibration: whether a predicted probability is the share of times it comes true.
+"""Calibration: agreement between predicted probabilities and observed frequencies.
 
-All of it from counts of predicted levels, (..., 2, 256) with obstacles first (`levels.count_quantized`), and the
-probability of free that each level stands for, (256,). Formulas: Murphy (1973) for the decomposition of the Brier
-score, Guo et al. (2017) for the expected calibration error and for temperature scaling.
+All functions take pixel counts by quantized probability, (..., 2, 256) with obstacles first
+(`metrics.counts.count_quantized`), and the probability of free of each quantized value, (256,). Sources: Murphy (1973)
+for the decomposition of the Brier score, Guo et al. (2017) for the expected calibration error and temperature scaling.
 """
 
 import numpy as np
@@ -12,37 +12,37 @@ from scipy.optimize import minimize_scalar
 from repro.metrics.counts import LEVELS, PROBABILITY
 
 BINS = 15
-_SMALLEST = 0.5 / (LEVELS - 1)  # a level of 0 stands for anything below this
+_SMALLEST = 0.5 / (LEVELS - 1)  # probabilities below this are quantized to 0
 
 
 def brier(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.ndarray:
-    """Computes the Brier score, the mean squared error of the probability, (...)."""
+    """Compute the Brier score, the mean squared error of the probability, (...)."""
     return _mean(counts, np.stack([probability**2, (1 - probability) ** 2]))
 
 
 def log_loss(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.ndarray:
-    """Computes the negative log-likelihood of a pixel [nat], (...); probabilities are kept off 0 and 1 by 1/510."""
+    """Compute the negative log-likelihood of a pixel [nat], (...); probabilities are clipped to [1/510, 509/510]."""
     free = probability.clip(_SMALLEST, 1 - _SMALLEST)
     return _mean(counts, -np.log(np.stack([1 - free, free])))
 
 
 def entropy(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.ndarray:
-    """Computes the mean entropy of the predicted probabilities [nat], (...): how blurry a prediction is."""
+    """Compute the mean entropy of the predicted probabilities [nat], (...), a measure of blur."""
     free = probability.clip(1e-12, 1 - 1e-12)
     each = -(free * np.log(free) + (1 - free) * np.log(1 - free))
     return _mean(counts, np.stack([each, each]))
 
 
 def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> pd.DataFrame:
-    """Compares predicted probability and frequency of obstacles, in bins of equal width.
+    """Compare predicted probability and observed frequency of obstacles in bins of equal width.
 
     Args:
-        counts: (2, 256).
-        probability: of free at each level.
-        bins: how many.
+        counts: pixels by truth and quantized probability, (2, 256).
+        probability: probability of free of each quantized value, (256,).
+        bins: number of bins.
 
     Returns:
-        one row a bin that is not empty: low, high, predicted (mean probability of an obstacle), found (share that are
+        one row per non-empty bin: low, high, predicted (mean probability of an obstacle), found (observed share of
         obstacles), pixels.
     """
     predicted = 1 - probability
@@ -57,39 +57,39 @@ def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins:
 
 
 def calibration_error(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> float:
-    """Computes the expected calibration error of (2, 256): the mean gap between predicted and found."""
+    """Compute the expected calibration error of (2, 256): the mean gap between predicted and observed."""
     table = reliability(counts, probability, bins)
     return float(((table["predicted"] - table["found"]).abs() * table["pixels"]).sum() / table["pixels"].sum())
 
 
 def decompose_brier(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[str, float]:
-    """Splits the Brier score of (2, 256) into reliability - resolution + uncertainty, exactly, a bin a level."""
+    """Split the Brier score of (2, 256) into reliability - resolution + uncertainty; one bin per quantized value."""
     pixels, total = counts.sum(0), counts.sum()
-    found = counts[1] / np.maximum(pixels, 1)
+    observed = counts[1] / np.maximum(pixels, 1)
     base = counts[1].sum() / total
     return {
-        "reliability": float((pixels * (probability - found) ** 2).sum() / total),
-        "resolution": float((pixels * (found - base) ** 2).sum() / total),
+        "reliability": float((pixels * (probability - observed) ** 2).sum() / total),
+        "resolution": float((pixels * (observed - base) ** 2).sum() / total),
         "uncertainty": float(base * (1 - base)),
     }
 
 
 def fit_temperature(counts: np.ndarray) -> float:
-    """Finds the temperature by which logits are to be divided for the lowest log-loss on (2, 256)."""
-    found = minimize_scalar(
+    """Fit the temperature that minimizes the log-loss on (2, 256) when it divides the logits."""
+    optimum = minimize_scalar(
         lambda log: float(log_loss(counts, temperature_scaled(np.exp(log)))), bounds=(-3, 3), method="bounded"
     )
-    return float(np.exp(found.x))
+    return float(np.exp(optimum.x))
 
 
 def temperature_scaled(temperature: float) -> np.ndarray:
-    """Gives the probability of free at each level after its logit is divided by a temperature, (256,)."""
+    """Return the probability of free of each quantized value after its logit is divided by a temperature, (256,)."""
     free = PROBABILITY.clip(_SMALLEST, 1 - _SMALLEST)
     return 1 / (1 + ((1 - free) / free) ** (1 / temperature))
 
 
 def summary(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[str, float]:
-    """Gathers the calibration of (2, 256) in one row: Brier score and its parts, log-loss, calibration error."""
+    """Compute all measures of calibration of (2, 256): Brier score and its parts, log-loss, calibration error."""
     return {
         "brier": float(brier(counts, probability)),
         **decompose_brier(counts, probability),
@@ -99,6 +99,6 @@ def summary(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[s
 
 
 def _mean(counts: np.ndarray, each: np.ndarray) -> np.ndarray:
-    """Averages a loss (2, 256) over the pixels of (..., 2, 256); nan where there are none."""
+    """Average a loss (2, 256) over the pixels of (..., 2, 256); nan without pixels."""
     with np.errstate(invalid="ignore"):
         return (counts * each).sum((-2, -1)) / counts.sum((-2, -1))

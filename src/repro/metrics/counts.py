@@ -1,8 +1,8 @@
-"""Counts of predicted levels, from which every measure of a prediction follows.
+"""Pixel counts by truth and quantized probability, from which all metrics of a prediction are computed.
 
-A kept prediction is uint8: level 255 is surely free, 0 surely an obstacle. Counted by truth and level, in an array
-(..., 2, 256) with obstacles first, it gives the paper's metrics at any threshold, curves over all thresholds, and
-calibration; counted for each world by itself, and summed with weights, their bootstrap (`intervals`).
+Predictions are stored as uint8: 255 is certainly free, 0 certainly an obstacle. The counts, an array (..., 2, 256) with
+obstacles first, determine the paper's metrics at any threshold, curves over all thresholds and the calibration. Counts
+of single worlds, summed with weights, give the bootstrap (`metrics.bootstrap`).
 """
 
 import numpy as np
@@ -10,34 +10,34 @@ import torch
 
 from repro.metrics.scores import scores
 
-LEVELS = 256
-PROBABILITY = np.arange(LEVELS) / (LEVELS - 1)  # of free, at each level
+LEVELS = 256  # number of quantized probability values
+PROBABILITY = np.arange(LEVELS) / (LEVELS - 1)  # of free, for each quantized value
 
 
 def count_quantized(
     free: np.ndarray, truth: np.ndarray, groups: np.ndarray | None = None, number: int = 1
 ) -> np.ndarray:
-    """Counts the pixels of every image by group, truth and level.
+    """Count the pixels of every image by group, truth and quantized probability value 0..255.
 
     Args:
-        free: predicted levels, uint8, (M, H, W).
+        free: quantized probabilities of free, uint8, (M, H, W).
         truth: true maps, 1 is free, (M, H, W).
-        groups: the group of each pixel, in [0, number), (M, H, W); without it there is one.
-        number: how many groups, G.
+        groups: the group of each pixel in [0, number), (M, H, W); None puts all pixels into one group.
+        number: number of groups, G.
 
     Returns:
-        int64, (M, G, 2, 256).
+        int64 counts, (M, G, 2, 256).
     """
     counts = np.zeros((len(free), number * 2 * LEVELS), dtype=np.int64)
     for index, (image, true) in enumerate(zip(free, truth, strict=True)):
         group = 0 if groups is None else groups[index].astype(np.int64)
-        place = ((group * 2 + true.astype(np.int64)) * LEVELS + image).ravel()
-        counts[index] = np.bincount(place, minlength=counts.shape[1])
+        index_flat = ((group * 2 + true.astype(np.int64)) * LEVELS + image).ravel()
+        counts[index] = np.bincount(index_flat, minlength=counts.shape[1])
     return counts.reshape(len(free), number, 2, LEVELS)
 
 
 def confusion_of(counts: np.ndarray, threshold: float = 0.5) -> np.ndarray:
-    """Counts true and false positives, true and false negatives with FREE as positive, (..., 4), from (..., 2, 256)."""
+    """Count true and false positives, true and false negatives with FREE as positive, (..., 4), from (..., 2, 256)."""
     is_free = threshold < PROBABILITY
     free, obstacle = counts[..., 1, :], counts[..., 0, :]
     parts = (free[..., is_free], obstacle[..., is_free], obstacle[..., ~is_free], free[..., ~is_free])
@@ -45,15 +45,15 @@ def confusion_of(counts: np.ndarray, threshold: float = 0.5) -> np.ndarray:
 
 
 def pooled_scores(counts: np.ndarray) -> dict[str, np.ndarray]:
-    """Computes the metrics of `metrics.scores` at threshold 0.5 from (..., 2, 256), each (...)."""
+    """Compute the metrics of `metrics.scores` at threshold 0.5 from (..., 2, 256), each (...)."""
     return {name: value.numpy() for name, value in scores(torch.as_tensor(confusion_of(counts))).items()}
 
 
 def average_precision(counts: np.ndarray) -> np.ndarray:
-    """Computes the area under the precision-recall curve of obstacles, as its step-wise sum, (...), nan without any.
+    """Compute the area under the precision-recall curve of obstacles, as a step-wise sum, (...); nan without obstacles.
 
     Args:
-        counts: (..., 2, 256).
+        counts: pixels by truth and quantized probability, (..., 2, 256).
     """
     obstacle, free = np.cumsum(counts[..., 0, :], -1), np.cumsum(counts[..., 1, :], -1)
     with np.errstate(invalid="ignore"):

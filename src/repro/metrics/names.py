@@ -1,4 +1,4 @@
-"""Names of the metrics, without the libraries that compute them."""
+"""Names and headings of the metrics; imports no numerical library."""
 
 METRICS = ("ssim", "accuracy", "dice", "precision", "recall", "specificity")  # the paper's six, in its order
 EXTRA_METRICS: tuple[str, ...] = ()  # further columns of the tables; `scores.scores` computes them

@@ -1,8 +1,8 @@
-"""The paper's six metrics, and the same seen from the obstacles.
+"""The paper's six metrics, and the same metrics with obstacles as the positive class.
 
-The paper's positive class is FREE space (reporting/paper_tables: from every row of its tables the same prevalence
-follows twice), and its counts are pooled over the test set: DEVIATIONS D10. Formulas and eps are those of
-Segmentation-Metrics-PyTorch, which the paper names; SSIM is piqa's.
+The paper's positive class is FREE space (see reporting/paper_tables: every row of its tables implies the same
+prevalence in two independent ways), and its counts are pooled over the test set: DEVIATIONS D10. Formulas and eps
+follow Segmentation-Metrics-PyTorch, which the paper names; SSIM is computed by piqa.
 """
 
 import torch
@@ -13,7 +13,7 @@ EPS = 1e-5  # Segmentation-Metrics-PyTorch adds it to numerator and denominator
 
 
 def confusion(probability: Tensor, target: Tensor, threshold: float = 0.5) -> Tensor:
-    """Counts pixels with FREE as the positive class.
+    """Count pixels with FREE as the positive class.
 
     Args:
         probability: predicted probability of free, (M, 1, H, W).
@@ -21,7 +21,7 @@ def confusion(probability: Tensor, target: Tensor, threshold: float = 0.5) -> Te
         threshold: a pixel above it is predicted free.
 
     Returns:
-        true positives, false positives, true negatives, false negatives of each image, int64, (M, 4).
+        true positives, false positives, true negatives and false negatives of each image, int64, (M, 4).
     """
     free, truth = probability > threshold, target > 0.5
     pairs = (free & truth, free & ~truth, ~free & ~truth, ~free & truth)
@@ -29,8 +29,12 @@ def confusion(probability: Tensor, target: Tensor, threshold: float = 0.5) -> Te
 
 
 def scores(counts: Tensor) -> dict[str, Tensor]:
-    """Computes metrics from counts (..., 4): accuracy, Dice, precision, recall, specificity with FREE as positive,
-    the last four with OBSTACLE as positive, and obstacle IoU, each (...)."""
+    """Compute the metrics of counts (..., 4), each (...).
+
+    Returns:
+        accuracy; dice, precision, recall and specificity with FREE as the positive class, and with the prefix
+        `obstacle_` with OBSTACLE as the positive class; obstacle_iou.
+    """
     tp, fp, tn, fn = counts.double().unbind(-1)
     free = _scores(tp, fp, tn, fn)
     obstacle = _scores(tn, fn, tp, fp)
@@ -52,7 +56,7 @@ def _scores(tp: Tensor, fp: Tensor, tn: Tensor, fn: Tensor) -> dict[str, Tensor]
 
 
 def ssim(probability: Tensor, target: Tensor, batch: int = 64) -> Tensor:
-    """Measures structural similarity by piqa, window 11, of images (M, 1, H, W) in [0, 1], each (M,)."""
+    """Compute the structural similarity (piqa, window of 11 px) of images (M, 1, H, W) in [0, 1], (M,)."""
     measure = SSIM(n_channels=1, reduction="none").to(probability.device)
     pairs = zip(probability.float().split(batch), target.float().split(batch), strict=True)
     return torch.cat([measure(p, t) for p, t in pairs])

@@ -1,7 +1,7 @@
-"""A small convolutional LSTM: a learned baseline that sees the window as a sequence of images instead of one.
+"""A small convolutional LSTM: a learned baseline whose input is a sequence of images instead of one.
 
-Shi et al., "Convolutional LSTM Network", NeurIPS 2015; before a decoder as in SOGMP (Xie and Dames, "Stochastic
-Occupancy Grid Map Prediction in Dynamic Scenes", CoRL 2023), without its variational autoencoder.
+Shi et al., "Convolutional LSTM Network", NeurIPS 2015, followed by a decoder as in SOGMP (Xie and Dames, "Stochastic
+Occupancy Grid Map Prediction in Dynamic Scenes", CoRL 2023) without its variational autoencoder.
 """
 
 from huggingface_hub import PyTorchModelHubMixin
@@ -9,11 +9,11 @@ from torch import Tensor, nn
 
 
 class ConvLSTM(nn.Module, PyTorchModelHubMixin):
-    """Reads images one after the other, remembers them at a quarter of the resolution, draws the map.
+    """A ConvLSTM over a sequence of images, with its state at a quarter of the resolution and a decoder to the map.
 
     Args:
-        in_channels: images of a window, K, oldest first; each is one channel of the input.
-        hidden: channels of what is remembered.
+        in_channels: images per window, K, oldest first; each is one channel of the input.
+        hidden: channels of the LSTM state.
     """
 
     def __init__(self, in_channels: int, hidden: int = 32) -> None:
@@ -30,14 +30,14 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         )
 
     def forward(self, images: Tensor) -> Tensor:
-        """Predicts a map of logits, (B, 1, H, W), from a series of images, (B, K, H, W)."""
+        """Predict a map of logits, (B, 1, H, W), from a series of images, (B, K, H, W)."""
         batch, frames, height, width = images.shape
         encoded = self.from_image(self.encoder(images.reshape(batch * frames, 1, height, width)))
         memory = encoded.new_zeros(batch, self.hidden, *encoded.shape[-2:])
         shown = memory
         for gates in encoded.unflatten(0, (batch, frames)).unbind(1):
             write, keep, show, new = (gates + self.from_memory(shown)).chunk(4, dim=1)
-            memory = (keep + 1).sigmoid() * memory + write.sigmoid() * new.tanh()  # + 1: it begins by remembering
+            memory = (keep + 1).sigmoid() * memory + write.sigmoid() * new.tanh()  # + 1: remember at first
             shown = show.sigmoid() * memory.tanh()
         return self.decoder(shown)
 

@@ -1,26 +1,24 @@
-"""The networks: any architecture of segmentation-models-pytorch, of which the paper uses four, and our own.
+"""Creation and loading of networks: the architectures of segmentation-models-pytorch (smp) and our ConvLSTM.
 
-An architecture of segmentation-models-pytorch needs a file in conf/model and no code. One of our own is a class that
-saves itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
+The paper uses four architectures of smp. Another one needs a file in conf/model and no code. An architecture outside
+smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
 """
 
-import json
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import segmentation_models_pytorch as smp
-from segmentation_models_pytorch.base import SegmentationModel
 from segmentation_models_pytorch.encoders import encoders
 
 from repro.config import ConfigError, Model
 from repro.networks.convlstm import ConvLSTM
 
-Network: TypeAlias = SegmentationModel | ConvLSTM
-OWN_ARCHITECTURES: dict[str, type[ConvLSTM]] = {"convlstm": ConvLSTM}
+Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`
+OWN_ARCHITECTURES: dict[str, Any] = {"convlstm": ConvLSTM}
 
 
 def create_network(model: Model, in_channels: int = 1) -> Network:
-    """Create a network from encoded scans (B, C, H, W) to one map of logits (B, 1, H, W).
+    """Create a network that maps encoded scans (B, C, H, W) to logits (B, 1, H, W).
 
     Paper: "Prediction Models". Encoder weights and channels are not stated: DEVIATIONS D9.
 
@@ -60,16 +58,31 @@ def smp_architectures() -> list[str]:
     return sorted(smp.MODEL_ARCHITECTURES_MAPPING)
 
 
-def load_network(directory: Path) -> Network:
-    """Load a network that `save_pretrained` wrote, with weights in float32."""
-    is_smp = "_model_class" in json.loads((directory / "config.json").read_text())  # written by smp alone
-    return (smp.from_pretrained(directory) if is_smp else ConvLSTM.from_pretrained(directory)).float()
+def architecture_of(network: Network) -> str:
+    """Return the name of the architecture of an own network, `smp` for a network of segmentation-models-pytorch."""
+    return next((name for name, kind in OWN_ARCHITECTURES.items() if type(network) is kind), "smp")
+
+
+def load_network(directory: Path, architecture: str) -> Network:
+    """Load a network that `save_pretrained` wrote, with weights in float32.
+
+    Args:
+        directory: directory with config.json and model.safetensors.
+        architecture: see `architecture_of`.
+    """
+    if architecture == "smp":
+        return smp.from_pretrained(directory, strict=True).float()
+    return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 
 def architecture_errors(model: Model) -> list[ConfigError]:
-    """Return what is wrong with the architecture, encoder and encoder weights of a network of smp."""
+    """Return the config errors in the architecture, encoder and encoder weights of a network of smp."""
     architecture, name, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights
     key = "model.architecture" if model.architecture else "model.name"
+    if architecture in OWN_ARCHITECTURES:
+        given = {"encoder_name": name, "encoder_weights": weights}
+        expected = f"architecture {architecture} has an encoder of its own, leave it null"
+        return [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
     if architecture not in smp_architectures():
         known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
         return [ConfigError(key, architecture, f"must be one of {known}")]
@@ -79,7 +92,7 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         ]
     if name not in encoders and not name.startswith("tu-"):
         close = ", ".join(sorted(known for known in encoders if known[:3] == name[:3])[:8]) or "mit_b0"
-        return [ConfigError("model.encoder_name", name, f"smp has no such encoder; it has {close} and others")]
+        return [ConfigError("model.encoder_name", name, f"must be an encoder of smp, such as {close}")]
     pretrained = sorted(encoders.get(name, {}).get("pretrained_settings", {}))
     if weights is not None and name in encoders and weights not in pretrained:
         return [ConfigError("model.encoder_weights", weights, f"must be null or one of {', '.join(pretrained)}")]

@@ -1,100 +1,136 @@
-"""A trained network with all it needs to be used on anyone's scans: its encoding and its grid.
+"""A trained network together with its encoding and grid, which can be applied to any scans.
 
-    predictor = load_predictor("outputs/laptop/runs/exp4/unet/decay/seed0/model")
+    predictor = load_predictor("outputs/laptop/runs/exp4/unet/projection/seed0/model")
     free = predictor.predict(Scans(ranges, angles, poses))
 
-The directory is an ordinary one of segmentation-models-pytorch (`smp.from_pretrained` reads it too, but for a ConvLSTM)
-with one file more, predictor.json, which says how scans are to be drawn for the network and how large the map is.
+The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for a ConvLSTM)
+and one additional file, predictor.json, with the encoding of the scans and the grid of the map.
 """
 
 import contextlib
 import copy
 import dataclasses
+import hashlib
 import io
+import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
+from segmentation_models_pytorch.base.modules import Activation
 from torch import Tensor
 from tqdm import tqdm
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.networks.create import Network, load_network
+from repro.maps.validity import check_windows
+from repro.networks.create import Network, architecture_of, load_network
 from repro.scans import Scans
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
-WEIGHTS = "model.safetensors"
+DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """A network from encoded scans to logits, how it wants its scans drawn, and the map it draws."""
+    """A network from encoded scans to logits, with the encoding of its input and the grid of its maps."""
 
     network: Network
     encoding: Encoding
     grid: Grid
 
-    def predict(self, scans: Scans, batch: int = 32) -> Tensor:
-        """Predicts the whole map at the last step of each window of scans.
+    def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
+        """Predict the map at the last step of each window of scans.
 
         Args:
-            scans: one window or a batch, in metres and radians; a miss is inf.
-            batch: windows at a time.
+            scans: one window or a batch, in meters and radians; a miss is inf.
+            batch: windows per forward pass.
+            allow_empty: accept windows without a hit on the map and poses outside it.
 
         Returns:
-            probability of free, (B, H, W), on the CPU; row 0 is the top of the map, below 0.5 is an obstacle.
+            probability of free, (B, H, W), on the CPU; row 0 is the top of the map, and below 0.5 is an obstacle.
+
+        Raises:
+            ValueError: the scans cannot be those of a lidar on this map, see `validity.check_windows`.
         """
         device = next(self.network.parameters()).device
         windows = scans.tensors(device)
+        check_windows(windows, self.grid, allow_empty=allow_empty)
         parts = [windows[first : first + batch] for first in range(0, len(windows), batch)]
         return torch.cat([self.predict_images(self.encoding.encode(part, self.grid)) for part in parts])[:, 0]
 
     @torch.inference_mode()
     def predict_images(self, images: Tensor, batch: int = 32) -> Tensor:
-        """Predicts from encoded scans (M, C, H, W), uint8: probability of free, (M, 1, H, W), on the CPU."""
+        """Predict the probability of free, (M, 1, H, W), on the CPU, from encoded scans, uint8, (M, C, H, W)."""
         self.network.eval()
         parts = tqdm(images.split(batch), desc="predicting", delay=2, leave=False, disable=None)
         return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in parts])
 
     def to(self, device: str) -> "Predictor":
-        """Moves the network to a device."""
+        """Return a predictor with the network on a device."""
         return dataclasses.replace(self, network=self.network.to(device))
 
     def save(self, directory: Path, dtype: torch.dtype = torch.float32) -> str:
-        """Writes the network with its encoding and grid, the directory whole or not at all.
+        """Write the network with its encoding and grid to a directory, atomically.
 
         Args:
-            directory: made or replaced.
-            dtype: in which the weights are stored.
+            directory: directory to create or replace.
+            dtype: type of the stored weights.
 
         Returns:
-            the SHA-256 of the weights' file.
+            the SHA-256 checksum of the weights file.
         """
         with replacing_directory(directory) as new:
             copy.deepcopy(self.network).to(dtype).save_pretrained(new)
-            checksum = sha256(new / WEIGHTS)
             parameters = dataclasses.asdict(self.encoding)  # type: ignore[call-overload]
             content = {
+                "architecture": architecture_of(self.network),
                 "encoding": {"name": self.encoding.name, "parameters": parameters},
                 "grid": dataclasses.asdict(self.grid),
-                "sha256": checksum,
             }
-            write_json(new / "predictor.json", content)
-        return checksum
+            write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
+            return sha256(new / WEIGHTS)
 
 
 def load_predictor(directory: str | Path) -> Predictor:
-    """Loads what `Predictor.save` wrote, in float32 on the CPU.
+    """Load a predictor that `Predictor.save` wrote, in float32 on the CPU.
 
     Raises:
-        ValueError: the directory holds no predictor, or its weights are not those that were saved.
+        ValueError: the directory holds no predictor, its files differ from the saved checksum, or the network is not
+            one from encoded scans to one map of finite logits.
     """
     directory = Path(directory)
-    fix = f"{directory} must be written by a training or by task=export"
-    content = read_mapping(directory / "predictor.json", fix)
-    if not (directory / WEIGHTS).is_file() or sha256(directory / WEIGHTS) != content.get("sha256"):
-        raise ValueError(f"{directory / WEIGHTS} is not what was saved: put it back, or train or export it again")
-    with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints where the weights come from
-        network = load_network(directory)
-    return Predictor(network, create_encoding(**content["encoding"]), Grid(**content["grid"]))
+    content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
+    expected = content.pop("sha256", None)
+    missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
+    if missing or _checksum(content, directory) != expected:
+        problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
+        raise ValueError(f"{directory} {problem}: restore its files, or train or export it again")
+    try:
+        encoding, grid = create_encoding(**content["encoding"]), Grid(**content["grid"])
+        with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
+            network = load_network(directory, content["architecture"])
+        _check_network(network, encoding)
+    except Exception as error:  # of smp, safetensors or ours: the files are complete, and describe no predictor
+        raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
+    return Predictor(network, encoding, grid)
+
+
+def _checksum(content: dict[str, Any], directory: Path) -> str:
+    """Return one SHA-256 of the description, the configuration and the weights of a predictor."""
+    files = {name: sha256(directory / name) for name in (NETWORK, WEIGHTS)}
+    return hashlib.sha256(json.dumps({**content, "files": files}, sort_keys=True).encode()).hexdigest()
+
+
+def _check_network(network: Network, encoding: Encoding) -> None:
+    broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
+    if broken:
+        raise ValueError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
+    activations = [module for module in network.modules() if isinstance(module, Activation)]
+    if any(not isinstance(module.activation, torch.nn.Identity) for module in activations):
+        raise ValueError("the network must end in logits, without an activation")
+    with torch.inference_mode():
+        shape = tuple(network.eval()(torch.zeros(1, encoding.channels, 64, 64)).shape)
+    if shape != (1, 1, 64, 64):
+        raise ValueError(f"the network must map {encoding.channels} images to one map, its output is {shape}")

@@ -1,7 +1,7 @@
-"""Shards: files of up to 50 worlds, each with its two recordings.
+"""Format of the recordings on disk: shards of up to 50 worlds, each with its two recordings.
 
-A shard is written whole or not at all and holds the fingerprint of the configuration that made it. Worlds are seeded
-one by one, so its content depends on nothing but that configuration.
+A shard is written atomically and holds the fingerprint of its configuration. Each world has its own seed, so the
+content of a shard depends only on that configuration.
 """
 
 import hashlib
@@ -20,16 +20,16 @@ from repro.scans import Scans
 FORMAT = 1
 SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
 SPLIT_SEEDS = 1_000_000
-SHARD_WORLDS = 50  # worlds in a shard, each with its two recordings
+SHARD_WORLDS = 50  # worlds per shard, each with two recordings
 
 
 class BrokenShard(ValueError):
-    """A shard that cannot be read, or is not what was recorded."""
+    """A shard that cannot be read or was altered after recording."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Where one shard lies and which worlds it holds."""
+    """The split, number and worlds of one shard."""
 
     split: str
     number: int
@@ -43,15 +43,15 @@ class Shard:
 
 @dataclass(frozen=True)
 class ShardContent:
-    """What a shard holds: R recordings of R / 2 worlds with K obstacles in all, at most O in a world.
+    """The content of a shard: R recordings of R / 2 worlds with K obstacles in total, at most O per world.
 
     Args:
-        scans: ranges (R, T, N), angles (N,), poses (R, T, 3); 2 w and
-            2 w + 1 are world w counter-clockwise and clockwise.
+        scans: ranges (R, T, N), angles (N,), poses (R, T, 3); recordings 2 w and 2 w + 1 are world w driven
+            counter-clockwise and clockwise.
         outlines: convex outlines in their own frame [m], (K, V, 2).
         states: obstacle poses x, y [m], heading [rad], (K, T, 3).
-        world: the world in the shard that each obstacle belongs to, (K,).
-        seen: whether any beam of a recording hit the obstacle, by its number in its world, (R, O).
+        world: index in the shard of the world that each obstacle belongs to, (K,).
+        seen: whether any beam of a recording hit each obstacle of its world, (R, O).
     """
 
     scans: Scans
@@ -62,7 +62,7 @@ class ShardContent:
 
 
 def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
-    """Cuts the splits into shards.
+    """Yield the shards of all splits.
 
     Raises:
         ValueError: a count is odd or below 2.
@@ -75,9 +75,14 @@ def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
 
 
 def holds(there: Mapping[str, int], asked: Mapping[str, int]) -> bool:
-    """Says whether recordings of some pairs serve where others are asked for: the same, or training pairs to spare.
+    """Check whether recorded pairs cover the requested pairs: the counts agree, or there are more training pairs.
 
-    What is left out must be whole shards, so that the rest is what would have been recorded without it.
+    In the second case the requested training pairs must fill whole shards, so that these shards are identical to
+    those of a smaller recording.
+
+    Args:
+        there: recorded pairs per split.
+        asked: requested pairs per split.
     """
     rest = {split: count for split, count in asked.items() if there.get(split) != count}
     spare = "train" in rest and there.get("train", 0) > rest["train"] and rest["train"] % (2 * SHARD_WORLDS) == 0
@@ -85,33 +90,31 @@ def holds(there: Mapping[str, int], asked: Mapping[str, int]) -> bool:
 
 
 def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:
-    """Counts the recordings that lie in a directory, whole or not, of those that `pairs` asks for."""
+    """Count the recordings for `pairs` whose shard exists in a directory; the shards are not checked."""
     return sum(2 * shard.worlds for shard in shards_of(pairs) if (directory / shard.name).is_file())
 
 
 def spec_fingerprint(spec: dict[str, Any]) -> str:
-    """Hashes everything that decides the content of the recordings."""
+    """Hash everything that determines the content of the recordings, in hexadecimal."""
     content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def read_shard(path: Path, fingerprint: str) -> ShardContent:
-    """Reads one shard.
+    """Read one shard.
 
     Raises:
-        BrokenShard: it cannot be read.
-        ValueError: it was recorded with another configuration.
+        BrokenShard: the shard cannot be read.
+        ValueError: the shard was recorded with another configuration.
     """
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-        found = str(arrays.pop("fingerprint"))
+        recorded = str(arrays.pop("fingerprint"))
         scans = Scans(*(arrays.pop(name) for name in ("ranges", "angles", "poses")))
         content = ShardContent(scans, **arrays)
     except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise BrokenShard(f"shard {path} cannot be read ({error}): record again with task=record") from error
-    if found != fingerprint:
-        raise ValueError(
-            f"shard {path} was recorded with another configuration: delete {path.parent} or use another outputs"
-        )
+    if recorded != fingerprint:
+        raise ValueError(f"shard {path} was recorded with another configuration: delete {path.parent} or set outputs=")
     return content

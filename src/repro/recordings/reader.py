@@ -1,7 +1,7 @@
-"""Recordings on disk: write, resume, verify, read.
+"""Read and verify recordings.
 
-One directory an experiment: shards and a manifest with the SHA-256 of each. Nothing is read that is not what was
-recorded; recording again mends what is missing, cut or altered, to the same bytes.
+The directory of an experiment holds its shards and a manifest with the SHA-256 checksum of each shard. Every shard is
+verified before it is read. `simulation.recorder` writes the shards and restores damaged ones.
 """
 
 import hashlib
@@ -25,14 +25,14 @@ from repro.system.files import read_typed, sha256
 
 @dataclass(frozen=True)
 class ShardEntry(Shard):
-    """A shard and the checksum of its file."""
+    """A shard with the checksum of its file."""
 
     sha256: str
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a recorded experiment is: written last, so that where it stands the recordings are complete."""
+    """The description of a recorded experiment; it is written last, so its presence means complete recordings."""
 
     format: int
     spec: dict[str, Any]
@@ -43,15 +43,15 @@ class Manifest:
 
 
 def read_manifest(directory: Path) -> Manifest:
-    """Reads the manifest of a recorded experiment.
+    """Read the manifest of a recorded experiment.
 
     Raises:
-        ValueError: there is none, it cannot be read, or it names worlds that do not belong to their split.
+        ValueError: the manifest is missing, cannot be read, or names worlds that do not belong to their split.
     """
     path = directory / "manifest.json"
     if not path.is_file():
-        raise ValueError(f"no complete recordings in {directory}: give the same command with task=record first")
-    fix = f"delete it and give the same command with task=record; the shards in {directory} are kept"
+        raise ValueError(f"no complete recordings in {directory}: run the same command with task=record first")
+    fix = f"delete it and run the same command with task=record; the shards in {directory} are kept"
     manifest = read_typed(Manifest, path, fix)
     for split, count in manifest.pairs.items():
         entries = [entry for entry in manifest.shards.values() if entry.split == split]
@@ -59,20 +59,20 @@ def read_manifest(directory: Path) -> Manifest:
         within = all(first <= e.first_seed <= first + SPLIT_SEEDS - e.worlds for e in entries)
         named = all(manifest.shards.get(entry.name) == entry for entry in entries)
         if not within or not named or 2 * sum(entry.worlds for entry in entries) != count:
-            raise ValueError(f"{path} cannot be read (its shards of the split {split} are not {split}'s): {fix}")
+            raise ValueError(f"{path} cannot be read (its shards of the split {split} do not match its pairs): {fix}")
     return manifest
 
 
 def read_shards(directory: Path, split: str, count: int | None = None) -> Iterator[ShardContent]:
-    """Reads the shards of a split in order, each checked against the manifest.
+    """Yield the shards of a split in order, each verified against the manifest.
 
     Args:
-        directory: a recorded experiment.
+        directory: directory of a recorded experiment.
         split: train, val or test.
-        count: the first so many recordings, see `holds`; all without it.
+        count: number of recordings to cover, from the first, see `format.holds`; None for all.
 
     Raises:
-        ValueError: a shard is missing, truncated, altered, or of another configuration, or there are fewer recordings.
+        ValueError: a shard is missing, truncated, altered, or of another configuration, or there are too few.
     """
     manifest = read_manifest(directory)
     asked = manifest.pairs | ({split: count} if count else {})
@@ -81,15 +81,15 @@ def read_shards(directory: Path, split: str, count: int | None = None) -> Iterat
             path = directory / entry.name
             if not path.is_file() or sha256(path) != entry.sha256:
                 state = "is not what was recorded" if path.is_file() else "is missing"
-                raise BrokenShard(f"shard {path} {state}: task=record with the same words records it again")
+                raise BrokenShard(f"shard {path} {state}: run the same command with task=record to record it again")
             yield read_shard(path, manifest.fingerprint)
 
 
 def read_scans(directory: Path, split: str, index: int) -> Scans:
-    """Reads the scans of one recording of a split, ranges (T, N).
+    """Read the scans of one recording of a split, ranges (T, N).
 
     Raises:
-        ValueError: the split has no such recording, or its shard cannot be trusted.
+        ValueError: the split has no such recording, or a shard fails verification, see `read_shards`.
     """
     first = 0
     for shard in read_shards(directory, split):
@@ -100,10 +100,17 @@ def read_scans(directory: Path, split: str, index: int) -> Scans:
 
 
 def recordings_hash(directory: Path, pairs: Mapping[str, int] | None = None) -> str:
-    """Hashes the shards that hold some pairs together, all without `pairs`, for the provenance of what they make.
+    """Hash the checksums of the shards that hold `pairs`, for provenance.
+
+    Args:
+        directory: directory of a recorded experiment.
+        pairs: recordings per split; None for all.
+
+    Returns:
+        a SHA-256 in hexadecimal.
 
     Raises:
-        ValueError: there are no such recordings.
+        ValueError: the directory does not hold these recordings.
     """
     manifest = read_manifest(directory)
     checksums = [entry.sha256 for entry in _used(directory, manifest, pairs or manifest.pairs)]
@@ -111,9 +118,9 @@ def recordings_hash(directory: Path, pairs: Mapping[str, int] | None = None) -> 
 
 
 def _used(directory: Path, manifest: Manifest, asked: Mapping[str, int]) -> Iterator[ShardEntry]:
-    """Yields the shards that hold the pairs asked for."""
+    """Yield the shards that hold the requested pairs."""
     if not holds(manifest.pairs, asked):
-        raise ValueError(f"{directory} holds {manifest.pairs} pairs, which do not serve for {dict(asked)}")
+        raise ValueError(f"{directory} holds {manifest.pairs} pairs, which do not cover the requested {dict(asked)}")
     left = dict(asked)
     for entry in manifest.shards.values():
         if left[entry.split] > 0:

@@ -1,4 +1,4 @@
-"""Figures of the analysis: frames in, `Figure` out. Each can be read in gray, and has its rows beside it as CSV."""
+"""Figures of the analysis: frames in, `Figure` out. All are readable in gray; CSV files beside them hold their data."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,12 +14,12 @@ from repro.reporting.figures import STYLE
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import LOOKS, Frames, columns, marks, one_legend
 
-DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without")}
+DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
 HITS = ("1-10", "11-25", "26-50", "51-100", "never")
 
 
 def write_analysis_figures(directory: Path, frames: Frames) -> list[Path]:
-    """Draws every figure for which there are rows, as PNG and PDF; returns the PNG files."""
+    """Write every figure that has data as PNG and PDF; return the PNG files."""
     written = []
     with plt.rc_context(STYLE):
         for name, draw in FIGURES.items():
@@ -34,42 +34,42 @@ def write_analysis_figures(directory: Path, frames: Frames) -> list[Path]:
 
 
 def ages(frames: Frames) -> Figure | None:
-    """Shows what U-Net finds, and how sure it is, by how long ago the lidar last saw a pixel."""
+    """Plot obstacle recall and entropy of U-Net by time since last seen; None without data."""
     rows = _unet(frames["ages"])
     if rows.empty:
         return None
-    measures = {"obstacle_recall": "obstacle pixels found", "entropy": "entropy [nat]"}
+    measures = {"obstacle_recall": "obstacle recall", "entropy": "entropy [nat]"}
     figure, axes = columns(rows, len(measures), sharey="row")
-    for column, (experiment, mine) in zip(axes.T, rows.groupby("experiment"), strict=True):
+    for column, (experiment, own_rows) in zip(axes.T, rows.groupby("experiment"), strict=True):
         for ax, metric in zip(column, measures, strict=True):
-            for encoding, line in mine[mine["metric"] == metric].groupby("encoding", sort=False):
+            for encoding, line in own_rows[own_rows["metric"] == metric].groupby("encoding", sort=False):
                 look, label = DECAYS[str(encoding)]
                 ax.plot(line["age"], line["value"], markersize=3, label=label, **look)
         column[0].set_title(experiment_title(str(experiment), "\n{}"))
-        column[-1].set_xlabel("last seen before the end [steps]")
+        column[-1].set_xlabel("time since last seen [steps]")
     for ax, label in zip(axes[:, 0], measures.values(), strict=True):
-        ax.set_ylim(bottom=0)  # for all of its row
+        ax.set_ylim(bottom=0)  # shared by the row
         ax.set_ylabel(label)
     one_legend(figure, axes[0])
     return figure
 
 
 def recency(frames: Frames) -> Figure | None:
-    """Shows what U-Net finds, and how far off it is, by when a pixel was last inside the visible region."""
+    """Plot obstacle recall and Brier score of U-Net by recency, with occluded and never in view; None without data."""
     rows = _unet(frames["recency"])
     names = [name for name in RECENCY if name in set(rows["recency"])]
     if not names:
         return None
-    measures = {"obstacle_recall": "obstacle pixels found", "brier": "Brier score"}
+    measures = {"obstacle_recall": "obstacle recall", "brier": "Brier score"}
     figure, axes = columns(rows, len(measures), sharey="row", sharex=True)
-    for column, (experiment, mine) in zip(axes.T, rows.groupby("experiment"), strict=True):
+    for column, (experiment, own_rows) in zip(axes.T, rows.groupby("experiment"), strict=True):
         for ax, metric in zip(column, measures, strict=True):
-            measured = mine[mine["metric"] == metric]
+            measured = own_rows[own_rows["metric"] == metric]
             kinds = {label: measured[measured["encoding"] == name] for name, (_, label) in DECAYS.items()}
             marks(ax, {label: kind.set_index("recency") for label, kind in kinds.items()}, names)
         column[0].set_title(experiment_title(str(experiment), "\n{}"))
         column[-1].tick_params("x", rotation=40)
-        column[-1].set_xlabel("last visible [steps ago]")
+        column[-1].set_xlabel("time since last seen [steps]")
     for ax, label in zip(axes[:, 0], measures.values(), strict=True):
         ax.set_ylim(bottom=0)
         ax.set_ylabel(label)
@@ -78,7 +78,7 @@ def recency(frames: Frames) -> Figure | None:
 
 
 def obstacles(frames: Frames) -> Figure | None:
-    """Shows how much of an obstacle is found, by when it was last hit: U-Net, without decay, and the tracker."""
+    """Plot the recall of single obstacles by time since last hit: U-Net, ablation, baselines; None without data."""
     table = frames["obstacles"]
     rows = table[table["metric"] == "recall"]
     kinds = {
@@ -91,28 +91,28 @@ def obstacles(frames: Frames) -> Figure | None:
         return None
     figure, axes = columns(kinds["U-Net"], 1, sharey=True)
     for ax, experiment in zip(axes[0], sorted(kinds["U-Net"]["experiment"].unique()), strict=True):
-        mine = {label: kind[kind["experiment"] == experiment].set_index("last_hit") for label, kind in kinds.items()}
-        marks(ax, mine, list(HITS))
-        ax.set(title=experiment_title(str(experiment), "\n{}"), ylim=(0, 1), xlabel="last hit before the end [steps]")
-    axes[0, 0].set_ylabel("share of the obstacle found")
+        by_kind = {label: kind[kind["experiment"] == experiment].set_index("last_hit") for label, kind in kinds.items()}
+        marks(ax, by_kind, list(HITS))
+        ax.set(title=experiment_title(str(experiment), "\n{}"), ylim=(0, 1), xlabel="time since last hit [steps]")
+    axes[0, 0].set_ylabel("recall of an obstacle")
     one_legend(figure, axes[0])
     return figure
 
 
 def reliability(frames: Frames) -> Figure | None:
-    """Shows how often what U-Net predicts comes true."""
+    """Plot the reliability diagram of U-Net, uncalibrated; None without data."""
     rows = _unet(frames["reliability"])
     rows = rows[rows["recency"] == "all"] if len(rows) else rows
     if rows.empty:
         return None
     figure, axes = columns(rows, 1, sharey=True)
-    for ax, (experiment, mine) in zip(axes[0], rows.groupby("experiment"), strict=True):
+    for ax, (experiment, own_rows) in zip(axes[0], rows.groupby("experiment"), strict=True):
         ax.plot([0, 1], [0, 1], color="#bbbbbb", linewidth=1)
-        for encoding, line in mine.groupby("encoding", sort=False):
+        for encoding, line in own_rows.groupby("encoding", sort=False):
             look, label = DECAYS[str(encoding)]
             ax.plot(line["predicted"], line["found"], markersize=3, label=label, **look)
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="predicted probability", aspect="equal")
-    axes[0, 0].set_ylabel("share that are obstacles")
+    axes[0, 0].set_ylabel("observed frequency of obstacles")
     one_legend(figure, axes[0])
     return figure
 

@@ -1,4 +1,4 @@
-"""A moving picture of one recording: the world with its beams, the image as it fills, the prediction at every step."""
+"""Animation of one recording: the world with the beams, the growing input image, the prediction, the ground truth."""
 
 import shutil
 from collections.abc import Iterator
@@ -20,16 +20,16 @@ from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
 
-TITLES = ("World, robot, 90° lidar", "What the network sees", "What it predicts", "The map as it is")
+TITLES = ("World, robot, 90° lidar", "Network input", "Prediction", "Ground truth")
 
 
 @dataclass(frozen=True)
 class Frames:
-    """What is shown at each of some steps.
+    """The images of an animation at F steps.
 
     Args:
-        steps: the steps, (F,).
-        images: encoded scans up to the step, the last channel, uint8, (F, H, W).
+        steps: the steps, counted from 1, (F,).
+        images: last channel of the encoded scans up to the step, uint8, (F, H, W).
         predictions: probability of free, (F, H, W).
         maps: true maps, 1 is free, (F, H, W).
     """
@@ -41,12 +41,12 @@ class Frames:
 
 
 def make_frames(recording: Recording, predictor: Predictor, every: int = 2) -> Frames:
-    """Predicts after every few steps from the scans so far, as if the lidar had seen nothing before.
+    """Predict the map every few steps from the scans so far; steps before the recording count as misses.
 
     Args:
-        recording: T steps.
-        predictor: a network.
-        every: steps from one frame to the next.
+        recording: a recording of T steps.
+        predictor: the network.
+        every: number of steps from one frame to the next.
     """
     total = len(recording.scans.ranges)
     steps = np.arange(every, total + 1, every)
@@ -63,15 +63,15 @@ def make_frames(recording: Recording, predictor: Predictor, every: int = 2) -> F
 def write_animation(
     recording: Recording, frames: Frames, path: Path, *, size_m: float, range_max_m: float, fps: int = 10
 ) -> list[Path]:
-    """Writes the moving picture as GIF, and as MP4 where ffmpeg is there.
+    """Write the animation as GIF, and as MP4 if ffmpeg is installed.
 
     Args:
-        recording: what is shown.
+        recording: the recording.
         frames: see `make_frames`.
-        path: where it goes, without suffix.
+        path: path of the files without suffix.
         size_m: side of the map [m].
-        range_max_m: how far a beam is drawn that hits nothing [m].
-        fps: frames a second.
+        range_max_m: drawn length of a beam without a hit [m].
+        fps: frames per second.
 
     Returns:
         the files written.
@@ -80,7 +80,7 @@ def write_animation(
         figure, axes = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
         for ax, title in zip(axes, TITLES, strict=True):
             ax.set(xticks=(), yticks=(), title=title)
-        pictures = [
+        panels = [
             ax.imshow(np.zeros_like(frames.images[0]), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
             for ax in axes[1:]
         ]
@@ -89,25 +89,25 @@ def write_animation(
 
         def show(number: int) -> list[Artist]:
             shown = (frames.images[number], 255 * frames.predictions[number], 255 * frames.maps[number])
-            for picture, image in zip(pictures, shown, strict=True):
-                picture.set_data(image)
+            for panel, image in zip(panels, shown, strict=True):
+                panel.set_data(image)
             _draw_world(axes[0], recording, int(frames.steps[number]) - 1, range_max_m)
             footer.set_text(f"step {frames.steps[number]} of {len(recording.scans.ranges)}")
-            return [*pictures, footer]
+            return [*panels, footer]
 
-        still = fps  # the last picture stays for a second
+        still = fps  # the last frame stays for a second
         order = [*range(len(frames.steps)), *[len(frames.steps) - 1] * still]
-        moving = FuncAnimation(figure, show, frames=order)
+        animation = FuncAnimation(figure, show, frames=order)
         written = []
         for suffix, writer in _writers(fps):
-            moving.save(path.with_suffix(suffix), writer=writer)
+            animation.save(path.with_suffix(suffix), writer=writer)
             written.append(path.with_suffix(suffix))
         plt.close(figure)
     return written
 
 
 def _so_far(scans: Scans, step: int) -> Scans:
-    """The window that ends at a step: as long as the whole, with misses before the first scan."""
+    """Return the scans up to a step as a window of full length, with misses before the first scan."""
     total = len(scans.ranges)
     ranges = np.full(scans.ranges.shape, np.inf)
     poses = np.repeat(scans.poses[:1], total, axis=0)
@@ -116,7 +116,7 @@ def _so_far(scans: Scans, step: int) -> Scans:
 
 
 def _draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -> None:
-    """Draws obstacles, beams, robot and its path at a step."""
+    """Draw the obstacles, the beams, the robot and its path at a step."""
     for drawn in (*ax.collections, *ax.patches, *ax.lines):
         drawn.remove()
     x, y, heading = recording.states[:, step].T[..., None]

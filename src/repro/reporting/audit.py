@@ -1,8 +1,8 @@
-"""Audit: whether a results table agrees with itself, and what its numbers say of obstacles.
+"""Audit: internal consistency of a results table, and the obstacle metrics that it implies.
 
-Every row of the paper's metrics says more than once how much of the map is free and what Dice is. Where FREE is
-positive and the counts are pooled, what it says agrees to the digits printed; where it does not, a number is wrong or
-means something else. Nothing but the table is needed, so any table can be audited: the paper's, ours, someone else's.
+Every row of the paper's metrics determines the share of free pixels and Dice in two ways. If FREE is the positive class
+and the counts are pooled, both values agree to the printed digits; otherwise a number is wrong or has another
+definition. The audit needs only the table, so it applies to the paper's table, ours and any other.
 """
 
 import itertools
@@ -16,17 +16,18 @@ Row = dict[str, float]
 
 
 def audit(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
-    """Audits rows of metrics with FREE as the positive class.
+    """Audit rows of metrics with FREE as the positive class.
 
     Args:
-        table: accuracy, dice, precision, recall, specificity in [0, 1], and any columns that name the rows.
-        digits: decimals the numbers are given to; what rounding alone can explain is not held against a row.
+        table: accuracy, dice, precision, recall, specificity in [0, 1], and any columns that identify the rows.
+        digits: number of printed decimals; differences that rounding can explain count as agreement.
 
     Returns:
-        the columns that name the rows, then: `free`, the share of free pixels by accuracy, recall and specificity;
-        `free_by_precision`, by precision, recall and specificity; `free_agrees`; `dice_by_precision`, 2PR / (P + R);
-        `dice_agrees`; `obstacle_iou`, which the row implies; `all_free_accuracy` and `all_free_dice`, which calling
-        everything free scores on the same maps; `gain`, by how much the accuracy is above that.
+        the identifying columns, then: `free`, the share of free pixels implied by accuracy, recall and specificity;
+        `free_by_precision`, the same implied by precision, recall and specificity; `free_agrees`; `dice_by_precision`,
+        2PR / (P + R); `dice_agrees`; `obstacle_iou`, implied by the row; `all_free_accuracy` and `all_free_dice`, the
+        scores of an all-free prediction on the same maps; `gain`, the difference between accuracy and
+        `all_free_accuracy`.
     """
     names = [name for name in table.columns if name not in METRICS]
     rows = []
@@ -51,11 +52,11 @@ def audit(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
 
 
 def audit_averages(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
-    """Compares the rows `average` with the means of their rows, metric by metric.
+    """Compare the rows `average` with the means over the models, metric by metric.
 
     Args:
         table: experiment, model, encoding and the metrics.
-        digits: decimals the numbers are given to.
+        digits: number of printed decimals.
 
     Returns:
         experiment, encoding, metric, printed, mean, agrees.
@@ -72,30 +73,30 @@ def audit_averages(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
 
 
 def free_share(row: Row) -> float:
-    """Solves accuracy = f recall + (1 - f) specificity for the share of free pixels f."""
+    """Solve accuracy = f recall + (1 - f) specificity for the share of free pixels f."""
     return (row["accuracy"] - row["specificity"]) / (row["recall"] - row["specificity"])
 
 
 def free_share_by_precision(row: Row) -> float:
-    """Solves precision = f recall / (f recall + (1 - f) (1 - specificity)) for the share of free pixels f."""
+    """Solve precision = f recall / (f recall + (1 - f) (1 - specificity)) for the share of free pixels f."""
     wrong = row["precision"] * (1 - row["specificity"])
     return wrong / (wrong + row["recall"] * (1 - row["precision"]))
 
 
 def dice_by_precision(row: Row) -> float:
-    """Computes Dice as the harmonic mean of precision and recall."""
+    """Compute Dice as the harmonic mean of precision and recall."""
     return 2 * row["precision"] * row["recall"] / (row["precision"] + row["recall"])
 
 
 def obstacle_iou(row: Row) -> float:
-    """Computes the IoU of obstacles that the row implies."""
+    """Compute the obstacle IoU that the row implies."""
     free = free_share(row)
     hit = (1 - free) * row["specificity"]
     return hit / (1 - free + free * (1 - row["recall"]))
 
 
 def _agree(one: Callable[[Row], float], other: Callable[[Row], float], row: Row, digits: int) -> bool:
-    """Says whether two numbers computed from a row can be the same before their terms were rounded."""
+    """Return whether two numbers computed from a row can be equal before the terms of the row were rounded."""
     half = 0.5 * 10**-digits
     low = high = one(row) - other(row)
     for signs in itertools.product((-half, half), repeat=len(row)):

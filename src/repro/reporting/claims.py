@@ -1,9 +1,9 @@
-"""Claims: whether what the paper says holds, on its own numbers and on ours.
+"""Claims: tests of the paper's statements on the paper's numbers and on ours.
 
-reproduce/claims.yaml has every checkable statement with the expression that tests it. Numbers carry their intervals
-through the expression (by the `uncertainties` library, as independent standard errors, which is conservative for
-differences on the same test worlds); a difference counts only where it is larger than the tolerance and its interval
-leaves out zero.
+reproduce/claims.yaml lists every checkable statement with the expression that tests it. The `uncertainties` library
+propagates the intervals of the numbers through the expression as independent standard errors, which is conservative for
+differences on the same test worlds. A difference counts only if it exceeds the tolerance and its interval excludes
+zero.
 """
 
 import dataclasses
@@ -21,11 +21,11 @@ from repro.config import choice
 from repro.reporting.numbers import Number, Numbers, Z, paper_rows
 from repro.system.files import read_typed
 
-ROUNDING = 1e-4  # a difference of two numbers of four digits
+ROUNDING = 1e-4  # rounding error of a difference of two numbers with four decimals
 
 
 class Verdict(enum.StrEnum):
-    """What became of a claim."""
+    """The result of the test of a claim."""
 
     reproduced = "reproduced"
     in_direction = "reproduced in direction"
@@ -36,7 +36,7 @@ class Verdict(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Claim:
-    """One statement of the paper; see the head of claims.yaml."""
+    """One statement of the paper; the header of claims.yaml explains the fields."""
 
     id: str
     quote: str
@@ -55,27 +55,27 @@ class Claim:
 
 @dataclass(frozen=True)
 class Ledger:
-    """What claims.yaml holds."""
+    """The content of claims.yaml."""
 
     tolerances: dict[str, dict[str, float]]
     claims: list[Claim]
 
 
 def read_claims(path: Path) -> Ledger:
-    """Reads the ledger.
+    """Read claims.yaml.
 
     Raises:
-        ValueError: it cannot be read, or a claim has no test and no reason why.
+        ValueError: the file cannot be read, or a claim has neither or both of a test and a reason why it has none.
     """
-    ledger = read_typed(Ledger, path, "mend it")
+    ledger = read_typed(Ledger, path, "correct it")
     for claim in ledger.claims:
         if bool(claim.test) == bool(claim.untestable):
-            raise ValueError(f"{path}: {claim.id} needs either a test or a reason why there can be none")
+            raise ValueError(f"{path}: {claim.id} needs either a test or a reason why it is untestable")
     return ledger
 
 
 def judge(ledger: Ledger, ours: pd.DataFrame, paper: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Judges every claim, on the paper's own numbers and on ours.
+    """Judge every claim, on the paper's own numbers and on ours.
 
     Args:
         ledger: see `read_claims`.
@@ -83,49 +83,52 @@ def judge(ledger: Ledger, ours: pd.DataFrame, paper: pd.DataFrame | None = None)
         paper: see `numbers.paper_rows`.
 
     Returns:
-        one row a claim: id, quote, place, means, verdict, ours (the verdict on our numbers alone), paper (holds, fails,
-        or no number), value (of the combination that is nearest to failing), low, high, claimed, margin (how far it is
-        from failing), held and combinations, paper_value, tolerance, at_half and at_double (the verdict on ours at half
-        and double the tolerance), tolerance_from.
+        one row per claim: id, quote, place, means, verdict, ours (the verdict on our numbers alone), paper (holds,
+        fails or no number), value of the decisive combination (the one closest to failing) with low and high, claimed,
+        margin (its distance from failing), held and combinations (numbers of combinations that pass and of all),
+        paper_value, tolerance, at_half and at_double (the verdict on our numbers at half and double the tolerance),
+        tolerance_from.
     """
-    own, theirs = Numbers(ours), Numbers(paper_rows() if paper is None else paper)
-    return pd.DataFrame([_judge_one(claim, ledger.tolerances, own, theirs) for claim in ledger.claims])
+    our_numbers, paper_numbers = Numbers(ours), Numbers(paper_rows() if paper is None else paper)
+    rows = [_judge_one(claim, ledger.tolerances, our_numbers, paper_numbers) for claim in ledger.claims]
+    return pd.DataFrame(rows)
 
 
 @dataclass(frozen=True)
 class _Tested:
-    """A test of one combination: what came out, what was claimed, and by how much it may be off."""
+    """The test of one combination: the value, the claimed value and the tolerance."""
 
     value: float
-    error: float  # its standard error
+    error: float  # standard error of the value
     claimed: float
     tolerance: float
-    is_level: bool  # the claim is a level, which has no direction
+    is_level: bool  # the claim is an absolute value, which has no direction
 
     def margin(self, expect: str) -> float:
-        """How far it is from failing; negative when it fails."""
+        """Return the distance from failing, negative if the test fails."""
         gap = self.value - self.claimed
         return self.tolerance - abs(gap) if expect == "near" else gap - self.tolerance
 
     def holds(self, expect: str, slack: float = 1e-12) -> bool:
-        clear = expect == "near" or self.value - self.claimed > Z * self.error - slack
-        return clear and self.margin(expect) >= -slack
+        """Return whether the test passes, by more than its interval and its tolerance."""
+        significant = expect == "near" or self.value - self.claimed > Z * self.error - slack
+        return significant and self.margin(expect) >= -slack
 
     def points(self, expect: str) -> bool:
-        """Whether it has the direction claimed, whatever its size."""
+        """Return whether the value has the claimed direction, regardless of its size."""
         if self.is_level:
             return False
         return self.value * self.claimed > 0 if expect == "near" else self.value > self.claimed
 
 
-def _judge_one(claim: Claim, tolerances: dict, own: Numbers, theirs: Numbers) -> dict[str, Any]:
+def _judge_one(claim: Claim, tolerances: dict, ours: Numbers, papers: Numbers) -> dict[str, Any]:
     row: dict[str, Any] = {"id": claim.id, "quote": claim.quote, "place": claim.place, "means": claim.means}
     if claim.untestable:
         return {**row, "verdict": Verdict.untested, "ours": Verdict.untested, "reason": claim.untestable}
-    paper = _test(claim, tolerances, theirs, theirs, on_paper=True)
+    paper = _test(claim, tolerances, papers, papers, on_paper=True)
     holds = "no number" if paper is None else "holds" if _verdict(claim, paper) is Verdict.reproduced else "fails"
     row |= {"paper": holds, "paper_value": _worst(claim, paper).value if paper else None}
-    tested = _test(claim, tolerances, own, theirs)
+    tested = _test(claim, tolerances, ours, papers)
     verdict = Verdict.untested if tested is None else _verdict(claim, tested)
     if tested:
         worst = _worst(claim, tested)
@@ -139,42 +142,42 @@ def _judge_one(claim: Claim, tolerances: dict, own: Numbers, theirs: Numbers) ->
 
 
 def _test(
-    claim: Claim, tolerances: dict, rows: Numbers, theirs: Numbers, *, on_paper: bool = False
+    claim: Claim, tolerances: dict, rows: Numbers, papers: Numbers, *, on_paper: bool = False
 ) -> list[_Tested] | None:
-    """Computes the test of every combination; None where a number is missing."""
-    found = []
+    """Compute the test of every combination; None if a number is missing."""
+    tested = []
     code = compile(claim.test.strip(), claim.id, "eval")
     for values in itertools.product(*claim.over.values()):
         names = dict(zip(claim.over, values, strict=True))
         try:
             value, claimed = _evaluate(code, rows, names), claim.claimed
             if claimed == "paper":
-                claimed = nominal_value(_evaluate(code, theirs, names))
+                claimed = nominal_value(_evaluate(code, papers, names))
         except KeyError:
             return None
-        known = claim.tolerance
-        tolerance = tolerances[known][names["metric"]] if isinstance(known, str) else known
+        given = claim.tolerance
+        tolerance = tolerances[given][names["metric"]] if isinstance(given, str) else given
         allowed = claim.paper_tolerance if on_paper else tolerance
-        found.append(_Tested(nominal_value(value), std_dev(value), float(claimed), allowed, claim.claimed == "paper"))
-    return found
+        tested.append(_Tested(nominal_value(value), std_dev(value), float(claimed), allowed, claim.claimed == "paper"))
+    return tested
 
 
 def _evaluate(code: Any, rows: Numbers, names: dict[str, Any]) -> Number:
     known = {"__builtins__": {}, "m": rows.m, "networks": rows.networks, **names}
-    return eval(code, known)  # the code is claims.yaml's, which is the project's own
+    return eval(code, known)  # trusted: the code comes from the project's own claims.yaml
 
 
 def _verdict(claim: Claim, tested: list[_Tested]) -> Verdict:
-    need = len(tested) // 2 + 1 if claim.most else len(tested)
-    if sum(each.holds(claim.expect) for each in tested) >= need:
+    required = len(tested) // 2 + 1 if claim.most else len(tested)
+    if sum(each.holds(claim.expect) for each in tested) >= required:
         return Verdict.reproduced
-    if sum(each.points(claim.expect) for each in tested) >= need:
+    if sum(each.points(claim.expect) for each in tested) >= required:
         return Verdict.in_direction
     return Verdict.not_reproduced
 
 
 def _worst(claim: Claim, tested: list[_Tested]) -> _Tested:
-    """The combination that decides: the one nearest to failing, or where most will do the one in the middle."""
+    """Return the decisive combination: the one closest to failing, or the median one if most have to pass."""
     ordered = sorted(tested, key=lambda each: each.margin(claim.expect))
     return ordered[(len(ordered) - 1) // 2 if claim.most else 0]
 

@@ -1,4 +1,4 @@
-"""Figures that compare: networks, inputs and baselines; other worlds than those learned from; more pairs and pixels."""
+"""Comparison figures: networks, inputs and baselines; generalization; learning curves."""
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -14,7 +14,7 @@ from repro.reporting.results import OURS
 
 
 def baselines(frames: Frames) -> Figure | None:
-    """Shows the obstacle IoU of every network from the paper's input, our best, and every baseline, with intervals."""
+    """Plot the obstacle IoU of all networks on the paper's input, our best input and the baselines, or None."""
     rows = _titled(frames["intervals"])
     shown = rows["encoding"].isin(["", PROJECTION]) | (rows["model"] == "convlstm") | (rows["encoding"] == OURS[1])
     rows = rows[shown & ~rows["model"].isin(["average", "all_free"])]
@@ -23,11 +23,11 @@ def baselines(frames: Frames) -> Figure | None:
 
 
 def encodings(frames: Frames) -> Figure | None:
-    """Shows the obstacle IoU of U-Net from every encoding, and of a network for sequences, with intervals."""
+    """Plot the obstacle IoU of U-Net on every encoding, and of a sequence network, with intervals, or None."""
     rows = _titled(frames["intervals"])
     rows = rows[rows["model"].isin(["unet", "convlstm"])]
     inputs = rows.groupby("experiment")["encoding"].nunique()
-    rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # where most have been tried
+    rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
     order = {name: number for number, name in enumerate(ENCODINGS)}
     rows = rows.assign(order=rows["encoding"].map(order))
     names = rows.drop_duplicates("title").sort_values(["rank", "order"], ascending=False)["title"].tolist()
@@ -35,7 +35,7 @@ def encodings(frames: Frames) -> Figure | None:
 
 
 def generalization(frames: Frames) -> Figure | None:
-    """Shows what U-Net loses on sensors, poses and speeds that it has not learned."""
+    """Plot obstacle IoU and accuracy of U-Net under changed sensors, poses and speeds; None without data."""
     if "generalization" not in frames:
         return None
     rows = frames["generalization"]
@@ -58,7 +58,7 @@ def generalization(frames: Frames) -> Figure | None:
 
 
 def curves(frames: Frames) -> Figure | None:
-    """Plot the learning curves, their extrapolation to paper scale, and the paper's numbers."""
+    """Plot the learning curves, their extrapolation to paper scale and the paper's values; None without data."""
     if "extrapolated" not in frames:
         return None
     extrapolated, points = frames["extrapolated"], frames["curves"].query("schedule == 'short'")
@@ -68,14 +68,14 @@ def curves(frames: Frames) -> Figure | None:
     size = (0.6 + 2.2 * len(setups), 4.6)
     figure, axes = plt.subplots(2, len(setups), figsize=size, layout="constrained", sharex=True, squeeze=False)
     for column, (experiment, encoding) in zip(axes.T, setups, strict=True):
-        mine = points[(points["experiment"] == experiment) & (points["encoding"] == encoding)]
+        measured = points[(points["experiment"] == experiment) & (points["encoding"] == encoding)]
         of_curve = (extrapolated["experiment"] == experiment) & (extrapolated["encoding"] == encoding)
-        ahead = extrapolated[of_curve].set_index("metric")
+        targets = extrapolated[of_curve].set_index("metric")
         for ax, metric in zip(column, measures, strict=True):
-            for look, (size_px, line) in zip(LOOKS, mine.groupby("size_px"), strict=False):
+            for look, (size_px, line) in zip(LOOKS, measured.groupby("size_px"), strict=False):
                 means = line.groupby("pairs")[metric].mean()
                 ax.plot(means.index, means, markersize=4, label=f"{size_px} px", **look)
-            aim = ahead.loc[metric]
+            aim = targets.loc[metric]
             spread = [[aim["value"] - aim["low"]], [aim["high"] - aim["value"]]]
             form = {"color": INK, "marker": "D", "markersize": 4, "capsize": 2, "markerfacecolor": "white"}
             label = f"extrapolated, {aim['size_px']:.0f} px"
@@ -92,24 +92,29 @@ def curves(frames: Frames) -> Figure | None:
 
 
 def _titled(table: pd.DataFrame) -> pd.DataFrame:
-    """Takes the obstacle IoU with decay; adds the title of each predictor and its rank."""
+    """Select the obstacle IoU of all cells with decay; add the title and the rank of each predictor."""
     rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
     titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
     return rows.assign(title=titles, rank=rows["model"].map(rank))
 
 
 def _dots(rows: pd.DataFrame, names: list[str]) -> Figure:
-    """Draws a dot and its interval for each title, from the bottom up, a column an experiment; networks are filled."""
+    """Draw a dot with its interval for each title, from the bottom up, one column per experiment; networks filled."""
     experiments = sorted(rows["experiment"].unique())
     size = (1.6 + 2.3 * len(experiments), 0.9 + 0.26 * len(names))
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
     for ax, experiment in zip(axes[0], experiments, strict=True):
         for row in rows[rows["experiment"] == experiment].itertuples():
-            own = row.encoding != ""
-            form = {"color": ACCENT if own else INK, "marker": "o" if own else "s", "markersize": 4, "capsize": 2}
+            is_network = row.encoding != ""
+            form = {
+                "color": ACCENT if is_network else INK,
+                "marker": "o" if is_network else "s",
+                "markersize": 4,
+                "capsize": 2,
+            }
             spread = [[row.value - row.low], [row.high - row.value]]
             ax.errorbar(
-                row.value, names.index(row.title), xerr=spread, markerfacecolor=None if own else "white", **form
+                row.value, names.index(row.title), xerr=spread, markerfacecolor=None if is_network else "white", **form
             )
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="obstacle IoU")
         ax.grid(axis="x", color="#dddddd", linewidth=0.5)

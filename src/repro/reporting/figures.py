@@ -21,11 +21,11 @@ STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.f
 
 
 def write_figures(directory: Path, worlds: dict[str, World], examples: list[Example]) -> list[Path]:
-    """Draws every figure for which there is something to show, as PNG and PDF.
+    """Write every figure that has data as PNG and PDF.
 
     Args:
-        directory: where they go, made if missing.
-        worlds: a world of each experiment.
+        directory: directory of the figures, created if missing.
+        worlds: one world by experiment.
         examples: one test recording of each experiment and ablation.
 
     Returns:
@@ -50,7 +50,7 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
 
 
 def data_collection(worlds: dict[str, World], step: int = 70) -> Figure:
-    """Draws the set-ups as IR-SIM draws them after some steps: obstacles, robot, beams and the paths so far."""
+    """Plot IR-SIM's rendering of each setup after some steps: obstacles, robot, beams and the paths so far."""
     figure, axes = plt.subplots(1, len(worlds), figsize=(3 * len(worlds), 3.2), layout="constrained", squeeze=False)
     for ax, (experiment, world) in zip(axes[0], worlds.items(), strict=True):
         size = world["world"]["width"]
@@ -62,7 +62,7 @@ def data_collection(worlds: dict[str, World], step: int = 70) -> Figure:
 
 
 def irsim_drawing(world: World, step: int, size_px: int = 720) -> np.ndarray:
-    """Gives IR-SIM's own picture of a world after some steps, (size_px, size_px, 4)."""
+    """Return IR-SIM's rendering of a world after some steps, RGBA, uint8, (size_px, size_px, 4)."""
     plot = {"no_axis": True, "show_title": False, "figure_pixels": [size_px, size_px]}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "world.yaml"
@@ -73,8 +73,8 @@ def irsim_drawing(world: World, step: int, size_px: int = 720) -> np.ndarray:
     env.render(0, show_trail=False)
     for item in env.objects:
         if not item.static:
-            colour = ACCENT if item.role == "robot" else "tab:orange"
-            env.draw_trajectory(item.trajectory, "-", color=colour, linewidth=2.5)
+            color = ACCENT if item.role == "robot" else "tab:orange"
+            env.draw_trajectory(item.trajectory, "-", color=color, linewidth=2.5)
     figure = plt.gcf()
     figure.axes[0].set_position((0, 0, 1, 1))
     figure.canvas.draw()
@@ -85,7 +85,7 @@ def irsim_drawing(world: World, step: int, size_px: int = 720) -> np.ndarray:
 
 
 def data_representation(examples: list[Example]) -> Figure:
-    """Shows the cumulative dynamic sensor projection of one recording of each experiment."""
+    """Plot the cumulative dynamic sensor projection of one recording per experiment."""
     figure, axes = plt.subplots(1, len(examples), figsize=(3 * len(examples), 3.3), layout="constrained")
     for ax, example in zip(np.atleast_1d(axes), examples, strict=True):
         shown = _image(ax, example.projection, _title(example))
@@ -95,7 +95,7 @@ def data_representation(examples: list[Example]) -> Figure:
 
 
 def results(examples: list[Example]) -> Figure:
-    """Shows input, prediction and truth of U-Net, one column a set-up."""
+    """Plot input, prediction and ground truth of U-Net, one column per setup."""
     figure, axes = plt.subplots(3, len(examples), figsize=(1.9 * len(examples), 6), layout="constrained", squeeze=False)
     for column, example in zip(axes.T, examples, strict=True):
         _image(column[0], example.projection, _title(example))
@@ -107,7 +107,7 @@ def results(examples: list[Example]) -> Figure:
 
 
 def method_overview(example: Example) -> Figure:
-    """Shows the way of one recording: scans and poses, projection, network, prediction, comparison with the truth."""
+    """Plot the pipeline for one recording: scans and poses, projection, network, prediction, ground truth."""
     figure, width = plt.figure(figsize=(12, 3)), 0.15
     _show_scans(figure.add_axes((0.05, 0.56, width, 0.36)), example)
     _show_poses(figure.add_axes((0.05, 0.02, width, 0.3)), example)
@@ -133,7 +133,7 @@ def method_overview(example: Example) -> Figure:
 
 
 def _show_scans(ax: Axes, example: Example) -> None:
-    """Shows all scans of a recording as one picture, a row a step; misses stay white."""
+    """Plot all scans of a recording as one image, one row per step; misses are white."""
     ax.imshow(
         np.where(np.isfinite(example.scans.ranges), example.scans.ranges, np.nan), aspect="auto", cmap="viridis_r"
     )
@@ -141,7 +141,7 @@ def _show_scans(ax: Axes, example: Example) -> None:
 
 
 def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0) -> None:
-    """Shows the robot's poses as arrows, the newest darkest."""
+    """Plot the poses of the robot as arrows, the newest darkest."""
     x, y, heading = example.scans.poses[::every].T
     arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
     ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)
@@ -157,7 +157,7 @@ def _title(example: Example) -> str:
 
 
 def _image(ax: Axes, image: np.ndarray, title: str = "") -> Any:
-    """Shows a gray image, 0 black to 255 white, without ticks."""
+    """Plot a gray image, 0 black to 255 white, without ticks."""
     shown = ax.imshow(image, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
     ax.set(xticks=(), yticks=(), title=title)
     return shown

@@ -1,4 +1,4 @@
-"""Numbers by name, the paper's and ours, with their intervals: what the tests of the claims are made of."""
+"""The paper's numbers and ours with their intervals, looked up by name in the tests of the claims."""
 
 from typing import Any
 
@@ -12,15 +12,15 @@ from repro.reporting.audit import free_share
 from repro.reporting.paper import read_paper
 from repro.runs.keys import CELL
 
-Z = 1.96  # half an interval of 95 % in standard errors
-Number = Any  # a float, or one of `uncertainties` with its standard error
+Z = 1.96  # half-width of a 95 % interval in standard errors
+Number = Any  # a float, or a number of `uncertainties` with its standard error
 
 
 class Numbers:
-    """Numbers by name, for the tests of the ledger: m(metric, exp, ...).
+    """Numbers looked up as m(metric, exp, ...) in the tests of claims.yaml.
 
     Args:
-        rows: of, experiment, model, encoding, recency, metric, value and, where known, low and high.
+        rows: of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
     """
 
     def __init__(self, rows: pd.DataFrame) -> None:
@@ -42,10 +42,10 @@ class Numbers:
         recency: str = "all",
         of: str = "tables",
     ) -> Number:
-        """Finds a number, the mean over a list of experiments.
+        """Return a number of an experiment, or its mean over a list of experiments.
 
         Raises:
-            KeyError: it is not there.
+            KeyError: the number does not exist.
         """
         experiments = [exp] if isinstance(exp, str) else exp
         encoding = "" if model in BASELINES else encoding
@@ -53,7 +53,7 @@ class Numbers:
 
 
 def paper_rows() -> pd.DataFrame:
-    """Makes rows of the paper's tables, with what calling everything free would score on its maps."""
+    """Return the paper's tables as tidy rows, with the implied scores of an all-free prediction on its maps."""
     table = read_paper()
     free = [
         {**row, "model": "all_free", "encoding": "", "accuracy": share, "dice": 2 * share / (1 + share)}
@@ -66,7 +66,7 @@ def paper_rows() -> pd.DataFrame:
 
 
 def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Makes rows of the frames of `evaluation.analysis.gather`."""
+    """Return the frames of `evaluation.analysis.gather` as tidy rows."""
     parts = [frames["intervals"].assign(of="tables", recency="all")]
     calibration = frames["calibration"]
     parts += [frames["recency"].assign(of="recency")]

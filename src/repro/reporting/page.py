@@ -1,4 +1,4 @@
-"""The page: one HTML file with tables, claims, figures, samples and provenance, that needs nothing but a browser."""
+"""The HTML report: one self-contained file with tables, claims, figures, samples and provenance."""
 
 import json
 from collections import Counter
@@ -11,6 +11,7 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from repro.baselines.names import rank
+from repro.config import NO_DECAY
 from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
 from repro.reporting.claims import Verdict
@@ -32,19 +33,19 @@ LOOKS = {
 
 @dataclass(frozen=True)
 class Report:
-    """All that the page shows of an outputs directory.
+    """The content of the HTML report of an outputs directory.
 
     Args:
-        scale: its name.
-        outputs: the name of the directory.
-        command: what makes the page.
-        caption: scale, resolution, pairs, epochs, seeds.
+        scale: name of the scale.
+        outputs: name of the outputs directory.
+        command: the command that creates the report.
+        caption: scale, resolution, pairs, epochs and seeds as one sentence.
         tables: the main table and the ablation.
-        frames: see `evaluation.analysis.gather`, and `audit`.
+        frames: the frames of `evaluation.analysis.gather`, and `audit`.
         claims: see `claims.judge`.
-        figures: PNG files, by name.
-        samples: of each experiment, see `evaluation.samples.load_samples`.
-        origins: where each run came from, by its place.
+        figures: PNG files by name.
+        samples: see `evaluation.samples.load_samples`, by experiment.
+        origins: provenance of each run by its path.
     """
 
     scale: str
@@ -60,26 +61,30 @@ class Report:
 
 
 def render(report: Report) -> str:
-    """Writes the page as one string of HTML."""
+    """Return the report as one string of HTML; the smoke test has no claims."""
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
+    is_smoke = report.scale == "smoke"
     parts = sections(report.frames, report.figures, report.origins)
-    places = [("summary", "In short"), ("tables", "Tables"), ("claims", "Claims")]
-    places += [("samples", "Samples")] if report.samples else []
+    navigation = [("summary", "Summary"), ("tables", "Tables")]
+    navigation += [] if is_smoke else [("claims", "Claims")]
+    navigation += [("samples", "Samples")] if report.samples else []
+    navigation += [(part["id"], part["nav"]) for part in parts]
+    audit = report.frames["audit"].query("model == 'average'")
     intervals = report.frames["intervals"].set_index([*CELL, "metric"])
     counted = Counter(report.claims["verdict"])
     return environment.get_template("report.html").render(
         scale=report.scale,
         outputs=report.outputs,
-        is_smoke=report.scale == "smoke",
+        is_smoke=is_smoke,
         command=report.command,
         caption=report.caption,
-        sections=places + [(part["id"], part["nav"]) for part in parts],
+        sections=navigation,
         verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in LOOKS.items()],
         all_free=_all_free(report.frames["intervals"]),
         seeds=int(report.frames["intervals"]["seeds"].max()),
         heads=list(HEADS.values()),
         tables=[_table(table, intervals) for table in report.tables.values() if len(table.frame)],
-        audit=report.frames["audit"].query("model == 'average'").to_dict("records"),
+        audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
         claims=[_claim(row) for row in report.claims.to_dict("records")],
         browser=_browser(report.samples),
         parts=parts,
@@ -87,15 +92,15 @@ def render(report: Report) -> str:
 
 
 def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
-    """One row a network: our number, its interval, the difference to the paper, and how strongly to colour it."""
+    """Return the rows of a table; each cell has our value, its interval, the difference to the paper and a tint."""
     rows = []
     for _, row in table.frame.iterrows():
         cells = []
         for metric in TABLE_METRICS:
             cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
-            place = (*row[CELL], metric)
-            if place in intervals.index:
-                low, high = intervals.loc[place, ["low", "high"]]
+            key = (*row[CELL], metric)
+            if key in intervals.index:
+                low, high = intervals.loc[key, ["low", "high"]]
                 cell["interval"] = f"[{low:.3f}, {high:.3f}]"
             delta = row[f"delta_{metric}"]
             if pd.notna(delta):
@@ -108,7 +113,7 @@ def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
 
 
 def _all_free(intervals: pd.DataFrame) -> str:
-    """Says what calling everything free scores."""
+    """Return a sentence with the scores of the all-free baseline, empty if it is not evaluated."""
     rows = intervals[intervals["model"] == "all_free"]
     if rows.empty:
         return ""
@@ -116,49 +121,52 @@ def _all_free(intervals: pd.DataFrame) -> str:
     scored = [
         f"{name} {low[key]:.3f} to {high[key]:.3f}" for key, name in {"accuracy": "accuracy", "dice": "Dice"}.items()
     ]
-    return f"Calling everything free scores {' and '.join(scored)}."
+    return f"A prediction of free space everywhere has {' and '.join(scored)}."
 
 
 def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
-    """One claim: its verdict, its words, and the facts behind it as pairs of name and text."""
-    facts = [("Where", row["place"]), ("Tested as", row["means"])]
+    """Return a claim: quote, verdict, CSS class of the verdict, and its details as pairs of name and text."""
+    facts = [("Section", row["place"]), ("Test", row["means"])]
     if pd.notna(row.get("reason")):
         facts.append(("Not tested", row["reason"]))
     if pd.notna(row.get("value")):
-        bound = f"{row['claimed']:.4g} needed, tolerance {row['tolerance']:.4g}"
+        bound = f"required {row['claimed']:.4g}, tolerance {row['tolerance']:.4g}"
         facts += [
             (
                 "Ours",
-                f"{row['value']:.4g} [{row['low']:.4g}, {row['high']:.4g}] where it is nearest to failing; {bound}",
+                f"{row['value']:.4g} [{row['low']:.4g}, {row['high']:.4g}] in the decisive combination; {bound}",
             ),
             (
                 "Holds",
                 f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}",
             ),
-            ("Tolerance", f"{row['tolerance_from']}; at half of it {row['at_half']}, at double {row['at_double']}"),
+            (
+                "Tolerance",
+                f"{row['tolerance_from']}; half the tolerance: {row['at_half']}, double: {row['at_double']}",
+            ),
         ]
     elif pd.isna(row.get("reason")):
-        facts.append(("Not tested", "a number that the test needs has not been measured here"))
+        facts.append(("Not tested", "a number that the test needs is not measured at this scale"))
     if row.get("paper") in ("holds", "fails"):
         facts.append(("The paper's tables", f"{row['paper']}, {row['paper_value']:.4g}"))
     return {"quote": row["quote"], "verdict": str(row["verdict"]), "look": LOOKS[row["verdict"]], "facts": facts}
 
 
 def _browser(samples: dict[str, list[Sample]]) -> str:
-    """Makes the samples' JSON; it stands in a script element, so nothing in it may close one."""
+    """Return the samples as JSON for a script element, with `</` escaped so that it cannot close the element."""
     experiments = []
-    for experiment, found in samples.items():
+    for experiment, recordings in samples.items():
         shown = [
             {
                 "name": f"test recording {sample['index']}",
                 "truth": sample["truth"],
                 "inputs": sample["inputs"],
                 "predictions": {
-                    place: {"name": _run_name(place), "input": _input_of(place, sample["inputs"]), "image": image}
-                    for place, image in sorted(sample["predictions"].items(), key=_rank)
+                    path: {"name": _run_name(path), "input": _input_of(path, sample["inputs"]), "image": image}
+                    for path, image in sorted(sample["predictions"].items(), key=_rank)
                 },
             }
-            for sample in found
+            for sample in recordings
         ]
         experiments.append({"name": experiment_title(experiment, ": {}"), "samples": shown})
     return json.dumps({"experiments": experiments}).replace("</", "<\\/") if experiments else ""

@@ -1,4 +1,4 @@
-"""The published tables, and what they give away about the test maps."""
+"""The paper's tables, and the properties of its test maps that they imply."""
 
 from importlib.resources import files
 
@@ -12,7 +12,7 @@ TABLES = files("repro.reporting") / "paper_tables"
 
 
 def read_paper() -> pd.DataFrame:
-    """Reads the paper's Tables I and II with their averages: experiment, model, encoding and the six metrics."""
+    """Load the paper's Tables I and II with their averages: experiment, model, encoding and the six metrics."""
     results = pd.read_csv(str(TABLES / "results.csv"))
     averages = pd.read_csv(str(TABLES / "averages.csv")).assign(model="average")
     table = pd.concat([results, averages], ignore_index=True)
@@ -21,7 +21,7 @@ def read_paper() -> pd.DataFrame:
 
 
 def implied_coverage(table: pd.DataFrame) -> pd.Series:
-    """Computes the obstacle share of the test maps that each row implies.
+    """Compute the obstacle share of the test maps that each row implies.
 
     With FREE as the positive class, accuracy = f * recall + (1 - f) * specificity for a free share f.
     """
@@ -30,12 +30,12 @@ def implied_coverage(table: pd.DataFrame) -> pd.Series:
 
 
 def targets(experiment: str) -> dict[str, float]:
-    """Says what the recordings of an experiment should come near.
+    """Return the target statistics of the recordings of an experiment.
 
     Returns:
-        `coverage`, the obstacle share that the paper's average row implies, and `specificity`, which the
-        visibility of the worlds must exceed: nobody predicts obstacles never hit. Empty for an experiment
-        that the paper does not have.
+        `coverage`, the obstacle share that the paper's average row implies, and `specificity`, a lower bound of the
+        visibility of the worlds, because obstacles that are never hit cannot be predicted. Empty for an experiment
+        that is not in the paper.
     """
     rows = read_paper().query("model == 'average' and encoding == @PROJECTION and experiment == @experiment")
     if rows.empty:

@@ -1,8 +1,8 @@
-"""What the reproduction claims: results copied from an outputs directory into reproduce/results, and into README.
+"""Publishing: copies of results from an outputs directory to reproduce/results, and exported weights.
 
-A published directory holds main.csv and ablation.csv, runs.csv (every run with its seed, metrics and times),
-provenance.json (where every run came from), the figures, and a README.md that says what was run, on what, and
-how to do it again. The tables of the project's README are generated from it and from nothing else.
+A published directory contains main.csv and ablation.csv, runs.csv (every run with its seed, metrics and times),
+provenance.json (the provenance of every run), the figures, and a README.md with hardware, versions and the commands to
+repeat the trainings. The tables of the project's README are generated from published directories only.
 """
 
 import dataclasses
@@ -21,31 +21,32 @@ from repro.reporting.names import SETUPS, model_title, predictor_title
 from repro.reporting.results import SIZES, caption, read_published, read_results
 from repro.reporting.rows import keys_of
 from repro.reporting.tables import make_tables
+from repro.reporting.uptodate import STAMP
 from repro.runs.directories import Outputs, Run
 from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 
 def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False) -> Path:
-    """Puts what an outputs directory has measured in place of the directory of the same name in results.
+    """Publish the results of an outputs directory; they replace the published directory of the same name.
 
-    The directory is replaced whole or not at all; exported weights, costs and what a verification found are kept.
+    The replacement is atomic. Exported weights, costs and verification results in the published directory are kept.
 
     Args:
-        outputs: the outputs directory of one scale, named after it or after what is special about its runs.
+        outputs: the outputs directory of one scale, named after the scale or after the property that its runs share.
         results: reproduce/results.
-        scale: the scale.
-        force: whether to publish what `doubts` speaks against.
+        scale: name of the scale.
+        force: whether to publish despite `doubts`.
 
     Returns:
         the published directory.
 
     Raises:
-        ValueError: no network has been evaluated there, a run cannot be trusted, or there are doubts.
+        ValueError: no network is evaluated, a run is damaged or inconsistent, or there are doubts.
     """
     runs = read_results(outputs)
     if runs.empty or not runs["model"].isin(NETWORKS).any():
-        raise ValueError(f"nothing to publish in {outputs.path}: no network has been evaluated there")
+        raise ValueError(f"nothing to publish in {outputs.path}: no network is evaluated")
     name = outputs.path.name
     if not re.fullmatch(r"[\w-]+", name):
         raise ValueError(
@@ -53,9 +54,9 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         )
     target = results / name
     origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(runs)}
-    found = doubts(runs, list(origins.values()), target)
-    if found and not force:
-        raise ValueError(f"not published to {target}: {'; '.join(found)}; publish.force=true does it all the same")
+    reasons = doubts(runs, list(origins.values()), target)
+    if reasons and not force:
+        raise ValueError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
     results.mkdir(parents=True, exist_ok=True)
     with lock(results), replacing_directory(target) as new:
         clear_leftovers(results, keep=new)
@@ -68,42 +69,42 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
                 write_text(new / f"{kind}.txt", table.caption + "\n")
         write_text(new / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
-        for shown in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
-            shutil.copyfile(shown, new / shown.name)
+        for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
+            shutil.copyfile(path, new / path.name)
         if outputs.analysis.is_dir():
-            shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf"))
-        words = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
-        page = published_page(name, words, runs, list(origins.values()), with_analysis=outputs.analysis.is_dir())
+            shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
+        options = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
+        page = published_page(name, options, runs, list(origins.values()), with_analysis=outputs.analysis.is_dir())
         write_text(new / "README.md", page)
     return target
 
 
 def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[str]:
-    """Finds what speaks against publishing some runs in place of what is published.
+    """Return reasons against replacing the published runs by some runs.
 
     Args:
         runs: tidy rows, see `results.read_results`.
-        origins: their provenance.
+        origins: the provenance of the runs.
         target: the published directory, which may be missing.
     """
-    found = []
+    reasons = []
     commits = {str(step["commit"]) for origin in origins for step in origin.steps if "commit" in step}
     if any(commit.endswith("+") for commit in commits):
-        found.append("the code was not committed when some of it was made")
+        reasons.append("some runs were made with uncommitted code")
     if (target / "runs.csv").is_file():
         before = read_published(target)
-        for size, word in SIZES.items():
+        for size, unit in SIZES.items():
             now, then = runs[size].max(), before[size].max()
             if now < then:
-                found.append(f"{then:.0f} {word} are published, here are {now:.0f}")
+                reasons.append(f"the published runs have {then:.0f} {unit}, these runs have {now:.0f}")
         missing = set(keys_of(before)) - set(keys_of(runs))
         if missing:
-            found.append(f"{len(missing)} of the {len(before)} published runs are not here")
-    return found
+            reasons.append(f"{len(missing)} of the {len(before)} published runs are missing")
+    return reasons
 
 
 def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance], *, with_analysis: bool) -> str:
-    """Says what was run, on what, for how long, and the command (with `words`) that trains each network again."""
+    """Return the README.md of a published directory: files, hardware, versions, training commands (with `words`)."""
     networks = runs[runs["encoding"] != ""]
     steps = [step for origin in origins for step in origin.steps if step["step"] != "recorded"]
     machines = {
@@ -120,46 +121,48 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         f"# Published results, {name}\n",
         caption(runs) + "\n",
         f"{tables} `runs.csv` has every run with its seed, all metrics and times,",
-        "`provenance.json` where every run came from"
-        + ("; `analysis/` and `report.html` what they say beyond the tables.\n" if with_analysis else ".\n"),
-        *(f"- {verb} on: {'; '.join(found)}" for verb, found in machines.items()),
+        "`provenance.json` has the provenance of every run"
+        + ("; `analysis/` and `report.html` have the analysis.\n" if with_analysis else ".\n"),
+        *(f"- {verb} on: {'; '.join(names)}" for verb, names in machines.items()),
         f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
         f"- commit: {', '.join(commits)}",
         f"- precision: {', '.join(precisions)}\n",
-        "| network | trainings | minutes each | train it again |",
+        "| network | trainings | minutes per training | command |",
         "|---|---|---|---|",
     ]
     for model, encoding in dict.fromkeys(zip(networks["model"], networks["encoding"], strict=True)):
-        mine = networks[(networks["model"] == model) & (networks["encoding"] == encoding)]
-        seeds, experiments = (",".join(map(str, sorted(mine[key].unique()))) for key in ("seed", "experiment"))
+        own_runs = networks[(networks["model"] == model) & (networks["encoding"] == encoding)]
+        seeds, experiments = (",".join(map(str, sorted(own_runs[key].unique()))) for key in ("seed", "experiment"))
         base = encoding.removesuffix(NO_DECAY)
         options = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
         command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {words}"
-        minutes = mine["training_seconds"].mean() / 60
-        lines.append(f"| {predictor_title(model, encoding)} | {len(mine)} | {minutes:.1f} | `{command}` |")
+        minutes = own_runs["training_seconds"].mean() / 60
+        lines.append(f"| {predictor_title(model, encoding)} | {len(own_runs)} | {minutes:.1f} | `{command}` |")
     return "\n".join(lines) + "\n"
 
 
 def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
-    """Writes the best weights of a run as float16, with a card that says what they are and are not.
+    """Write the best weights of a run as float16, with a model card.
 
     Args:
         run: an evaluated run directory.
-        target: a directory from which `prediction.load_predictor` (and `smp.from_pretrained`) reads them.
-        force: whether weights of a finer grid there are replaced.
+        target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
+        force: whether to replace existing weights of a higher resolution.
 
     Raises:
-        ValueError: the run is not evaluated, or the weights there are of a finer grid.
+        ValueError: the run is not evaluated, or the existing weights have a higher resolution.
     """
     if not run.is_evaluated:
-        raise ValueError(f"{run} is not evaluated, so there is nothing to say of its weights")
+        raise ValueError(
+            f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
+        )
     predictor = load_predictor(run.model)
     if (target / "predictor.json").is_file() and not force:
-        there_px = load_predictor(target).grid.size_px
-        if there_px > predictor.grid.size_px:
+        existing_px = load_predictor(target).grid.size_px
+        if existing_px > predictor.grid.size_px:
             raise ValueError(
-                f"{target} holds weights for {there_px} px, {run} has {predictor.grid.size_px} px: "
-                "publish.force=true replaces them all the same"
+                f"{target} has weights for {existing_px} px, {run} has {predictor.grid.size_px} px: "
+                "publish.force=true replaces them anyway"
             )
     target.parent.mkdir(parents=True, exist_ok=True)
     with lock(target.parent), replacing_directory(target) as new:
@@ -168,8 +171,8 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
         write_text(new / "README.md", _card(run, "/".join(target.parts[-2:])))
 
 
-def _card(run: Run, where: str) -> str:
-    """Writes the model card: data, metrics, limits."""
+def _card(run: Run, directory: str) -> str:
+    """Return the model card: input, output, data, metrics, limits."""
     config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
     assert config.encoding, "a network has an encoding"
     trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
@@ -183,14 +186,14 @@ def _card(run: Run, where: str) -> str:
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 
-predictor = load_predictor("reproduce/results/{where}")
+predictor = load_predictor("reproduce/results/{directory}")
 free = predictor.predict(Scans(ranges, angles, poses))  # probability of free at the last step, (B, H, W)
 ```
 
 **Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
-in a map of {size} with its origin at the lower left; NumPy arrays or tensors. `predictor.json`
-says how they are drawn ({config.encoding.name}: {parameters}) and on which grid ({config.data.size_px} px).
-**Output**: the map at the last step, row 0 at the top; below 0.5 is an obstacle.
+in a map of {size} with its origin at the lower left; NumPy arrays or tensors. `predictor.json` defines the encoding
+({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
+**Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 
 **Data**: {origin.fact("train_pairs")} simulated pairs ({setup}),
 recordings {origin.fact("recordings")[:12]}, seed {config.seed}, {origin.fact("epochs")} epochs,
@@ -198,6 +201,6 @@ commit {trained["commit"]}.
 
 **Test set** ({origin.fact("test_pairs")} pairs): {numbers}.
 
-**Limits**: scans without noise, obstacles of the sizes and speeds of `conf/world/paper.yaml`, one robot path,
-float16 weights. It has seen nothing but simulation.
+**Limits**: trained on simulated scans without noise, obstacles with the sizes and speeds of `conf/world/paper.yaml` and
+one robot path; float16 weights.
 """

@@ -1,4 +1,4 @@
-"""The tables of README.md, made from reproduce/results."""
+"""Tables of README.md and other documents, generated from reproduce/results."""
 
 import re
 from pathlib import Path
@@ -15,13 +15,13 @@ MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.
 
 
 def with_results(text: str, results: Path) -> str:
-    """Makes the tables between the markers of a document anew from the published results.
+    """Return a document with the tables between its marks regenerated from the published results.
 
-    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. In place of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `curves`), or one network or `average` for its rows of both tables.
+    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
+    (`ablation`, `costs`, `claims`, `methods`, `curves`), or one network or `average` for its rows in both tables.
 
     Raises:
-        ValueError: a mark has no end of its own.
+        ValueError: a mark is not closed before the next one.
     """
     begins, ends = text.count("<!-- results:"), len(MARKS.findall(text))
     if begins != ends or any("<!-- results:" in match[0][len(match[1]) :] for match in MARKS.finditer(text)):
@@ -34,7 +34,7 @@ def with_results(text: str, results: Path) -> str:
 
 
 def _markdown(directory: Path, name: str) -> str:
-    """Writes what a mark names, from a published directory."""
+    """Return the table that a mark names, from a published directory."""
     if name == "costs":
         return costs_to_markdown(_published(directory, name))
     if name == "claims":
@@ -42,22 +42,22 @@ def _markdown(directory: Path, name: str) -> str:
     if name == "curves":
         return extrapolated_to_markdown(read_rows(directory / "analysis" / "extrapolated.csv"))
     if name == "methods":
-        words = (directory / "main.txt").read_text().strip()
+        main_caption = (directory / "main.txt").read_text().strip()
         intervals = read_rows(directory / "analysis" / "intervals.csv")
-        scale = words[words.index("Scale ") : words.index(", seed")]
-        what = "Networks, other inputs, methods made by hand, with intervals of 95 %"
-        return methods_to_markdown(intervals, f"{what}. {scale}.")
+        scale = main_caption[main_caption.index("Scale ") : main_caption.index(", seed")]
+        title = "Networks, other inputs and classical baselines, with 95 % intervals"
+        return methods_to_markdown(intervals, f"{title}. {scale}.")
     return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
 
 
 def _published(directory: Path, name: str) -> Table:
-    """Reads a published table."""
+    """Load a published table."""
     frame = read_rows(directory / f"{name}.csv")
     return Table(frame, (directory / f"{name}.txt").read_text().strip())
 
 
 def _rows_of_model(directory: Path, model: str) -> Table:
-    """Takes the rows of one model, or of the average, in the main table and, where it is published, the ablation."""
+    """Select the rows of one model, or of the average, from the main table and, if published, the ablation."""
     main = _published(directory, "main")
     frames = [main.frame]
     if (directory / "ablation.csv").is_file():

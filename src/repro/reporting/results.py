@@ -1,4 +1,4 @@
-"""Run directories to tidy rows, and tidy rows to the paper's two tables with the difference to it."""
+"""Tidy rows of all evaluated runs, and the paper's two tables from them with the differences to the paper."""
 
 from pathlib import Path
 from typing import Any
@@ -15,26 +15,29 @@ from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Status
 
-SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs"}  # of runs, in words
-OURS = ("unet", "stack10")  # the best input of ours that is compared with the paper's, see DEVIATIONS D17
+SIZES = {
+    "size_px": "px",
+    "train_pairs": "training pairs",
+    "test_pairs": "test pairs",
+}  # sizes of a run with their units
+OURS = ("unet", "stack10")  # our best input, compared with the paper's input: DEVIATIONS D17
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
 def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFrame:
-    """Reads every evaluated run below an outputs directory, one row each.
+    """Read every evaluated run below an outputs directory, one row each.
 
     Args:
         outputs: the outputs directory.
-        errors: receives the message of every run that cannot be trusted, which is then left out; without it, the first
-            such run raises.
+        errors: receives the message of every damaged run, which is then left out; None raises at the first damaged run.
 
     Returns:
-        experiment, model, encoding, seed, all metrics, and what the run was: scale, size_px, train_pairs,
-        test_pairs, epochs, training_seconds. Empty when there is none.
+        experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
+        training_seconds. Empty if no run is evaluated.
 
     Raises:
-        ValueError: a run cannot be trusted and `errors` is not given, or the runs are of different resolutions or
-            numbers of pairs, so no table can hold them.
+        ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs
+            and cannot share a table.
     """
     rows = []
     for run in outputs.runs():
@@ -47,23 +50,25 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
             errors.append(str(error))
     table = pd.DataFrame(rows)
     if len(table):
-        table["seed"] = table["seed"].astype("Int64")  # baselines have none
+        table["seed"] = table["seed"].astype("Int64")  # baselines have no seed
     for fact in ("scale", "size_px", "train_pairs", "test_pairs"):
         values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
         if len(values) > 1:
-            raise ValueError(f"the runs in {outputs.path} differ in {fact}: {values}; one table cannot hold them")
+            raise ValueError(f"the runs in {outputs.path} differ in {fact}: {values}; they cannot share a table")
     return table
 
 
 def read_published(directory: Path) -> pd.DataFrame:
-    """Load the runs.csv of a published directory, rows as of `read_results`.
+    """Load the runs.csv of a published directory, with the columns of `read_results`.
 
     Raises:
-        ValueError: nothing is published there.
+        ValueError: the directory has no runs.csv.
     """
     if not (directory / "runs.csv").is_file():
         published = sorted(path.parent.name for path in directory.parent.glob("*/runs.csv"))
-        raise ValueError(f"nothing is published in {directory}; published are {', '.join(published) or 'no results'}")
+        raise ValueError(
+            f"no results are published in {directory}; published results: {', '.join(published) or 'none'}"
+        )
     return read_rows(directory / "runs.csv")
 
 
@@ -86,12 +91,12 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
 
     Args:
         results: tidy rows, see `read_results`.
-        encoding: label of the encoding whose runs are taken; in the main table also the baselines and `OURS`.
+        encoding: label of the encoding; the main table also includes the baselines and `OURS`.
 
     Returns:
         experiment, model, encoding, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
-        std_<metric> where there are several seeds. The row `average` is the mean of the paper's four networks, where
-        all four are there. Other models and baselines come last, without numbers of the paper.
+        std_<metric> if there are several seeds. The row `average` is the mean of the paper's four networks, present if
+        all four are evaluated. Other models and baselines follow, without the paper's numbers.
     """
     rows = select(results, encoding)
     rows = pd.concat([rows, averages_of(rows[rows["encoding"] == encoding])])
@@ -119,7 +124,7 @@ def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
 
 
 def averages_of(results: pd.DataFrame) -> pd.DataFrame:
-    """Compute the rows `average`, the mean of the paper's four networks, of each seed that has them all."""
+    """Compute the rows `average`, the mean of the paper's four networks, for each seed with all four."""
     keys = [key for key in ("experiment", "encoding", "seed") if key in results]
     networks = results[results["model"].isin(NETWORKS)]
     complete = networks.groupby(keys).filter(lambda rows: len(rows) == len(NETWORKS))
@@ -135,7 +140,7 @@ def audits(results: pd.DataFrame) -> pd.DataFrame:
 
 
 def caption(results: pd.DataFrame) -> str:
-    """Says what a table is made from: scale, resolution, pairs, epochs and seeds."""
+    """Return the data of a table as one sentence: scale, resolution, pairs, epochs and seeds."""
     networks = results[results["encoding"] != ""]
     if networks.empty:
         return "No network evaluated yet."
@@ -144,11 +149,11 @@ def caption(results: pd.DataFrame) -> str:
     first = networks.iloc[0]
     seeds = sorted(networks["seed"].unique())
     cells = networks.groupby(CELL).size()
-    uneven = f", {cells.min()} to {cells.max()} a cell" if cells.min() < cells.max() else ""
+    uneven = f" ({cells.min()} to {cells.max()} per cell)" if cells.min() < cells.max() else ""
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
-    warning = " A test that every part works; its numbers mean nothing." if first["scale"] == "smoke" else ""
+    warning = " This is a smoke test; its numbers mean nothing." if first["scale"] == "smoke" else ""
     return (
         f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
-        f"{int(first['test_pairs'])} test pairs an experiment, {epochs} epochs, "
+        f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
         f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}"
     )

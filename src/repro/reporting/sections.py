@@ -1,4 +1,4 @@
-"""The sections of the page below tables and claims: figures and small tables with the words around them."""
+"""The sections of the HTML report after tables and claims: figures and small tables with their text."""
 
 import base64
 from pathlib import Path
@@ -12,76 +12,80 @@ from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
 CAPTIONS = {
-    "results": "Sensor input, prediction and truth of U-Net in the experiments and their ablations.",
-    "data_representation": "The cumulative dynamic sensor projection of one recording of each experiment.",
-    "recency": "Obstacle pixels found by U-Net, and its Brier score, by when a pixel was last inside the visible "
-    "region; intervals of 95 % over worlds.",
-    "ages": "By how long ago the lidar last saw a pixel: the share of obstacle pixels found, and how unsure the "
-    "prediction is. An obstacle's inside is never seen, so these are edges, and what has moved in since.",
-    "obstacles": "Share of each obstacle that is found, by when a beam last hit it; intervals of 95 % over worlds.",
-    "reliability": "Predicted probability of an obstacle against how often there is one.",
-    "baselines": "Obstacle IoU of networks (filled) and classical baselines (open), with intervals of 95 %.",
-    "generalization": "U-Net with changed worlds; intervals of 95 % over test worlds.",
-    "curves": "U-Net from the paper's input by the number of training pairs, seeds averaged; at 10,000 pairs what "
-    "the fitted law extrapolates, with an interval of 95 %, and the paper's own number.",
-    "encodings": "Obstacle IoU from other inputs than the paper's, same budget, with intervals of 95 %. All but "
-    "projection and exponential are fed as ones on zeros, so the gain of each is to be read against negative.",
+    "results": "Sensor input, prediction and ground truth of U-Net in the experiments and the ablations.",
+    "data_representation": "The cumulative dynamic sensor projection of one recording per experiment.",
+    "recency": "Obstacle recall and Brier score of U-Net by recency (time since last seen). Occluded pixels were in "
+    "the field of view but always hidden. Intervals of 95 % over test worlds.",
+    "ages": "Obstacle recall and entropy of U-Net by time since last seen, in bins of five steps. The lidar never sees "
+    "the inside of an obstacle, so these pixels are edges of obstacles and obstacles that moved in later.",
+    "obstacles": "Recall of single obstacles by time since the last hit; intervals of 95 % over test worlds.",
+    "reliability": "Predicted probability of an obstacle against the observed frequency, uncalibrated.",
+    "baselines": "Obstacle IoU of the networks (filled) and the classical baselines (open), with intervals of 95 %.",
+    "generalization": "U-Net under changed sensing and obstacle speed; intervals of 95 % over test worlds.",
+    "curves": "U-Net on the paper's input against the number of training pairs, averaged over seeds; at 10,000 pairs "
+    "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
+    "encodings": "Obstacle IoU of U-Net with other inputs and the same training budget, with intervals of 95 %. All "
+    "encodings except projection and exponential have inverted intensities; their reference is the encoding negative, "
+    "the inverted projection.",
 }
 SECTIONS: list[dict[str, Any]] = [
     {
         "id": "figures",
-        "nav": "Figures",
-        "title": "What goes in and what comes out",
-        "text": "Test recordings that no network was trained or tuned on.",
+        "nav": "Examples",
+        "title": "Inputs and predictions",
+        "text": "Recordings of the test set, which was not used for training or tuning.",
         "images": ("results", "data_representation"),
     },
     {
         "id": "where",
-        "nav": "Where and when",
-        "title": "Where and when it is right",
-        "text": "From the recording alone it is known when each pixel was last in view and each obstacle last hit. "
-        "Without the time decay a network cannot tell old from new, and loses most at what was seen last.",
+        "nav": "Recency",
+        "title": "Prediction quality by recency",
+        "text": "The recording determines the time since each pixel was last seen and each obstacle was last hit. "
+        "Pixels that were hidden throughout are occluded; pixels outside the field of view throughout are never in "
+        "view. The ablation has no time decay: the projection shows all hits in the same gray.",
         "images": ("recency", "ages", "obstacles"),
     },
     {
         "id": "calibration",
         "nav": "Calibration",
-        "title": "Can the probabilities be believed?",
-        "text": "The paper calls the blurry predictions probabilistic. The expected calibration error is the mean "
-        "gap between what is predicted and what comes true; the Brier score is reliability - resolution + "
-        "uncertainty. Tempered: logits divided by a temperature fitted on validation data.",
+        "title": "Calibration of the probabilities",
+        "text": "The paper describes the blurry predictions as probabilistic. The expected calibration error is the "
+        "mean gap between predicted probability and observed frequency; the Brier score equals reliability - "
+        "resolution + uncertainty. Uncalibrated: the probabilities of the network. Temperature-scaled: the logits are "
+        "divided by a temperature fitted on validation data.",
         "images": ("reliability",),
     },
     {
         "id": "baselines",
         "nav": "Baselines",
-        "title": "Against methods made by hand, and other inputs",
-        "text": "Made by hand and tuned on validation data: last seen (a disc around every hit), an occupancy grid "
-        "that forgets, a grid of static and dynamic occupancy, a tracker of clusters with constant velocity.",
+        "title": "Classical baselines and other inputs",
+        "text": "The classical baselines are tuned on validation data: last seen (a disc around every hit), an "
+        "occupancy grid with forgetting, a grid of static and dynamic occupancy, and a tracker of clusters with "
+        "constant velocity.",
         "images": ("baselines", "encodings"),
     },
     {
         "id": "generalization",
-        "nav": "Transfer",
-        "title": "Does it travel?",
-        "text": "U-Net of one experiment on the recordings of another, and on sensors, poses and speeds that it "
-        "has not learned. Accuracy and IoU need not agree: the threshold stays at 0.5.",
+        "nav": "Generalization",
+        "title": "Generalization under distribution shift",
+        "text": "U-Net trained on one experiment and tested on the others, and on sensors, poses and speeds outside "
+        "its training distribution. The threshold stays at 0.5, so accuracy and IoU may disagree.",
         "images": ("generalization",),
     },
     {
         "id": "curves",
         "nav": "Learning curves",
-        "title": "What paper scale would give",
-        "text": "A saturating power law in pairs and pixels, fitted to trainings with fewer of both; with fewer than "
-        "three resolutions in pairs alone, at the resolution measured. Held-out point: the largest training as "
-        "extrapolated from the smaller ones.",
+        "title": "Extrapolation to paper scale",
+        "text": "A saturating power law in training pairs and resolution, fitted to smaller trainings; with fewer than "
+        "three resolutions it is fitted in pairs alone, at the measured resolution. Held-out point: the largest "
+        "training, extrapolated from the smaller ones and then measured.",
         "images": ("curves",),
     },
     {
         "id": "provenance",
         "nav": "Provenance",
-        "title": "Where every number comes from",
-        "text": "The last step of each run directory; all steps are in its provenance.json.",
+        "title": "Provenance of the runs",
+        "text": "The last step of each run; its provenance.json lists all steps.",
     },
 ]
 CALIBRATION = {
@@ -107,25 +111,25 @@ EXTRAPOLATED = {
     "measured": "measured",
     "paper": "paper",
 }
-DIFFERENCE = {"value": "obstacle IoU, to the projection", "low": "low", "high": "high"}
+DIFFERENCE = {"value": "difference in obstacle IoU to the projection", "low": "low", "high": "high"}
 
 
 def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins: dict[str, Provenance]) -> list[dict]:
-    """Makes the sections for which there is something to show.
+    """Return the sections that have images or rows.
 
     Args:
         frames: see `evaluation.analysis.gather`.
-        figures: PNG files, by name.
-        origins: where each run came from, by its place.
+        figures: PNG files by name.
+        origins: provenance of each run by its path.
 
     Returns:
-        id, nav (its short name), title, text, images (alt, caption, data) and tables (caption, heads, rows, words: how
-        many columns hold words) of each.
+        for each section: id, nav (its name in the navigation), title, text, images (alt, caption, data) and tables
+        (caption, heads, rows, and words, the number of leading columns with text).
     """
 
     def images(*names: str) -> list[dict[str, str]]:
         shown = [(CAPTIONS[name], figures[name].read_bytes()) for name in names if name in figures]
-        return [{"alt": words, "caption": words, "data": base64.b64encode(png).decode()} for words, png in shown]
+        return [{"alt": text, "caption": text, "data": base64.b64encode(png).decode()} for text, png in shown]
 
     calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
@@ -139,15 +143,15 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
         "curves": [_extrapolated(frames.get("extrapolated"))],
         "provenance": [_origins(origins)],
     }
-    made = [
+    filled = [
         {**section, "images": images(*section.get("images", ())), "tables": tables.get(section["id"], [])}
         for section in SECTIONS
     ]
-    return [section for section in made if section["images"] or any(table["rows"] for table in section["tables"])]
+    return [section for section in filled if section["images"] or any(table["rows"] for table in section["tables"])]
 
 
 def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> dict[str, Any]:
-    """Return a table of some columns of a frame, each column of numbers with one number of decimals."""
+    """Return a table of some columns of a frame; all numbers of a column have the same number of decimals."""
     kept = {column: head for column, head in numbers.items() if column in frame}
     rows = [[TITLES.get(str(value), str(value)) for value in cells] for cells in frame[names].itertuples(index=False)]
     for column in kept:
@@ -165,16 +169,20 @@ def _extrapolated(frame: pd.DataFrame | None) -> dict[str, Any]:
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
-    """Select the differences in obstacle IoU to the paper's input, of its ablation and of other encodings."""
+    """Select the differences in obstacle IoU between other inputs, the ablation included, and the paper's input."""
     is_input = differences["comparison"].isin(["decay", "encodings"])
     rows = differences[(differences["metric"] == "obstacle_iou") & is_input]
-    ours, theirs = rows[rows["other"] == PROJECTION], rows[rows["one"] == PROJECTION]
-    turned = theirs.assign(one=theirs["other"], value=-theirs["value"], low=-theirs["high"], high=-theirs["low"])
-    return pd.concat([ours, turned]).rename(columns={"one": "input"}).sort_values(["experiment", "model", "value"])
+    to_paper, from_paper = rows[rows["other"] == PROJECTION], rows[rows["one"] == PROJECTION]
+    negated = {"value": -from_paper["value"], "low": -from_paper["high"], "high": -from_paper["low"]}
+    return (
+        pd.concat([to_paper, from_paper.assign(one=from_paper["other"], **negated)])
+        .rename(columns={"one": "input"})
+        .sort_values(["experiment", "model", "value"])
+    )
 
 
 def _across(frame: pd.DataFrame | None) -> dict[str, Any]:
-    """Obstacle IoU and accuracy of the network of each experiment (row) on each experiment (column)."""
+    """Return obstacle IoU and accuracy of the network of each experiment (row) on each experiment (column)."""
     if frame is None:
         return {"caption": "", "heads": [], "rows": [], "words": 1}
     rows = frame[frame["shift"] == "experiment"].set_index(["trained", "tested", "metric"])["value"]
@@ -189,9 +197,9 @@ def _across(frame: pd.DataFrame | None) -> dict[str, Any]:
 
 def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
     rows = []
-    for place, origin in origins.items():
+    for path, origin in origins.items():
         if origin.steps:
             step = origin.steps[-1]
             machine = step["hardware"]["gpu"] or f"{step['hardware']['cpu_cores']} cores, {step['hardware']['machine']}"
-            rows.append([place, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
-    return {"caption": "", "heads": ["Run", "Commit", "Day", "Hardware", "torch"], "rows": rows, "words": 5}
+            rows.append([path, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
+    return {"caption": "", "heads": ["Run", "Commit", "Date", "Hardware", "torch"], "rows": rows, "words": 5}

@@ -1,4 +1,4 @@
-"""Status of a study: what is recorded, trained, evaluated and missing, and the time left."""
+"""Status of a study: recordings, state of each run, and estimated remaining time."""
 
 import dataclasses
 from collections import Counter
@@ -14,17 +14,17 @@ from repro.runs.provenance import Status
 
 
 def describe_outputs(study: Study, pairs: PairCounts) -> str:
-    """Describe what is recorded, trained, paused, failed, evaluated and missing in an outputs directory.
+    """Return the state of all recordings and runs of an outputs directory as Markdown.
 
     Args:
-        study: the trainings that are counted; the table has all runs and seeds.
-        pairs: recordings that each experiment is to have.
+        study: the trainings that are counted; the table includes all other runs and seeds.
+        pairs: planned number of recordings per experiment.
     """
     outputs, planned = study.outputs, study.runs()
     lines = [f"{outputs.path}", "", "| exp. | recordings |", "|---|---|"]
     lines += [f"| {experiment} | {_recorded(outputs, experiment, pairs)} |" for experiment in study.experiments]
-    found = {RunKey.parse(run.path.relative_to(outputs.path)): run for run in outputs.runs()}
-    states = {key: _state(run) for key, run in (planned | found).items()}
+    existing = {RunKey.parse(run.path.relative_to(outputs.path)): run for run in outputs.runs()}
+    states = {key: _state(run) for key, run in (planned | existing).items()}
     seeds = sorted({key.seed for key in states if key.seed is not None})
     rows: dict[tuple[str, str, str], dict[int | None, str]] = {}
     for key, state in states.items():
@@ -38,7 +38,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     lines += ["", f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
     left = study.seconds_left()
     if left:
-        lines.append(f"About {left / 60:.0f} min of training are left, as measured so far.")
+        lines.append(f"About {left / 60:.0f} min of training remain, estimated from finished trainings.")
     return "\n".join(lines)
 
 
@@ -47,12 +47,12 @@ def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
     if (directory / "manifest.json").is_file():
         return "complete"
     wanted = dataclasses.asdict(pairs)
-    there = recordings_in(directory, wanted)
-    return f"{there} of {sum(wanted.values())}" if there else "missing"
+    recorded = recordings_in(directory, wanted)
+    return f"{recorded} of {sum(wanted.values())}" if recorded else "missing"
 
 
 def _state(run: Run) -> str:
-    """Return the status of a run in a word or two."""
+    """Return the status of a run in a few words."""
     if not run.path.is_dir():
         return "missing"
     try:
@@ -61,7 +61,7 @@ def _state(run: Run) -> str:
             history = run.path / "history.csv"
             epochs = max(len(history.read_text().splitlines()) - 1, 0) if history.is_file() else 0
             return f"{status}, {epochs} epochs"
-        return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics lost"
+        return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics missing"
     except ValueError:
         return "cannot be read"
 

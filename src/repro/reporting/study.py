@@ -1,4 +1,4 @@
-"""The trainings of a study: which are done, and how long the others will take."""
+"""The trainings of a study and the estimated duration of the remaining ones."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from repro.runs.keys import RunKey
 
 @dataclass(frozen=True)
 class Study:
-    """The trainings of one seed: the paper's networks in every experiment, and the ablation where obstacles move.
+    """The trainings of one seed: the paper's networks in every experiment, and the ablation with moving obstacles.
 
     Args:
         outputs: the outputs directory.
@@ -26,7 +26,7 @@ class Study:
     seed: int
 
     def runs(self) -> dict[RunKey, Run]:
-        """Return the run of each training, whose directory may be missing. The paper's world has 24."""
+        """Return the run of each training; its directory may be missing. The paper's world has 24 trainings."""
         moving = [name for name, experiment in self.experiments.items() if experiment["obstacles"].get("behavior")]
         keys = [
             RunKey(experiment, model, encoding, self.seed)
@@ -37,7 +37,7 @@ class Study:
         return {key: self.outputs.run(key) for key in keys}
 
     def progress(self, key: RunKey) -> str | None:
-        """Describe a training as `training 7 of 24: exp 3, FPN` and the time left; None when it is not of the study."""
+        """Describe a training as `training 7 of 24: exp 3, FPN` with the remaining time; None if the study lacks it."""
         runs = self.runs()
         if key not in runs:
             return None
@@ -46,10 +46,12 @@ class Study:
             f"training {trained + 1} of {len(runs)}: exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
         )
         left = self.seconds_left()
-        return title + (f"; about {left / 60:.0f} min of training left, as measured so far" if left else "")
+        return title + (
+            f"; about {left / 60:.0f} min of training left, estimated from finished trainings" if left else ""
+        )
 
     def seconds_left(self) -> float | None:
-        """Estimate the duration of the remaining trainings from those that are done, by network; None before one is."""
+        """Estimate the duration of the remaining trainings by network [s]; None before the first one is finished."""
         runs = self.runs()
         durations: dict[str, list[float]] = {}
         for key, run in runs.items():

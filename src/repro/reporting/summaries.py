@@ -1,4 +1,4 @@
-"""The analysis in a few lines of Markdown, for the README."""
+"""Summaries of the analysis as Markdown for the documentation."""
 
 import pandas as pd
 
@@ -10,7 +10,7 @@ SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle I
 
 
 def claims_to_markdown(claims: pd.DataFrame) -> str:
-    """Writes the verdicts: how many of each, then one row a claim with our number and the paper's.
+    """Return the number of claims per verdict, then one row per claim with our number and the paper's.
 
     Args:
         claims: see `claims.judge`.
@@ -18,10 +18,10 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     counts = claims["verdict"].value_counts()
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [
-        f"**{summary}.** Numbers are those of the test",
-        "that is nearest to failing, with an interval of 95 % and what is needed.",
+        f"**{summary}.** Each number belongs to the combination closest to failing,",
+        "with its interval of 95 %; in brackets the required value and its tolerance.",
         "",
-        "| The paper says | Verdict | Ours | The paper's own |",
+        "| Claim | Verdict | Ours | Paper |",
         "|---|---|---|---|",
     ]
     for _, row in claims.iterrows():
@@ -35,54 +35,54 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
 
 
 def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
-    """Writes U-Net from every encoding, the other networks and the baselines, experiments side by side.
+    """Return a table of U-Net with every encoding, the other networks and the baselines, experiments side by side.
 
     Args:
-        intervals: experiment, model, encoding, decay, metric, value, low, high, seeds.
+        intervals: experiment, model, encoding, metric, value, low, high, seeds.
         words: the caption.
     """
     is_shown = intervals["metric"].isin(SHOWN) & (intervals["model"] != "average")
     rows = intervals[is_shown & ~intervals["encoding"].str.endswith(NO_DECAY)]
     inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
-    chosen = sorted(inputs.index[inputs == inputs.max()])  # where most inputs have been tried
+    chosen = sorted(inputs.index[inputs == inputs.max()])  # the experiments with most inputs
     rows = rows[rows["experiment"].isin(chosen)]
     lines = [
         f"**{words}**",
         "",
-        "| Predicted by | Seeds | " + " | ".join(f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()) + " |",
+        "| Model | Seeds | " + " | ".join(f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()) + " |",
         "|---|---|" + "---|" * (len(chosen) * len(SHOWN)),
     ]
     cells = set(zip(rows["model"], rows["encoding"], strict=True))
     for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1])):
-        mine = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
-        values = [_cell(mine, experiment, metric) for experiment in chosen for metric in SHOWN]
-        counts = sorted({f"{count:.0f}" for count in mine["seeds"]}) if encoding else []
+        own_rows = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
+        values = [_cell(own_rows, experiment, metric) for experiment in chosen for metric in SHOWN]
+        counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
         lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")
     return "\n".join(lines) + "\n"
 
 
 def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
-    """Writes what learning curves extrapolate of U-Net at paper scale, beside the paper, and how well they extrapolate.
+    """Return a table of U-Net extrapolated to paper scale, with the paper's numbers and the held-out points.
 
     Args:
-        extrapolated: see `curves.extrapolate`, with the paper's number of each metric as `paper`.
+        extrapolated: see `learning_curves.extrapolate`, with the paper's number of each metric as `paper`.
     """
     shown = {name: head for name, head in SHOWN.items() if name in set(extrapolated["metric"])}
-    aim, held = (extrapolated[extrapolated["target"] == target] for target in ("paper scale", "held-out point"))
+    aim, held_out = (extrapolated[extrapolated["target"] == target] for target in ("paper scale", "held-out point"))
     pairs, size_px = aim["pairs"].iloc[0], aim["size_px"].iloc[0]
     lines = [
-        f"**U-Net at {pairs:,.0f} pairs and {size_px:.0f} px extrapolated from its learning curves**, intervals of",
-        "95 % (the paper); then the largest training as extrapolated from the smaller ones: extrapolated, measured.",
+        f"**U-Net extrapolated to {pairs:,.0f} pairs and {size_px:.0f} px from its learning curves**, with intervals",
+        "of 95 % (paper). Held out: the largest training, extrapolated from the smaller ones, then measured.",
         "",
         "| Exp. | " + " | ".join([*shown.values(), *(f"{head} held out" for head in shown.values())]) + " |",
         "|---|" + "---|" * (2 * len(shown)),
     ]
     for (experiment, encoding), rows in aim.groupby(["experiment", "encoding"], sort=False):
-        back = held[(held["experiment"] == experiment) & (held["encoding"] == encoding)]
+        own_point = held_out[(held_out["experiment"] == experiment) & (held_out["encoding"] == encoding)]
         cells = [_extrapolated(rows[rows["metric"] == name].iloc[0]) for name in shown]
-        found = [back[back["metric"] == name].iloc[0] for name in shown]
-        cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in found]
+        points = [own_point[own_point["metric"] == name].iloc[0] for name in shown]
+        cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in points]
         lines.append(
             f"| {experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''} | " + " | ".join(cells) + " |"
         )
@@ -95,5 +95,5 @@ def _extrapolated(row: pd.Series) -> str:
 
 
 def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
-    found = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
-    return "".join(f"{row.value:.3f} [{row.low:.3f}, {row.high:.3f}]" for row in found.itertuples())
+    selected = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
+    return "".join(f"{row.value:.3f} [{row.low:.3f}, {row.high:.3f}]" for row in selected.itertuples())

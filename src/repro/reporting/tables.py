@@ -17,7 +17,7 @@ TITLES = {
     "main": "Prediction metrics across all four experiments for all models",
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
-ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # of the networks in each table
+ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # encoding of the networks in each table
 COSTS = {
     "model": "Model",
     "size_px": "Image [px]",
@@ -33,18 +33,18 @@ COSTS = {
 }
 
 
-COST_DIGITS = {"size_px": 0, "parameters_m": 2, "forward_gflop": 2}  # decimals; others have one
+COST_DIGITS = {"size_px": 0, "parameters_m": 2, "forward_gflop": 2}  # decimals; all others have one
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows with named columns, and their caption. Empty when nothing has been evaluated yet."""
+    """Rows with named columns, and their caption; empty if no run is evaluated."""
 
     frame: pd.DataFrame
     caption: str
 
     def to_markdown(self) -> str:
-        """Writes one row a model: our number, and the paper's in brackets."""
+        """Return the table as Markdown, one row per model: our number, and the paper's in brackets."""
         if self.frame.empty:
             return f"**{self.caption}**\n"
         head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
@@ -55,7 +55,7 @@ class Table:
         return "\n".join(lines) + "\n"
 
     def to_latex(self) -> str:
-        """Writes the paper's layout in booktabs: two experiments side by side, under each of our rows the paper's."""
+        """Return the table as LaTeX (booktabs) in the paper's layout, two experiments side by side."""
         experiments = self.frame["experiment"].unique().tolist()
         blocks = [self._latex_block(experiments[first : first + 2]) for first in range(0, len(experiments), 2)]
         body = " \\midrule\n".join(blocks)
@@ -69,7 +69,7 @@ class Table:
         )
 
     def write(self, directory: Path, name: str) -> None:
-        """Writes <name>.csv, .md and .tex into a directory."""
+        """Write <name>.csv, <name>.md and <name>.tex to a directory."""
         write_text(directory / f"{name}.csv", self.frame.to_csv(index=False, float_format="%.4f"))
         write_text(directory / f"{name}.md", self.to_markdown())
         write_text(directory / f"{name}.tex", self.to_latex())
@@ -98,13 +98,13 @@ class Table:
 
 
 def row_title(row: pd.Series) -> str:
-    """Return the title of a row: its model, and the encoding where it is not that of the table."""
+    """Return the title of a row: its model, and its encoding if that is `OURS`."""
     encoding = str(row["encoding"])
     return f"{predictor_title(row['model'], encoding)} (ours)" if encoding == OURS[1] else model_title(row["model"])
 
 
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:
-    """Create the main table and the ablation from tidy rows, an empty one where there are none."""
+    """Create the main table and the ablation from tidy rows; a table without rows is empty."""
     tables = {}
     for name, encoding in ENCODINGS.items():
         rows = select(results, encoding) if len(results) else results
@@ -116,7 +116,7 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
 
 
 def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str, Table]:
-    """Write main table and ablation below outputs/tables from the runs that are there; see `read_results`."""
+    """Write the main table and the ablation of all evaluated runs to outputs/tables; see `read_results`."""
     tables = make_tables(read_results(outputs, errors))
     outputs.tables.mkdir(parents=True, exist_ok=True)
     for name, table in tables.items():
@@ -126,7 +126,7 @@ def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str,
 
 
 def costs_to_markdown(table: Table) -> str:
-    """Writes one row a network and resolution; what was measured nowhere is left out."""
+    """Return the costs as Markdown, one row per network and resolution, without columns that are empty everywhere."""
     frame = table.frame.dropna(axis="columns", how="all")
     lines = [
         f"**{table.caption}**",

@@ -1,4 +1,4 @@
-"""Whether runs came out as the published ones did: the same recordings, the same weights, the same numbers."""
+"""Verification: comparison of runs with the published ones, by recordings, weights and metrics."""
 
 from pathlib import Path
 
@@ -18,43 +18,45 @@ SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle I
 
 
 def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
-    """Compares every evaluated run with the published run of the same experiment, model, input and seed.
+    """Compare every evaluated run with the published run of the same experiment, model, input and seed.
 
     Args:
         outputs: an outputs directory.
         published: a directory that `publish.publish` wrote.
 
     Returns:
-        one row a run that both have: experiment, model, encoding, seed; recordings and weights, `same` or
-        `other` by their checksums (weights empty where nothing is learned); commit and published_commit of the
-        training; every metric as <metric>, published_<metric> and delta_<metric>.
+        one row per run in both: experiment, model, encoding, seed; recordings and weights, `same` or `other` by their
+        checksums (weights are empty for baselines); commit and published_commit of the training; every metric as
+        <metric>, published_<metric> and delta_<metric>.
 
     Raises:
-        ValueError: nothing is published there, no run is in both, or they are of different resolutions or pairs.
+        ValueError: no results are published, no run is in both, or resolutions or numbers of pairs differ.
     """
-    theirs, ours = read_published(published), read_results(outputs)
-    both = ours.merge(theirs, on=KEY, suffixes=("", "_published")) if len(ours) else ours
+    published_runs, ours = read_published(published), read_results(outputs)
+    both = ours.merge(published_runs, on=KEY, suffixes=("", "_published")) if len(ours) else ours
     if both.empty:
-        raise ValueError(f"none of the {len(theirs)} runs in {published} has been evaluated in {outputs.path}")
-    for size, word in SIZES.items():
-        here, there = both[size].dropna(), both[f"{size}_published"].dropna()
-        if set(here) != set(there):
-            raise ValueError(f"published are {there.max():.0f} {word}, in {outputs.path} are {here.max():.0f}")
-    origins = read_typed(dict[str, Provenance], published / "provenance.json", "git has it")
+        raise ValueError(f"none of the {len(published_runs)} runs in {published} is evaluated in {outputs.path}")
+    for size, unit in SIZES.items():
+        own, other = both[size].dropna(), both[f"{size}_published"].dropna()
+        if set(own) != set(other):
+            raise ValueError(
+                f"the published runs have {other.max():.0f} {unit}, the runs in {outputs.path} have {own.max():.0f}"
+            )
+    origins = read_typed(dict[str, Provenance], published / "provenance.json", "restore it from git")
     rows = zip(keys_of(both), both.to_dict("records"), strict=True)
     return pd.DataFrame([_compare(outputs, key, row, origins) for key, row in rows])
 
 
 def _compare(outputs: Outputs, key: RunKey, row: dict, origins: dict[str, Provenance]) -> dict[str, object]:
-    own, theirs = outputs.run(key).provenance(), origins[str(key.path)]
+    own, other = outputs.run(key).provenance(), origins[str(key.path)]
     compared: dict[str, object] = {name: row[name] for name in KEY}
     for name, fact in (("recordings", "recordings"), ("weights", "weights_sha256")):
-        known = own.fact(fact) is not None
-        compared[name] = ("same" if own.fact(fact) == theirs.fact(fact) else "other") if known else ""
-    compared |= {"commit": _commit(own), "published_commit": _commit(theirs)}
+        is_known = own.fact(fact) is not None
+        compared[name] = ("same" if own.fact(fact) == other.fact(fact) else "other") if is_known else ""
+    compared |= {"commit": _commit(own), "published_commit": _commit(other)}
     for metric in COMPARED:
-        here, there = round(row[metric], 6), round(row[f"{metric}_published"], 6)
-        compared |= {metric: here, f"published_{metric}": there, f"delta_{metric}": here - there}
+        value, published = round(row[metric], 6), round(row[f"{metric}_published"], 6)
+        compared |= {metric: value, f"published_{metric}": published, f"delta_{metric}": value - published}
     return compared
 
 
@@ -64,7 +66,7 @@ def _commit(origin: Provenance) -> object:
 
 
 def verification_to_markdown(compared: pd.DataFrame) -> str:
-    """Writes what `verify` found: one row a run, ours (published), then what it comes to."""
+    """Return the comparison of `verify` as Markdown: one row per run, ours (published), and a summary."""
     lines = ["| Exp. | Model | Seed | Recordings | Weights | " + " | ".join(SHOWN.values()) + " |"]
     lines.append("|---" * (5 + len(SHOWN)) + "|")
     for _, row in compared.iterrows():
@@ -73,11 +75,11 @@ def verification_to_markdown(compared: pd.DataFrame) -> str:
         facts = f"{'' if pd.isna(row['seed']) else row['seed']} | {row['recordings']} | {row['weights']}"
         lines.append(f"| {row['experiment']} | {title} | {facts} | {numbers} |")
     trained = compared[compared["weights"] != ""]
-    recorded, weighed = ((rows == "same").sum() for rows in (compared["recordings"], trained["weights"]))
-    apart = ", ".join(f"{word} {compared[f'delta_{metric}'].abs().max():.4f}" for metric, word in SHOWN.items())
+    same_recordings, same_weights = ((rows == "same").sum() for rows in (compared["recordings"], trained["weights"]))
+    largest = ", ".join(f"{head} {compared[f'delta_{metric}'].abs().max():.4f}" for metric, head in SHOWN.items())
     lines += [
         "",
-        f"Ours (published). Of {len(compared)} runs {recorded} have the recordings that were published, of "
-        f"{len(trained)} trainings {weighed} the same weights, byte for byte. Largest difference: {apart}.",
+        f"Ours (published). {same_recordings} of {len(compared)} runs use the published recordings; {same_weights} of "
+        f"{len(trained)} trainings have byte-identical weights. Largest difference: {largest}.",
     ]
     return "\n".join(lines)

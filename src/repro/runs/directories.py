@@ -3,14 +3,14 @@
 outputs/<scale>/
     recordings/exp3/                    see `recordings.reader`
     runs/exp3/unet/projection/seed0/    a run directory: one network, trained and evaluated
-        config.yaml      everything that decides its result (`RunConfig`), written before anything else
+        config.yaml      everything that determines its result (`RunConfig`), written first
         provenance.json  its status, and one entry per step: recordings, commit, hardware, versions, time
         history.csv      one row per epoch
         model/           best weights with their encoding and grid; `networks.predictor.load_predictor` reads them
         predictions.npz  probability of free on the test set, quantized to uint8
-        metrics.csv      the pooled metrics, one row; validation.csv holds those of the validation set
-        per_image.csv    the metrics of every test image
-    baselines/exp3/tracker/             a run directory of a baseline, which has no encoding, seed or weights
+        metrics.csv      pooled test metrics, one row; validation.csv holds those of the validation set
+        per_image.csv    metrics of every test image
+    baselines/exp3/tracker/             run directory of a baseline, which has no encoding, seed or weights
     tables/ figures/ analysis/ worlds/
     report.html
 """
@@ -26,7 +26,7 @@ import yaml
 from pydantic import TypeAdapter
 
 from repro.config import Encoding, Model, PairCounts, Training
-from repro.metrics.names import METRICS
+from repro.metrics.names import TABLE_METRICS
 from repro.runs.keys import RunKey
 from repro.runs.provenance import Provenance, Status, environment
 from repro.system.files import clear_leftovers, lock, read_table, read_typed, write_json, write_text
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Data:
-    """The data of a run: name of the scale, grid [px, m], pairs, and the fingerprint of the worlds."""
+    """The data of a run: name of the scale, grid size [px, m], pairs, and fingerprint of the worlds."""
 
     scale: str
     size_px: int
@@ -48,7 +48,7 @@ class Data:
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Everything that decides the result of a run. A baseline has no seed, encoding and training settings."""
+    """Everything that determines the result of a run. A baseline has no seed, encoding or training settings."""
 
     experiment: str
     seed: int | None
@@ -59,7 +59,7 @@ class RunConfig:
 
     @property
     def key(self) -> RunKey:
-        """Identity of the run."""
+        """The identity of the run."""
         return RunKey(self.experiment, self.model.name, self.encoding.label if self.encoding else "", self.seed)
 
     def of_baseline(self, name: str) -> "RunConfig":
@@ -90,8 +90,8 @@ class Run:
         Raises:
             ValueError: metrics.csv cannot be read.
         """
-        fix = "delete it and give the same command with task=evaluate"
-        return read_table(self.metrics, METRICS, fix).iloc[0]
+        fix = "delete it and run the same command with task=evaluate"
+        return read_table(self.metrics, TABLE_METRICS, fix).iloc[0]
 
     @property
     def _has_begun(self) -> bool:
@@ -99,13 +99,13 @@ class Run:
 
     @contextmanager
     def exclusive(self) -> Iterator[None]:
-        """Keeps other processes out of the directory, and clears it of what a killed one left half written."""
+        """Lock the directory and delete the partially written files of killed processes."""
         with lock(self.path):
             clear_leftovers(self.path)
             yield
 
     def prepare(self, config: RunConfig) -> None:
-        """Makes the directory and its config.yaml, or checks that the one there is the same run.
+        """Create the directory and its config.yaml, or check that an existing one holds the same run.
 
         Raises:
             ValueError: the directory holds a run of another configuration; the message names the differences.
@@ -113,7 +113,7 @@ class Run:
         if not self._has_begun:
             self.path.mkdir(parents=True, exist_ok=True)
             with self.exclusive():
-                if not self._has_begun:  # by a process that was here first
+                if not self._has_begun:  # another process may have created it meanwhile
                     content = TypeAdapter(RunConfig).dump_python(config)
                     write_text(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False))
         self.check(config)
@@ -126,24 +126,24 @@ class Run:
         """
         if not self._has_begun:
             return
-        there, wanted = (_flatten(dataclasses.asdict(one)) for one in (self.config(), config))
-        differ = [key for key in there | wanted if there.get(key) != wanted.get(key)]
+        existing, requested = (_flatten(dataclasses.asdict(item)) for item in (self.config(), config))
+        differ = [key for key in existing | requested if existing.get(key) != requested.get(key)]
         if differ:
-            listing = "; ".join(f"{key} is {there.get(key)}, asked for {wanted.get(key)}" for key in differ)
+            listing = "; ".join(f"{key} is {existing.get(key)}, requested {requested.get(key)}" for key in differ)
             raise ValueError(f"{self} holds a run of another configuration ({listing}): delete it or set outputs=")
 
     def config(self) -> RunConfig:
-        """Reads the configuration of the run.
+        """Read the configuration of the run.
 
         Raises:
-            ValueError: this is no run directory, or its config.yaml cannot be read.
+            ValueError: this is not a run directory, or its config.yaml cannot be read.
         """
         if not self._has_begun:
-            raise ValueError(f"{self} is no run directory: it has no config.yaml")
+            raise ValueError(f"{self} is not a run directory: it has no config.yaml")
         return read_typed(RunConfig, self.path / "config.yaml", self._fix)
 
     def provenance(self) -> Provenance:
-        """Reads where the run came from; empty when it has not got so far."""
+        """Read the provenance of the run; empty if no step has begun."""
         path = self.path / "provenance.json"
         if not path.is_file() and not self.model.exists():
             return Provenance()
@@ -151,7 +151,7 @@ class Run:
 
     @property
     def _fix(self) -> str:
-        return f"put it back, or delete {self} to begin the run anew"
+        return f"restore it, or delete {self} to start the run again"
 
     @property
     def status(self) -> Status:
@@ -163,28 +163,28 @@ class Run:
 
     @property
     def is_evaluated(self) -> bool:
-        """Says whether the metrics are there; where metrics.csv has been lost, evaluation makes it again."""
+        """Whether the run has its metrics; if metrics.csv is lost, the next evaluation writes it again."""
         return self.status is Status.evaluated and self.metrics.is_file()
 
     def begin_step(self, step: str, status: Status, **facts: Any) -> None:
-        """Adds an entry for a step that begins, with time, versions, hardware and commit."""
+        """Add an entry for a new step, with time, versions, hardware and commit."""
         steps = [*self.provenance().steps, {"step": step, **facts, **environment()}]
         self._write(Provenance(status, None, steps))
 
     def end_step(self, status: Status, error: str | None = None, **facts: Any) -> None:
-        """Adds facts to the entry of the step that this process began last."""
+        """Add facts to the entry of the last step that this process began."""
         *before, last = self.provenance().steps
         self._write(Provenance(status, error, [*before, {**last, **facts}]))
 
     def use_recordings(self, fingerprint: str) -> None:
-        """Notes which recordings the run is made from, or checks that they still are.
+        """Store the fingerprint of the recordings that the run uses, or check that it has not changed.
 
         Raises:
-            ValueError: the run began with others.
+            ValueError: the run was started with other recordings.
         """
         used = self.provenance().fact("recordings")
         if used not in (None, fingerprint):
-            raise ValueError(f"{self} began with other recordings than there are now: delete it and train again")
+            raise ValueError(f"{self} was started with other recordings: delete it and train again")
         if used is None:
             self.begin_step("recorded", self.status, recordings=fingerprint)
 
@@ -201,7 +201,7 @@ class Outputs:
 
     Args:
         path: the directory.
-        shared: where its recordings lie if not in it; several outputs directories may share them.
+        shared: directory of its recordings if outside `path`; several outputs directories may share it.
     """
 
     path: Path
@@ -227,9 +227,9 @@ class Outputs:
         return self._recordings / f"exp{experiment}"
 
     def recorded(self) -> dict[str, Path]:
-        """Finds the completely recorded experiments, by name."""
-        found = sorted(self._recordings.glob("exp*/manifest.json"))
-        return {path.parent.name.removeprefix("exp"): path.parent for path in found}
+        """Return the directories of the completely recorded experiments, by name."""
+        manifests = sorted(self._recordings.glob("exp*/manifest.json"))
+        return {path.parent.name.removeprefix("exp"): path.parent for path in manifests}
 
     @property
     def _recordings(self) -> Path:

@@ -36,10 +36,10 @@ class RunKey:
 
     @classmethod
     def parse(cls, path: PurePath | str) -> "RunKey":
-        """Return the key whose `path` is given.
+        """Return the key of a run directory from its path, relative to the outputs directory.
 
         Raises:
-            ValueError: the path is not one of a run directory.
+            ValueError: the path is not that of a run directory.
         """
         match PurePath(path).parts:
             case ("baselines", experiment, model) if experiment.startswith("exp"):

@@ -1,4 +1,4 @@
-"""Where a run directory stands, and where and with what each of its steps was done."""
+"""Status and provenance of a run: the time, software, hardware and commit of each of its steps."""
 
 import enum
 import os
@@ -14,11 +14,11 @@ PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa"
 
 
 class Status(enum.StrEnum):
-    """Where a run directory stands."""
+    """Status of a run directory."""
 
     prepared = "prepared"  # it has its config.yaml
-    training = "training"  # a process trains it, or was killed doing so
-    paused = "paused"  # at an epoch's end, by its budget
+    training = "training"  # a process is training it, or was killed while training
+    paused = "paused"  # at the end of an epoch, when its time budget was used up
     failed = "failed"  # the loss was not finite
     trained = "trained"  # it has its best weights
     evaluated = "evaluated"  # it has its metrics on the test set
@@ -26,13 +26,13 @@ class Status(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a run stands and where it came from.
+    """Status and history of a run.
 
     Args:
-        status: the status now.
-        error: what made it fail, when it did.
-        steps: one entry for each step taken (recorded, trained, evaluated), each with its environment. A training
-            that was paused has an entry for every call. None is ever overwritten.
+        status: the current status.
+        error: why the run failed; None if it did not.
+        steps: one entry per step (recorded, trained, evaluated) with its environment. A paused training has one entry
+            per call. Later calls do not overwrite earlier entries.
     """
 
     status: Status = Status.prepared
@@ -40,13 +40,13 @@ class Provenance:
     steps: list[dict[str, Any]] = field(default_factory=list)
 
     def fact(self, name: str) -> Any:
-        """Finds the latest value of a fact among all steps; None if no step has it."""
+        """Return the latest value of a fact among all steps; None if no step has it."""
         return next((step[name] for step in reversed(self.steps) if name in step), None)
 
 
 def environment() -> dict[str, Any]:
-    """Describes what a step is done with: time, Python, packages, hardware, commit."""
-    from repro.system.devices import hardware  # torch is slow to import, and recording does without
+    """Describe the environment of a step: time, Python, packages, hardware, commit."""
+    from repro.system.devices import hardware  # torch is slow to import, and recording does not need it
 
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -58,9 +58,10 @@ def environment() -> dict[str, Any]:
 
 
 def _commit() -> str | None:
-    """Reads the commit of the source, with `+` when the tree has changes.
+    """Return the commit of the source, with `+` if the working tree has changes.
 
-    Outside a checkout it is what REPRO_COMMIT says, for code that was copied without its history, else None.
+    Outside a checkout, return the environment variable REPRO_COMMIT, which is set for code that was copied without its
+    Git history, else None.
     """
     git = ["git", "-C", str(Path(__file__).parent)]
     try:

@@ -1,4 +1,4 @@
-"""The motions as IR-SIM behaviours, so that a world YAML that names them replays in plain IR-SIM.
+"""The motions as IR-SIM behaviors, so that plain IR-SIM can replay a world YAML that names them.
 
 Importing this module registers them; each worker process must import it.
 """
@@ -11,13 +11,13 @@ import numpy as np
 
 from repro.simulation.motions import Drift, robot_commands
 
-with contextlib.redirect_stdout(io.StringIO()):  # without a display IR-SIM prints which backends it tried
+with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM prints the backends that it tried
     from irsim.lib import register_behavior_class
     from irsim.util.util import vel_world2omni
 
 
 class _CommandBehavior:
-    """IR-SIM behaviour of a robot that plays a fixed list of commands, then stands still."""
+    """IR-SIM behavior of a robot that executes a fixed list of commands and then stands still."""
 
     def __init__(self, object_info: Any, **behavior: Any) -> None:
         self.behavior = behavior
@@ -35,17 +35,17 @@ class _CommandBehavior:
 
 @register_behavior_class("diff", "rotate")
 class RotateBehavior(_CommandBehavior):
-    """One full turn in place: `{name: rotate, steps: 100, direction: 1}`."""
+    """A full turn in place: `{name: rotate, steps: 100, direction: 1}`."""
 
 
 @register_behavior_class("diff", "square")
 class SquareBehavior(_CommandBehavior):
-    """One square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 5, direction: 1}`."""
+    """A square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 5, direction: 1}`."""
 
 
 @register_behavior_class("omni", "drift")
 class DriftBehavior:
-    """Drifting obstacle: `{name: drift, seed: 7, speed_m_s: 0.5, turn_steps: [50, 100], ...}`, see `Drift`."""
+    """A drifting obstacle: `{name: drift, seed: 7, speed_m_s: 0.5, turn_steps: [50, 100], ...}`, see `Drift`."""
 
     def __init__(self, object_info: Any, *, name: str, **parameters: Any) -> None:
         self.drift = Drift(**parameters)

@@ -1,6 +1,6 @@
-"""How things move: the robot's rotation and square, the obstacles' drift. Plain arithmetic, without IR-SIM.
+"""Motions of the robot (rotation, square) and of the obstacles (drift), independent of IR-SIM.
 
-Paper: "Simulation Approach". What it leaves open: DEVIATIONS D2 to D6.
+Paper: "Simulation Approach". Unstated details: DEVIATIONS D2 to D6.
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 
 def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:
-    """Computes the commands of one full turn in place.
+    """Compute the commands of one full turn in place.
 
     Args:
         steps: time steps the turn takes, T.
@@ -27,13 +27,13 @@ def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarr
 def square_commands(
     *, side_m: float, drive_steps: int, turn_steps: int, first_steps: int, direction: int, step_time: float
 ) -> np.ndarray:
-    """Computes the commands of one square: along a side to the corner, a quarter turn on the spot, four times over.
+    """Compute the commands of one square: along a side to the corner, a quarter turn in place, four times.
 
     Args:
         side_m: side of the square [m].
         drive_steps: time steps along a side.
         turn_steps: time steps at a corner.
-        first_steps: time steps from the start to the first corner; half of drive_steps is the middle of a side.
+        first_steps: time steps from the start to the first corner; drive_steps / 2 starts in the middle of a side.
         direction: 1 for counter-clockwise (turning left), -1 for clockwise.
         step_time: duration of a step [s].
 
@@ -51,28 +51,35 @@ def square_commands(
 
 
 def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
-    """Computes the commands of a robot behaviour as a world YAML names it.
+    """Compute the commands of a robot behavior as written in a world YAML.
+
+    Args:
+        behavior: `rotate` or `square` with its parameters.
+        step_time: duration of a step [s].
+
+    Returns:
+        linear and angular velocity of each step [m/s, rad/s], (T, 2).
 
     Raises:
-        ValueError: the behaviour is not one of ours.
+        ValueError: the behavior is neither `rotate` nor `square`.
     """
     parameters = {key: value for key, value in behavior.items() if key != "name"}
     makers: dict[str, Callable[..., np.ndarray]] = {"rotate": rotate_commands, "square": square_commands}
     if behavior["name"] not in makers:
-        raise ValueError(f"robot behaviour must be one of {sorted(makers)}, got {behavior['name']!r}")
+        raise ValueError(f"robot behavior must be one of {sorted(makers)}, got {behavior['name']!r}")
     return makers[behavior["name"]](**parameters, step_time=step_time)
 
 
 def robot_path(behavior: dict[str, Any], start: list[float], step_time: float) -> np.ndarray:
-    """Integrates the commands of a robot behaviour.
+    """Integrate the commands of a robot behavior.
 
     Args:
-        behavior: as a world YAML names it.
+        behavior: as written in a world YAML.
         start: x, y [m], heading [rad].
         step_time: duration of a step [s].
 
     Returns:
-        poses from the start on: x, y [m], heading [rad], (T + 1, 3).
+        poses, beginning with the start: x, y [m], heading [rad], (T + 1, 3).
     """
     speed, turn = robot_commands(behavior, step_time).T
     heading = start[2] + np.concatenate([[0], np.cumsum(turn * step_time)])
@@ -82,18 +89,18 @@ def robot_path(behavior: dict[str, Any], start: list[float], step_time: float) -
 
 
 class Drift:
-    """A straight line at constant speed, turned at random intervals and at the centre zone.
+    """Motion in straight lines at constant speed, with turns at random intervals and at the center zone.
 
     Paper: obstacles "moved in straight lines at constant speeds, changing directions randomly at specified
     intervals throughout the run, or whenever they entered the center zone occupied by the robot". A turn at
-    the zone is uniform over the half plane that leads away from the centre; any other is uniform over the circle.
+    the zone is uniform over the half plane facing away from the center; any other turn is uniform over the circle.
 
     Args:
         seed: seed of this obstacle's own random stream.
         speed_m_s: constant speed [m/s].
-        turn_steps: fewest and most time steps between two random turns.
-        centre_m: centre of the zone (x, y) [m].
-        keep_out_m: distance that the obstacle's own origin keeps from the centre [m].
+        turn_steps: minimum and maximum time steps between two random turns.
+        centre_m: center of the zone (x, y) [m].
+        keep_out_m: least distance between the obstacle's origin and the center [m].
     """
 
     def __init__(
@@ -114,7 +121,7 @@ class Drift:
         self._countdown = self._interval()
 
     def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
-        """Computes the velocity of the coming step in the world frame [m/s], for an obstacle at (x, y) [m]."""
+        """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
         if self._countdown == 0:
             self._head(self.rng.uniform(-math.pi, math.pi))
             self._countdown = self._interval()

@@ -1,4 +1,4 @@
-"""Beams against outlines: all scans of a recording at once, by the equations with which IR-SIM does one."""
+"""Ray casting for all scans of a recording at once, with the equations that IR-SIM applies to one scan."""
 
 import numpy as np
 
@@ -6,20 +6,20 @@ import numpy as np
 def scan(
     poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray, range_max_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Computes all scans of a recording: the nearest crossing of every beam with every outline.
+    """Compute all scans of a recording: the nearest crossing of every beam with every outline.
 
-    A beam is tried against an outline only where it passes the circle around it. A crossing solves
+    A beam is tested against an outline only if it passes through the circle around it. A crossing solves
     origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
 
     Args:
-        poses: robot poses, (T, 3).
-        angles: beam angles, (N,).
-        outlines: obstacle outlines, (O, V, 2).
-        states: obstacle states, (O, T, 3).
+        poses: robot poses x, y [m], heading [rad], (T, 3).
+        angles: beam angles in the robot's frame [rad], (N,).
+        outlines: obstacle outlines in their own frame [m], (O, V, 2).
+        states: obstacle poses x, y [m], heading [rad], (O, T, 3).
         range_max_m: longest range [m].
 
     Returns:
-        ranges [m], (T, N), inf for a miss; and which obstacles were hit, (O,).
+        ranges [m], (T, N), inf for a miss; and whether each obstacle was hit, (O,).
 
     Raises:
         ValueError: an obstacle reaches the robot.
@@ -47,18 +47,19 @@ def scan(
 
 
 def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Computes the distance along some beams to the ring of their step [m], (K,), inf where there is no crossing.
+    """Compute the distance along K beams to the ring of their step [m], (K,); inf without a crossing.
 
     Args:
-        origins: of the beams of every step, (T, 2).
-        directions: of each beam, (K, 2).
+        origins: origin of the beams at every step, (T, 2).
+        directions: unit vector of each beam, (K, 2).
         rings: x and y of the vertices at every step, (2, T, V).
-        step: of each beam, (K,).
+        step: step of each beam, (K,).
     """
     edges = np.roll(rings, -1, axis=-1) - rings
     to_origin = origins.T[..., None] - rings  # (2, T, V)
-    side = to_origin[1, step] * directions[:, :1] - to_origin[0, step] * directions[:, 1:]  # of the beam, [m]
-    left, right = side >= -1e-6, side <= 1e-6  # only edges with an end on either side can be crossed: hardly any
+    # Signed distance of each vertex to the beam [m]; the few edges with ends on both sides are the only candidates
+    side = to_origin[1, step] * directions[:, :1] - to_origin[0, step] * directions[:, 1:]
+    left, right = side >= -1e-6, side <= 1e-6
     beam, vertex = np.nonzero((left | np.roll(left, -1, axis=1)) & (right | np.roll(right, -1, axis=1)))
     (x, y), (edge_x, edge_y) = to_origin[:, step[beam], vertex], edges[:, step[beam], vertex]
     dx, dy = directions[beam].T
@@ -73,7 +74,7 @@ def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step:
 
 
 def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Places an outline (V, 2) in the world frame at each state (T, 3): x and y, (2, T, V)."""
+    """Transform an outline (V, 2) to the world frame at each state (T, 3): x and y, (2, T, V)."""
     x, y, heading = (states[:, i, None] for i in range(3))
     cos, sin = np.cos(heading), np.sin(heading)
     return np.stack([outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y])

@@ -30,38 +30,38 @@ def record_experiment(
     workers: int = 2,
     verify_every: int = 500,
 ) -> Manifest:
-    """Records what is missing, cut or altered of one experiment and writes its manifest.
+    """Record the missing, truncated or altered shards of one experiment and write its manifest.
 
-    Recordings that hold more training pairs than are asked for serve as they are: the first so many are the same.
+    Existing recordings with more training pairs than requested are used unchanged: their first pairs are the same.
 
     Args:
-        directory: where the shards go, made if missing.
-        spec: what `worlds.sample_world` takes.
-        pairs: recordings per split, each even: a world and its twin are two.
-        workers: processes.
-        verify_every: every so many worlds, one is replayed by plain IR-SIM and compared.
+        directory: directory of the shards, created if missing.
+        spec: description of the worlds, see `worlds.sample_world`.
+        pairs: recordings per split, each even, since a world and its twin are two recordings.
+        workers: number of processes.
+        verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
-        ValueError: a count is odd, what is there is of another configuration, or IR-SIM disagrees.
+        ValueError: a count is odd, existing recordings are of another configuration, or IR-SIM disagrees.
     """
     fingerprint = spec_fingerprint(spec)
     directory.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as exclusive:  # a second process waits here, then finds the work done
+    with ExitStack() as exclusive:  # a second process waits here and then finds the shards complete
         for name in (".lock", *sorted(path.name for path in directory.glob(".lock-*-of-*"))):
-            exclusive.enter_context(lock(directory, name))  # and so do we for those that record a part
-        before = read_manifest(directory) if (directory / "manifest.json").is_file() else None
-        if before and (before.fingerprint != fingerprint or not holds(before.pairs, pairs)):
+            exclusive.enter_context(lock(directory, name))  # wait for processes that record a part
+        existing = read_manifest(directory) if (directory / "manifest.json").is_file() else None
+        if existing and (existing.fingerprint != fingerprint or not holds(existing.pairs, pairs)):
             raise ValueError(
-                f"{directory} holds {before.pairs} pairs of another configuration than the {dict(pairs)} asked "
-                "for: delete it or use another outputs"
+                f"{directory} holds {existing.pairs} pairs of another configuration than the requested one with "
+                f"{dict(pairs)}: delete it or set outputs="
             )
-        pairs = before.pairs if before else pairs
+        pairs = existing.pairs if existing else pairs
         shards = list(shards_of(pairs))
         clear_leftovers(directory)
-        checksums = {name: entry.sha256 for name, entry in before.shards.items()} if before else {}
+        checksums = {name: entry.sha256 for name, entry in existing.shards.items()} if existing else {}
         missing = [s for s in shards if not _is_whole(directory / s.name, fingerprint, checksums.get(s.name))]
-        if before and not missing:
-            return before
+        if existing and not missing:
+            return existing
         _write_shards(directory, missing, spec, workers, verify_every, sum(shard.worlds for shard in shards))
         manifest = Manifest(
             FORMAT,
@@ -85,10 +85,10 @@ def record_part(
     workers: int = 2,
     verify_every: int = 500,
 ) -> bool:
-    """Records every `parts`-th shard from number `part` on, so that several machines share one experiment.
+    """Record every `parts`-th shard, beginning with number `part`, so that several machines can share one experiment.
 
     Returns:
-        whether all shards are there now: then `record_experiment` has but to look at them and write the manifest.
+        whether all shards exist; `record_experiment` then only verifies them and writes the manifest.
 
     Raises:
         ValueError: see `record_experiment`.
@@ -105,13 +105,13 @@ def record_part(
 
 
 def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_every: int) -> int:
-    """Records one shard; returns its number of worlds.
+    """Record one shard and return its number of worlds.
 
     Args:
-        directory: where it goes.
-        shard: its name and seeds.
-        spec: what `worlds.sample_world` takes.
-        verify_every: every so many worlds, one is replayed by plain IR-SIM and compared.
+        directory: directory of the shards.
+        shard: name and seeds of the shard.
+        spec: description of the worlds, see `worlds.sample_world`.
+        verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
         ValueError: IR-SIM disagrees.
@@ -143,7 +143,7 @@ def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_ever
 
 
 def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
-    """Says whether a shard is there and what it should be, and tells where it is there and is not."""
+    """Check whether a shard exists and is intact; print a message if it exists but is damaged."""
     if not path.is_file():
         return False
     try:
@@ -159,7 +159,7 @@ def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
 
 def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int, every: int, worlds: int) -> None:
     jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
-    # processes, also inside a worker of a launcher: IR-SIM keeps its environment in module variables
+    # processes even inside a worker of a launcher, because IR-SIM keeps its environment in module variables
     parallel = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
     done = worlds - sum(shard.worlds for shard in shards)
     with tqdm(
@@ -170,5 +170,5 @@ def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int
 
 
 def _widen(outlines: np.ndarray, vertices: int) -> np.ndarray:
-    """Gives outlines (O, V, 2) more vertices by repeating the last."""
+    """Pad outlines (O, V, 2) to more vertices by repeating the last one."""
     return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")

@@ -1,9 +1,10 @@
-"""What conf/world may say, with the range of every value. What the recorder does not do cannot be asked of it.
+"""Schema of conf/world: the allowed keys and the range of every value.
 
-The dataclasses mirror conf/world/paper.yaml; a key that is not here is refused by name, for IR-SIM would obey it
-and the recorder would not.
+The models mirror conf/world/paper.yaml. Unknown keys are rejected by name, because IR-SIM would apply them and the
+recorder would ignore them.
 """
 
+import json
 import math
 import re
 from typing import Annotated, Any, Literal
@@ -23,18 +24,18 @@ def _ordered(pair: tuple) -> tuple:
 
 
 PositiveRange = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]
-Size = Annotated[float, Field(ge=0.001, allow_inf_nan=False)]  # [m]; of less than a millimetre no outline can be made
+Size = Annotated[float, Field(ge=0.001, allow_inf_nan=False)]  # [m]; IR-SIM cannot create an outline below a millimeter
 SizeRange = Annotated[tuple[Size, Size], AfterValidator(_ordered)]
 CountRange = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class World(_Part):
-    """The map; obstacles may pass through one another, which is how the recorder moves them."""
+    """The map; obstacles may pass through one another, as they do in the recorder."""
 
     width: Positive
     height: Positive
@@ -43,7 +44,7 @@ class World(_Part):
 
 
 class Lidar(_Part):
-    """IR-SIM's lidar without noise, at the robot's centre."""
+    """IR-SIM's lidar without noise, at the center of the robot."""
 
     type: Literal["lidar2d"]
     range_min: Literal[0] = 0
@@ -62,7 +63,7 @@ class Disc(_Part):
 
 
 class Robot(_Part):
-    """A disc on two wheels with one lidar; its state follows from the motion."""
+    """A disc-shaped differential-drive robot with one lidar; its start pose follows from the motion."""
 
     kinematics: Kinematics
     shape: Disc
@@ -108,7 +109,7 @@ class Experiment(_Part):
 
 
 class Worlds(_Part):
-    """The whole of conf/world."""
+    """The complete content of conf/world."""
 
     world: World
     robot: Robot
@@ -118,41 +119,47 @@ class Worlds(_Part):
 
 
 def world_errors(world: dict[str, Any]) -> list[ConfigError]:
-    """Finds everything that is wrong with `world`, each value by itself first, then all together.
+    """Return all config errors of `world`: first of single values, then of their combinations.
 
     Args:
-        world: `world` of the configuration, as plain values.
+        world: the section `world` of the configuration, as plain values.
 
     Returns:
-        the faults; none when the worlds of every experiment can be recorded.
+        the config errors; empty if the worlds of every experiment can be recorded.
     """
+    numbers = [key for key in world.get("experiments") or {} if not isinstance(key, str)]
+    if numbers:
+        quoted = ", ".join(f'"{key}"' for key in numbers)
+        return [
+            ConfigError("world.experiments", numbers, f"names of experiments are strings: write {quoted} in the YAML")
+        ]
     try:
-        Worlds.model_validate(world)
+        Worlds.model_validate_json(json.dumps(world))  # JSON, for strict types and lists where the schema has tuples
     except ValidationError as error:
         return _once(config_errors_of(error, "world."))
-    faults = []
+    errors = []
     for name, experiment in world["experiments"].items():
         spec = {"experiment": name, "world": world["world"], "robot": world["robot"], **experiment}
         message = _error_of_spec(spec)
         if message:
-            faults.append(ConfigError(f"world.experiments.{name}", None, message))
-    return faults
+            errors.append(ConfigError(f"world.experiments.{name}", None, message))
+    return errors
 
 
-def _once(faults: list[ConfigError]) -> list[ConfigError]:
-    """Names a fault where it stands, not again in every experiment that refers to it; drops pydantic's union tags."""
+def _once(errors: list[ConfigError]) -> list[ConfigError]:
+    """Report an error once, not in every experiment that refers to the value; drop pydantic's union tags."""
     tag = re.compile(r"(\.motions?(?:\.[\w-]+)??)\.(?:rotate|square)(?=\.\w+$)")
-    plain = [ConfigError(tag.sub(r"\1", fault.key), fault.value, fault.expected) for fault in faults]
-    named = {(f.key.split(".")[-1], str(f.value)) for f in plain if not f.key.startswith("world.experiments.")}
+    plain = [ConfigError(tag.sub(r"\1", error.key), error.value, error.expected) for error in errors]
+    named = {(e.key.split(".")[-1], str(e.value)) for e in plain if not e.key.startswith("world.experiments.")}
     return [
-        fault
-        for fault in plain
-        if not fault.key.startswith("world.experiments.") or (fault.key.split(".")[-1], str(fault.value)) not in named
+        error
+        for error in plain
+        if not error.key.startswith("world.experiments.") or (error.key.split(".")[-1], str(error.value)) not in named
     ]
 
 
 def _error_of_spec(spec: dict[str, Any]) -> str | None:
-    """What no single value of an experiment shows."""
+    """Return an error in the combination of the values of an experiment; None without one."""
     step_time, behavior = spec["world"]["step_time"], spec["obstacles"].get("behavior")
     try:
         commands = robot_commands({**spec["motion"], "direction": 1}, step_time)

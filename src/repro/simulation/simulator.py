@@ -1,9 +1,9 @@
-"""One simulated recording: scans, obstacle outlines and states.
+"""Simulation of one recording: scans, obstacle outlines and states.
 
-IR-SIM defines what a recording is (`replay`). `simulate` computes the same from the same world, behaviours,
-kinematics, outlines and ray-segment equations without IR-SIM's bookkeeping (collision, goal and status
-checks, geometry trees, YAML): all 100 scans at once. The two agree to 1e-9 m; `shards` replays a sample of
-every recorded experiment to prove it, and the tests and the bench do too.
+IR-SIM is the reference (`replay`). `simulate` computes the same recording from the same world, behaviors, kinematics,
+outlines and ray-segment equations, all 100 scans at once and without IR-SIM's bookkeeping (collision, goal and status
+checks, geometry trees, YAML). The two agree to 1e-9 m; `simulation.recorder` verifies this on a sample of the worlds of
+every recorded experiment, as do the tests and the benchmark.
 """
 
 import tempfile
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from repro.scans import Scans
-from repro.simulation import behaviors  # noqa: F401  before IR-SIM: it registers ours and keeps the import quiet
+from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
 from repro.simulation.motions import Drift, robot_commands
 from repro.simulation.raycasting import scan
 from repro.simulation.worlds import World, write_world
@@ -28,13 +28,13 @@ from irsim.lib.handler.geometry_handler import GeometryFactory
 
 @dataclass(frozen=True)
 class Recording:
-    """T steps of a world with N beams among O obstacles of at most V vertices.
+    """A recording: T steps with N beams in a world of O obstacles with at most V vertices.
 
     Args:
         scans: ranges (T, N), angles (N,) and robot poses (T, 3) after each step.
         outlines: convex obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex.
         states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
-        seen: whether any beam hit the obstacle, (O,); None where that is unknown.
+        seen: whether any beam hit each obstacle, (O,); None if unknown.
     """
 
     scans: Scans
@@ -44,7 +44,7 @@ class Recording:
 
 
 def simulate(world: World) -> Recording:
-    """Simulates one world.
+    """Simulate one world.
 
     Raises:
         ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
@@ -60,14 +60,14 @@ def simulate(world: World) -> Recording:
 
 
 def replay(path: Path, *, env: Any = None) -> Recording:
-    """Simulates one world YAML with plain IR-SIM: make, 100 times step, copy the scan.
+    """Simulate one world YAML in plain IR-SIM: create the environment, step it 100 times and copy each scan.
 
     Args:
         path: a world written by `worlds.write_world`.
-        env: an IR-SIM environment already made from `path`, to be stepped to its end.
+        env: an IR-SIM environment already created from `path`, which is stepped to its end.
 
     Raises:
-        ValueError: IR-SIM did not load the file, or a behaviour is not active.
+        ValueError: the file is missing, or a behavior is not active.
     """
     env = env or make(path)
     robot = env.robot
@@ -82,54 +82,54 @@ def replay(path: Path, *, env: Any = None) -> Recording:
         states.append([obstacle.state[:3, 0].copy() for obstacle in obstacles])
     outlines = _pad([obstacle.original_vertices.T for obstacle in obstacles])
     scans = Scans(np.array(ranges), np.asarray(lidar.angle_list), np.array(poses))
-    return Recording(scans, outlines, np.array(states).swapaxes(0, 1), seen=None)  # IR-SIM does not tell whom it hit
+    return Recording(scans, outlines, np.array(states).swapaxes(0, 1), seen=None)  # not reported by IR-SIM
 
 
 def check_replay(world: World, recording: Recording) -> float:
-    """Replays a world by plain IR-SIM and compares; returns the largest difference of a range [m].
+    """Replay a world in plain IR-SIM, compare, and return the largest difference of a range [m].
 
     Raises:
-        ValueError: the two differ by more than a micrometre.
+        ValueError: the two disagree on which beams hit, or a range or state differs by more than 1e-6.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "world.yaml"
         write_world(world, path)
-        truth = replay(path)
-    expected, found = truth.scans.ranges, recording.scans.ranges
+        reference = replay(path)
+    expected, simulated = reference.scans.ranges, recording.scans.ranges
     hit = np.isfinite(expected)
-    if not np.array_equal(hit, np.isfinite(found)):
-        raise ValueError(f"plain IR-SIM hits and misses elsewhere in the world {world}")
-    worst = float(np.abs(expected[hit] - found[hit]).max(initial=0))
-    apart = float(np.abs(truth.states - recording.states).max())
-    if max(worst, apart) > 1e-6:
+    if not np.array_equal(hit, np.isfinite(simulated)):
+        raise ValueError(f"plain IR-SIM and the recorder disagree on which beams hit in the world {world}")
+    range_error = float(np.abs(expected[hit] - simulated[hit]).max(initial=0))
+    state_error = float(np.abs(reference.states - recording.states).max())
+    if max(range_error, state_error) > 1e-6:
         raise ValueError(
-            f"plain IR-SIM differs by {worst} m in ranges, {apart} in obstacle states, in the world {world}"
+            f"plain IR-SIM differs by {range_error} m in ranges, {state_error} in obstacle states, in the world {world}"
         )
-    return worst
+    return range_error
 
 
 def make(path: Path, **options: Any) -> Any:
-    """Makes an IR-SIM environment and checks that it is the one the file describes.
+    """Create an IR-SIM environment and check that all behaviors of its world YAML are active.
 
     Raises:
-        ValueError: the file is missing (IR-SIM would give an empty world), or a behaviour is not active.
+        ValueError: the file is missing (IR-SIM would create an empty world), or a behavior is not active.
     """
     if not Path(path).is_file():
         raise ValueError(f"no world YAML at {path}")
     env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", **options})
     for item in env.objects:
         if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:
-            raise ValueError(f"behaviour {item.obj_behavior.behavior_dict} is not active in {path}")
+            raise ValueError(f"behavior {item.obj_behavior.behavior_dict} is not active in {path}")
     return env
 
 
 def beam_angles(lidar: dict[str, Any]) -> np.ndarray:
-    """Computes the beam angles in the robot's frame [rad], (N,), as IR-SIM spreads them."""
+    """Compute the beam angles in the robot's frame [rad], (N,), in IR-SIM's even spacing."""
     return np.linspace(-lidar["angle_range"] / 2, lidar["angle_range"] / 2, lidar["number"])
 
 
 def drive_robot(world: World) -> np.ndarray:
-    """Computes the poses of the robot after each step by IR-SIM's differential kinematics, (T, 3)."""
+    """Compute the pose of the robot after each step with IR-SIM's differential kinematics, (T, 3)."""
     robot = world["robot"]
     behavior = tuple(sorted(robot["behavior"].items()))
     return _drive(behavior, tuple(robot["state"]), tuple(robot["vel_max"]), world["world"]["step_time"])
@@ -150,7 +150,7 @@ def _drive(behavior: tuple, start: tuple, vel_max: tuple, step_time: float) -> n
 
 
 def move_obstacles(world: World) -> np.ndarray:
-    """Computes the states of the obstacles after each step, (O, T, 3); the headings never change."""
+    """Compute the states of the obstacles after each step, (O, T, 3); their headings are constant."""
     step_time = world["world"]["step_time"]
     steps = len(robot_commands(world["robot"]["behavior"], step_time))
     states = np.empty((len(world["obstacle"]), steps, 3))
@@ -168,12 +168,12 @@ def move_obstacles(world: World) -> np.ndarray:
 
 
 def _outlines(world: World) -> np.ndarray:
-    """Makes the outlines as IR-SIM builds them, (O, V, 2)."""
+    """Create the outlines with IR-SIM's geometry, (O, V, 2)."""
     shapes = [obstacle["shape"] for obstacle in world["obstacle"]]
     return _pad([GeometryFactory.create_geometry(**shape).original_vertices.T for shape in shapes])
 
 
 def _pad(outlines: list[np.ndarray]) -> np.ndarray:
-    """Stacks outlines; shorter ones repeat their last vertex, which adds edges of no length."""
+    """Stack outlines; shorter ones repeat their last vertex, which adds edges of zero length."""
     longest = max(len(outline) for outline in outlines)
     return np.stack([np.pad(o, ((0, longest - len(o)), (0, 0)), mode="edge") for o in outlines])

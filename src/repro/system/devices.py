@@ -1,4 +1,4 @@
-"""What a computation runs on: device, precision, compiler, clock."""
+"""Device, precision, compiler, clock, memory and hardware of a computation."""
 
 import os
 import platform
@@ -11,10 +11,10 @@ import torch
 
 
 def resolve_device(accelerator: str = "auto") -> str:
-    """Finds the device that an accelerator means here.
+    """Return the device for an accelerator setting on this machine.
 
     Args:
-        accelerator: `auto` (cuda where there is one), `cpu` or `gpu`.
+        accelerator: `auto` (cuda if a CUDA GPU is visible, else cpu), `cpu` or `gpu`.
 
     Returns:
         `cuda` or `cpu`.
@@ -30,16 +30,16 @@ def resolve_device(accelerator: str = "auto") -> str:
 
 
 def resolve_precision(precision: str, device: str) -> str:
-    """Finds what `auto` means on a device: bf16-mixed where it computes in bfloat16 natively, else 32-true."""
+    """Return the precision for a device; `auto` is bf16-mixed if the device has native bfloat16, else 32-true."""
     if precision != "auto":
         if "bf16" in precision and not has_bfloat16(device):
-            print(f"warning: runtime.precision={precision} is only emulated here, many times slower than 32-true")
+            print(f"warning: runtime.precision={precision} is emulated on this device, many times slower than 32-true")
         return precision
     return "bf16-mixed" if has_bfloat16(device) else "32-true"
 
 
 def has_bfloat16(device: str) -> bool:
-    """Says whether a device multiplies in bfloat16 itself; a CPU does with AVX-512 BF16 or AMX."""
+    """Check whether a device multiplies in bfloat16 natively; a CPU does with AVX-512 BF16 or AMX."""
     if device == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
     capabilities = torch.cpu.get_capabilities()
@@ -47,25 +47,25 @@ def has_bfloat16(device: str) -> bool:
 
 
 def clock(device: str) -> float:
-    """Reads a clock [s] once the device has done all it was given."""
+    """Return the time of a clock [s] after the device has finished all queued work."""
     if device == "cuda":
         torch.cuda.synchronize()
     return time.perf_counter()
 
 
 def compiles(network: torch.nn.Module, image: torch.Tensor) -> bool:
-    """Tries torch.compile on a network to spare, forward and backward; says why where it fails."""
+    """Try torch.compile on a spare network, forward and backward, and print the reason if it fails."""
     network.compile()
     try:
         network(image).sum().backward()
-    except Exception as error:  # whatever the compiler raises, the network itself works without it
-        print(f"torch.compile fails here ({type(error).__name__}), going on without it")
+    except Exception as error:  # the compiler may raise anything, and the network works without it
+        print(f"torch.compile failed ({type(error).__name__}), continuing without it")
         return False
     return True
 
 
 def forget_peak_memory() -> None:
-    """Makes `peak_memory_gb` begin anew, where the system can (Linux); else it is that of the whole process."""
+    """Reset `peak_memory_gb` if the system supports it (Linux); otherwise it covers the life of the process."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
@@ -73,7 +73,7 @@ def forget_peak_memory() -> None:
 
 
 def peak_memory_gb() -> float:
-    """Reads the most memory that this process has held, of the machine's and not of a GPU's [GB]."""
+    """Return the peak resident memory of this process [GB], without GPU memory."""
     try:
         status = Path("/proc/self/status").read_text()
         return int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e9
@@ -82,7 +82,7 @@ def peak_memory_gb() -> float:
 
 
 def hardware() -> dict[str, Any]:
-    """Describes the machine, and the threads it computes with here, on which the last digits depend; GPU or None."""
+    """Describe the machine and the number of threads, which affect the last digits; `gpu` is None without one."""
     return {
         "machine": platform.machine(),
         "cpu": torch.cpu.get_capabilities().get("cpu_name"),

@@ -1,4 +1,4 @@
-"""Small files: written whole or not at all, read with a message that names the file and the mend; locks, checksums."""
+"""Small files: atomic writes, reads whose errors name the file and the fix, locks and checksums."""
 
 import hashlib
 import json
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 T = TypeVar("T")
-LEFTOVER = re.compile(r"\.[0-9a-f]{32}\.tmp$")  # what the temporary names of this module end in
+LEFTOVER = re.compile(r"\.[0-9a-f]{32}\.tmp$")  # ending of the temporary names that this module creates
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Gives a temporary name beside `path` to write to, and moves it into place when the block ends well.
+    """Yield a temporary path beside `path` to write to, and move it to `path` when the block ends without an error.
 
-    The name is unique, so any number of processes may replace the same file; the last one wins.
+    The temporary name is unique, so several processes may replace the same file; the last one wins.
 
     Args:
-        path: the file to be made or replaced; its directory must exist.
+        path: the file to create or replace; its directory must exist.
     """
     temporary = path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp")
     try:
@@ -38,9 +38,9 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         if error.errno is None:
             raise
-        raise OSError(error.errno, error.strerror, str(path)) from error  # not every writer says which file it was
+        raise OSError(error.errno, error.strerror, str(path)) from error  # not every writer names the file
     finally:
-        with suppress(OSError):  # of a disk that has gone
+        with suppress(OSError):  # the disk may be gone
             temporary.unlink(missing_ok=True)
 
 
@@ -67,9 +67,9 @@ def replacing_directory(path: Path) -> Iterator[Path]:
 
 
 def clear_leftovers(directory: Path, keep: Path | None = None) -> None:
-    """Delete the temporary files that killed processes left in a directory, which no other process may be using.
+    """Delete the temporary files that killed processes left in a directory.
 
-    Only names that this module creates are deleted.
+    No other process may be using the directory. Only names that this module creates are deleted.
 
     Args:
         directory: the directory, which the caller has locked.
@@ -85,66 +85,66 @@ def clear_leftovers(directory: Path, keep: Path | None = None) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes a text file whole or not at all, however the process ends."""
+    """Write a text file atomically, even if the process is killed."""
     with replacing(path) as temporary:
         temporary.write_text(text)
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Writes a JSON file whole or not at all."""
+    """Write a JSON file atomically."""
     write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def read_mapping(path: Path, fix: str) -> dict[str, Any]:
-    """Reads a JSON or YAML file that holds a mapping.
+    """Read a JSON or YAML file that holds a mapping.
 
     Args:
         path: the file, ending in .json or .yaml.
-        fix: what to do when it cannot be read; ends the message.
+        fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file is missing, cut, empty, or holds something else than a mapping.
+        ValueError: the file is missing, truncated, empty, or does not hold a mapping.
     """
     try:
         content = json.loads(path.read_text()) if path.suffix == ".json" else yaml.safe_load(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ValueError(f"{path} cannot be read ({_first_line(error)}): {fix}") from error
     if not isinstance(content, dict):
-        raise ValueError(f"{path} cannot be read (a mapping is expected, it holds {type(content).__name__}): {fix}")
+        raise ValueError(f"{path} cannot be read (expected a mapping, got {type(content).__name__}): {fix}")
     return content
 
 
 def read_typed(kind: type[T], path: Path, fix: str) -> T:
-    """Reads a JSON or YAML file into a dataclass, its values checked.
+    """Read a JSON or YAML file into a dataclass and check its values.
 
     Args:
         kind: the dataclass.
         path: the file, ending in .json or .yaml.
-        fix: what to do when it cannot be read; ends the message.
+        fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file is missing, cut, empty, or holds something else.
+        ValueError: the file is missing, truncated, empty, or does not match the dataclass.
     """
     content = read_mapping(path, fix)
     try:
         return TypeAdapter(kind).validate_python(content)
     except ValidationError as error:
-        faults = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()[:3])
-        raise ValueError(f"{path} cannot be read ({faults}): {fix}") from error
+        errors = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()[:3])
+        raise ValueError(f"{path} cannot be read ({errors}): {fix}") from error
 
 
 def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame":
-    """Reads a CSV file that has at least one row and some columns.
+    """Read a CSV file that has at least one row and the required columns.
 
     Args:
         path: the file.
-        columns: columns that it must have.
-        fix: what to do when it cannot be read; ends the message.
+        columns: the required columns, which must not have missing values.
+        fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file is missing, cut, empty, or lacks a column.
+        ValueError: the file is missing, truncated, empty, or lacks a column or a value.
     """
-    import pandas as pd  # slow to import, and recording does without
+    import pandas as pd  # slow to import, and recording does not need it
 
     try:
         table = pd.read_csv(path)
@@ -152,33 +152,33 @@ def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame"
         raise ValueError(f"{path} cannot be read ({_first_line(error)}): {fix}") from error
     missing = [name for name in columns if name not in table]
     if missing or table.empty or table[list(columns)].isna().any(axis=None):
-        fault = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
-        raise ValueError(f"{path} cannot be read ({fault}): {fix}")
+        problem = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
+        raise ValueError(f"{path} cannot be read ({problem}): {fix}")
     return table
 
 
 def sha256(path: Path) -> str:
-    """Computes the SHA-256 of a file, in hexadecimal."""
+    """Compute the SHA-256 checksum of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager
 def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
-    """Keeps a second process waiting, and saying so, until the first has done its part in a directory.
+    """Hold an exclusive lock on a directory; a second process prints a message and waits.
 
-    By flock; where a shared file system has none, by a file that only one process can create. Of such a file that a
-    machine left when it went down, `waiting` names the directory: delete it there.
+    The lock uses flock, or on a shared file system without flock a file that only one process can create. If a machine
+    crashed and left such a file, every later process waits: delete the file in the directory that the message names.
 
     Args:
-        directory: which must exist.
-        name: of the file that stands for the lock.
+        directory: the directory, which must exist.
+        name: name of the lock file.
     """
     guard = FileLock(directory / name)
     try:
         guard.acquire(timeout=0)
     except Timeout:
-        print(f"waiting: another process works in {directory}", flush=True)
+        print(f"waiting: another process is working in {directory}", flush=True)
         guard.acquire()
     try:
         yield

@@ -17,6 +17,7 @@ from repro.reporting.page import Report, render
 from repro.reporting.results import audits, caption, read_results
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import write_tables
+from repro.reporting.uptodate import inputs_hash, is_up_to_date, mark_up_to_date
 from repro.runs.directories import Outputs
 from repro.system.files import write_text
 
@@ -36,6 +37,11 @@ def run(job: Job) -> None:
     configs = {run.config().experiment: run.config() for run in outputs.runs() if run.config().train}
     for experiment, name in itertools.product(sorted(configs), BASELINES):
         evaluate_baseline(outputs, configs[experiment], name)
+    other = [*curves_directory(outputs).glob("*.csv"), outputs.analysis / "generalization.csv", CLAIMS]
+    inputs = inputs_hash(outputs, [*other, *outputs.figures.glob("*.png")])
+    if is_up_to_date(outputs.analysis, inputs) and (outputs.path / "report.html").is_file():
+        print(f"Page is up to date: {outputs.path / 'report.html'}")
+        return
     results = read_results(outputs)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs) | _written_by_other_tasks(outputs)
@@ -49,6 +55,7 @@ def run(job: Job) -> None:
         verdicts = frames["claims"]["verdict"].value_counts()
         print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
     _write_page(job, frames, caption(results))
+    mark_up_to_date(outputs.analysis, inputs)
 
 
 def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:

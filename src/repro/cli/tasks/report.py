@@ -10,6 +10,7 @@ from repro.evaluation.examples import load_example
 from repro.recordings.format import SPLITS
 from repro.recordings.reader import read_manifest
 from repro.reporting.figures import write_figures
+from repro.reporting.uptodate import inputs_hash, is_up_to_date, mark_up_to_date
 from repro.runs.keys import RunKey
 from repro.simulation.worlds import sample_world
 
@@ -22,6 +23,10 @@ def run(job: Job) -> None:
     """
     outputs = job.outputs
     errors = print_tables(outputs, ())
+    inputs = inputs_hash(outputs)
+    if not errors and is_up_to_date(outputs.figures, inputs):
+        print(f"Figures are up to date: {outputs.figures}")
+        return
     specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
     worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
     examples = []
@@ -35,5 +40,6 @@ def run(job: Job) -> None:
             errors.append(str(error))
     for path in write_figures(outputs.figures, worlds, examples):
         print(f"Figure: {path}", flush=True)
+    mark_up_to_date(outputs.figures, inputs)
     if errors:
         raise ValueError(f"{len(errors)} runs are left out of the tables or figures, see above")

@@ -1,0 +1,54 @@
+"""Checks of scans from outside: values that a lidar and a localized robot cannot have, and windows without information.
+
+Without these checks a broken sensor yields a map that is free everywhere, the worst error on a robot.
+"""
+
+import math
+
+import torch
+from torch import Tensor
+
+from repro.maps.grid import Grid
+from repro.maps.projection import newest_hits
+from repro.scans import Scans
+
+MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
+
+
+def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> None:
+    """Check the values of scans before a map is predicted from them.
+
+    Args:
+        windows: a batch of windows, as tensors.
+        grid: grid of the map.
+        allow_empty: accept windows without a hit on the map and poses outside it.
+
+    Raises:
+        ValueError: a range is NaN or negative, an angle or pose is not finite or seems to be in degrees; or, unless
+            `allow_empty`, a window has no hit on the map or a pose outside it.
+    """
+    ranges, angles, poses = windows.ranges, windows.angles, windows.poses
+    _refuse(torch.isnan(ranges), "ranges", "NaN", "expected meters, and inf for a miss")
+    _refuse(ranges < 0, "ranges", "negative", "expected meters, and inf for a miss")
+    _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
+    _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
+    _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians in the robot's frame")
+    _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", "beyond ten turns", "expected radians")
+    if allow_empty:
+        return
+    inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)
+    expected = f"expected x and y from 0 to {grid.size_m:g} m"
+    _refuse(~inside, "poses", "outside the map", f"{expected}; allow_empty=True accepts them")
+    empty = (newest_hits(windows, grid) == 0).flatten(1).all(1)
+    if empty.any():
+        finite = ranges[empty][torch.isfinite(ranges[empty])]
+        median = f"their median range is {finite.median():.4g}" if len(finite) else "all of their beams are misses"
+        raise ValueError(
+            f"{int(empty.sum())} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
+            "expected ranges in meters; allow_empty=True accepts such windows"
+        )
+
+
+def _refuse(wrong: Tensor, name: str, problem: str, expected: str) -> None:
+    if wrong.any():
+        raise ValueError(f"{int(wrong.sum())} of {wrong.numel()} {name} are {problem}: {expected}")

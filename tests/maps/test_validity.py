@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from repro.maps.grid import Grid
+from repro.maps.validity import check_windows
+from repro.scans import Scans
+
+GRID = Grid(64, 50.0)
+RANGES = np.full((20, 30), 12.0)
+ANGLES = np.linspace(-0.78, 0.78, 30)
+POSES = np.tile([25.0, 25.0, 0.0], (20, 1))
+
+
+def with_value(array, value, index=(3, 2)):
+    changed = array.copy()
+    changed[index[: array.ndim]] = value
+    return changed
+
+
+def check(ranges=RANGES, angles=ANGLES, poses=POSES, **options):
+    check_windows(Scans(ranges, angles, poses).tensors(), GRID, **options)
+
+
+@pytest.mark.parametrize(
+    "scans",
+    [
+        {},
+        {"ranges": with_value(RANGES, np.inf)},
+        {"ranges": with_value(RANGES, 0.0)},
+        {"poses": POSES + [0, 0, 5 * np.pi]},
+        {"ranges": RANGES.astype(np.float32)},
+        {"ranges": np.where(np.arange(30) == 7, RANGES, np.inf)},
+        {"ranges": np.stack([RANGES, RANGES - 1]), "poses": np.stack([POSES, POSES])},
+    ],
+)
+def test_scans_of_a_lidar_on_the_map_are_accepted(scans):
+    check(**scans)
+
+
+@pytest.mark.parametrize(
+    ("scans", "message"),
+    [
+        ({"ranges": RANGES * np.nan}, "600 of 600 ranges are NaN"),
+        ({"ranges": with_value(RANGES, np.nan)}, "1 of 600 ranges are NaN: expected meters, and inf for a miss"),
+        ({"ranges": with_value(RANGES, -0.1)}, "1 of 600 ranges are negative"),
+        ({"ranges": with_value(RANGES, -np.inf)}, "1 of 600 ranges are negative"),
+        ({"angles": np.degrees(ANGLES)}, "angles are beyond a full turn: expected radians"),
+        ({"angles": ANGLES * np.nan}, "30 of 30 angles are not finite"),
+        ({"poses": with_value(POSES, np.inf)}, "1 of 60 poses are not finite"),
+        ({"poses": with_value(POSES, np.nan)}, "1 of 60 poses are not finite"),
+        ({"poses": POSES + [0, 0, 270]}, "headings are beyond ten turns: expected radians"),
+    ],
+)
+@pytest.mark.parametrize("allow_empty", [False, True])
+def test_values_that_no_lidar_has_are_refused_always(scans, message, allow_empty):
+    with pytest.raises(ValueError, match=message):
+        check(**scans, allow_empty=allow_empty)
+
+
+@pytest.mark.parametrize(
+    ("scans", "message"),
+    [
+        ({"ranges": RANGES * 1000}, r"1 of 1 windows have no hit on the map of 50 m, their median range is 1.2e\+04"),
+        ({"ranges": RANGES + np.inf}, "1 of 1 windows have no hit on the map of 50 m, all of their beams are misses"),
+        ({"poses": with_value(POSES, 51.0, (3, 0))}, "1 of 20 poses are outside the map"),
+        ({"poses": POSES - [40, 0, 0]}, "20 of 20 poses are outside the map: expected x and y from 0 to 50 m"),
+    ],
+)
+def test_windows_without_information_are_refused_unless_asked_for(scans, message):
+    with pytest.raises(ValueError, match=message):
+        check(**scans)
+    check(**scans, allow_empty=True)
+
+
+def test_one_empty_window_of_a_batch_is_found():
+    ranges = np.stack([RANGES, RANGES + np.inf, RANGES])
+    with pytest.raises(ValueError, match="1 of 3 windows have no hit"):
+        check(ranges=ranges, poses=np.stack([POSES] * 3))
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ((RANGES[:0], ANGLES, POSES[:0]), "none of them empty"),
+        ((RANGES[:, :0], ANGLES[:0], POSES), "none of them empty"),
+        ((np.ma.masked_greater(RANGES, 10), ANGLES, POSES), "ranges: expected a plain array, got a masked one"),
+        ((RANGES.astype(object), ANGLES, POSES), "ranges: expected real numbers, got object"),
+        ((RANGES.astype(str), ANGLES, POSES), "ranges: expected real numbers"),
+        ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
+        ((RANGES, ANGLES, POSES.tolist()), "poses: expected an array or a tensor, got list"),
+        ((RANGES, ANGLES[:-1], POSES), "expected ranges"),
+    ],
+)
+def test_arrays_of_other_kinds_and_shapes_are_refused(arrays, message):
+    with pytest.raises(ValueError, match=message):
+        Scans(*arrays)
+
+
+def test_windows_with_different_angles_are_not_stacked():
+    with pytest.raises(ValueError, match="same beam angles"):
+        Scans.stack([Scans(RANGES, ANGLES, POSES), Scans(RANGES, 2 * ANGLES, POSES)])

@@ -1,0 +1,127 @@
+"""README.md, CONTRIBUTING.md and docs/: tables are those of reproduce/results, links exist, commands and recipes run."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from repro.reporting.readme import with_results
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "DEVIATIONS.md", *sorted((ROOT / "docs").glob("*.md"))]
+TINY = ["scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"]
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+RECIPE = re.compile(r"^### (.+?)\n(.*?)(?=^##|\Z)", re.DOTALL | re.MULTILINE)
+
+
+def named(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def recipes() -> dict[str, str]:
+    """The recipes of CONTRIBUTING.md by title: sections with blocks that say which file they change."""
+    sections = RECIPE.findall((ROOT / "CONTRIBUTING.md").read_text())
+    return {title: text for title, text in sections if "# file:" in text or "# append:" in text}
+
+
+def copy_of_the_project(directory: Path) -> Path:
+    ignored = shutil.ignore_patterns(".venv", "outputs", ".git", "__pycache__", ".*_cache", "results", "*.egg-info")
+    return Path(shutil.copytree(ROOT, directory / "project", ignore=ignored))
+
+
+def apply(text: str, project: Path) -> list[str]:
+    """Apply the blocks of a recipe to a copy of the project; return its commands."""
+    commands = []
+    for language, block in BLOCK.findall(text):
+        first, _, body = block.partition("\n")
+        change = re.match(r"# (file|append|replace in): (\S+)", first)
+        if language == "bash":
+            commands += [line for line in block.splitlines() if line and not line.startswith("#")]
+        elif change:
+            path = project / change[2]
+            if change[1] == "file":
+                assert not path.exists(), path
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(body)
+            elif change[1] == "append":
+                path.write_text(path.read_text() + "\n" + body)
+            else:
+                for old, new in re.findall(r"^<<<<\n(.*?)^====\n(.*?)^>>>>", body, re.DOTALL | re.MULTILINE):
+                    content = path.read_text()
+                    assert content.count(old) == 1, f"{path} has {old!r} {content.count(old)} times"
+                    path.write_text(content.replace(old, new))
+    return commands
+
+
+def run_command(command: str, project: Path, outputs: Path) -> str:
+    """Run a documented command line at a tiny size."""
+    words = command.split(" #")[0].replace("python ", f"{sys.executable} ", 1)
+    words = re.sub(r"\b(scale|outputs)=\S+", "", words)
+    environment = {**os.environ, "PYTHONPATH": str(project / "src")}
+    done = subprocess.run(
+        ["bash", "-c", f"{words} {' '.join(TINY)} outputs={outputs}"],
+        cwd=project, env=environment, capture_output=True, text=True, timeout=900,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
+    return done.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_generated_tables_are_those_of_the_published_results(page):
+    text = page.read_text()
+    assert with_results(text, ROOT / "reproduce" / "results") == text, "run `make docs`"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_relative_links_exist(page):
+    targets = [link for link in LINK.findall(page.read_text()) if "://" not in link and not link.startswith("mailto:")]
+    missing = [link for link in targets if not (page.parent / link).exists()]
+    assert not missing
+
+
+def test_the_readme_is_short():
+    prose = re.sub(r"<!-- results:.*?<!-- end -->|```.*?```", "", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    assert len(prose.split()) <= 900
+
+
+def test_there_is_a_recipe_for_every_extension():
+    titles = " ".join(recipes()).lower()
+    assert all(word in titles for word in ("world", "encoding", "network", "baseline", "metric")), titles
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", recipes())
+def test_recipe(title, tmp_path):
+    project = copy_of_the_project(tmp_path)
+    commands = apply(recipes()[title], project)
+    assert commands, "a recipe ends with a command that uses it"
+    for command in commands:
+        run_command(command, project, tmp_path / "outputs")
+
+
+def documented_commands() -> list[str]:
+    """The commands of the documentation that use run.py, once each."""
+    blocks = [block for page in PAGES if page.name != "CONTRIBUTING.md" for _, block in BLOCK.findall(page.read_text())]
+    lines = [line.split(" #")[0].strip() for block in blocks for line in block.splitlines()]
+    return list(dict.fromkeys(line for line in lines if line.startswith("python run.py")))
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("documented") / "smoke"
+
+
+NEEDS_MORE = ("slurm", "task=publish", "task=export", "task=verify", "task=curves", "scale=paper", "task=docs")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [c for c in documented_commands() if not any(w in c for w in NEEDS_MORE)])
+def test_documented_command(command, outputs, tmp_path):
+    if "outputs=" in command or "scale." in command or "encoding=" in command or "seed=0,1,2" in command:
+        outputs = tmp_path / "smoke"  # another configuration than the other commands
+    run_command(command, ROOT, outputs)
