@@ -1,5 +1,6 @@
 import dataclasses
 import os
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import pytest
 import repro.config
 from repro.baselines.names import BASELINES
 from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
+from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
+from repro.recordings.format import spec_fingerprint
 from repro.runs.directories import Data, Outputs, Run, RunConfig
 from repro.runs.provenance import Status
 from repro.simulation.recorder import record_experiment
@@ -53,7 +56,14 @@ def run_config(
         names = {field.name for field in dataclasses.fields(cls)} & set(changes)
         return cls(**{**defaults, **{name: changes.pop(name) for name in names}})
 
-    data = take(Data, scale="laptop", size_px=32, size_m=50.0, pairs=PairCounts(24, 8, 8), worlds="hash")
+    data = take(
+        Data,
+        scale="laptop",
+        size_px=32,
+        size_m=50.0,
+        pairs=PairCounts(24, 8, 8),
+        worlds=spec_fingerprint(world_spec("3")),
+    )
     train = take(Training, learning_rate=1e-3, min_delta=0.001, patience=5, batch_size=8, max_epochs=3, dice_eps=1e-6)
     encoding = encoding or Encoding("projection", {"decay": decay, "oldest_gray": 0.8})
     config = RunConfig("3", 0, paper_model(model), encoding, data, train)
@@ -66,6 +76,11 @@ def prepared(path: Path, **changes: Any) -> Run:
     run = Run(path)
     run.prepare(run_config(**changes))
     return run
+
+
+def spent_budget() -> Budget:
+    """Return a budget as a new process has it whose time limit has passed: it pauses after one epoch."""
+    return Budget(1, since=time.monotonic() - 3600)
 
 
 def fake_run(

@@ -1,4 +1,4 @@
-"""README.md, CONTRIBUTING.md and docs/: tables are those of reproduce/results, links exist, commands and recipes run."""
+"""README.md, CONTRIBUTING.md and docs/: tables agree with the results, links exist, commands and recipes run."""
 
 import os
 import re
@@ -26,7 +26,7 @@ def named(path: Path) -> str:
 def recipes() -> dict[str, str]:
     """The recipes of CONTRIBUTING.md by title: sections with blocks that say which file they change."""
     sections = RECIPE.findall((ROOT / "CONTRIBUTING.md").read_text())
-    return {title: text for title, text in sections if "# file:" in text or "# append:" in text}
+    return {title: text for title, text in sections if "# file:" in text or "# replace in:" in text}
 
 
 def copy_of_the_project(directory: Path) -> Path:
@@ -35,40 +35,42 @@ def copy_of_the_project(directory: Path) -> Path:
 
 
 def apply(text: str, project: Path) -> list[str]:
-    """Apply the blocks of a recipe to a copy of the project; return its commands."""
-    commands = []
+    """Apply the blocks of a recipe to a copy of the project; return its scripts."""
+    scripts = []
     for language, block in BLOCK.findall(text):
         first, _, body = block.partition("\n")
         change = re.match(r"# (file|append|replace in): (\S+)", first)
         if language == "bash":
-            commands += [line for line in block.splitlines() if line and not line.startswith("#")]
+            scripts.append(block)
         elif change:
             path = project / change[2]
             if change[1] == "file":
                 assert not path.exists(), path
-                path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(body)
             elif change[1] == "append":
                 path.write_text(path.read_text() + "\n" + body)
             else:
-                for old, new in re.findall(r"^<<<<\n(.*?)^====\n(.*?)^>>>>", body, re.DOTALL | re.MULTILINE):
+                for old, new in re.findall(r"^<<<<\n(.*?)\n====\n(.*?)\n>>>>", body, re.DOTALL | re.MULTILINE):
                     content = path.read_text()
                     assert content.count(old) == 1, f"{path} has {old!r} {content.count(old)} times"
                     path.write_text(content.replace(old, new))
-    return commands
+    return scripts
 
 
-def run_command(command: str, project: Path, outputs: Path) -> str:
-    """Run a documented command line at a tiny size."""
-    words = command.split(" #")[0].replace("python ", f"{sys.executable} ", 1)
-    words = re.sub(r"\b(scale|outputs)=\S+", "", words)
-    environment = {**os.environ, "PYTHONPATH": str(project / "src")}
-    done = subprocess.run(
-        ["bash", "-c", f"{words} {' '.join(TINY)} outputs={outputs}"],
-        cwd=project, env=environment, capture_output=True, text=True, timeout=900,
-    )  # fmt: skip
-    assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
+def run_script(script: str, project: Path) -> str:
+    """Run a script of bash, stopping at the first error; `python` is the one that runs the tests."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(project / "src")}
+    command = ["bash", "-euo", "pipefail", "-c", script]
+    done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, timeout=900)
+    assert done.returncode == 0, f"{script}\n{done.stdout[-2000:]}{done.stderr[-3000:]}"
     return done.stdout
+
+
+def run_command(command: str, outputs: Path) -> str:
+    """Run a documented command line at a tiny size."""
+    words = re.sub(r"\b(scale|outputs)=\S+", "", command)
+    return run_script(f"{words} {' '.join(TINY)} outputs={outputs}", ROOT)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
@@ -98,10 +100,10 @@ def test_there_is_a_recipe_for_every_extension():
 @pytest.mark.parametrize("title", recipes())
 def test_recipe(title, tmp_path):
     project = copy_of_the_project(tmp_path)
-    commands = apply(recipes()[title], project)
-    assert commands, "a recipe ends with a command that uses it"
-    for command in commands:
-        run_command(command, project, tmp_path / "outputs")
+    scripts = apply(recipes()[title], project)
+    assert scripts, "a recipe ends with a command that uses it"
+    for script in scripts:
+        run_script(script, project)
 
 
 def documented_commands() -> list[str]:
@@ -124,4 +126,4 @@ NEEDS_MORE = ("slurm", "task=publish", "task=export", "task=verify", "task=curve
 def test_documented_command(command, outputs, tmp_path):
     if "outputs=" in command or "scale." in command or "encoding=" in command or "seed=0,1,2" in command:
         outputs = tmp_path / "smoke"  # another configuration than the other commands
-    run_command(command, ROOT, outputs)
+    run_command(command, outputs)

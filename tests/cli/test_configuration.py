@@ -8,8 +8,9 @@ import run  # noqa: F401  registers schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
-from repro import tasks
-from repro.config import plain, to_typed, world_spec
+from repro.cli.config import Config, to_typed
+from repro.cli.jobs import resolve
+from repro.config import NETWORKS, PAPER_ENCODER, paper_model, plain, world_spec
 
 
 def composed(*overrides):
@@ -17,7 +18,7 @@ def composed(*overrides):
         return compose("config", overrides=list(overrides))
 
 
-def typed(config):
+def typed(config) -> Config:
     return to_typed(plain(config))
 
 
@@ -29,8 +30,7 @@ def call(*arguments):
 
 
 def test_defaults_are_the_papers():
-    config = composed()
-    assert config.scale.name == "paper"
+    config = composed("scale=paper")
     assert dict(config.scale.pairs) == {"train": 10000, "val": 128, "test": 500}
     assert (config.train.learning_rate, config.train.min_delta, config.train.patience) == (1e-4, 1e-3, 5)
     lidar = config.world.robot.sensors[0]
@@ -51,19 +51,17 @@ def test_every_experiment_takes_100_steps_and_is_what_the_paper_says(experiment)
     assert steps == 100
 
 
-@pytest.mark.parametrize("model", ["unet", "fpn", "upernet", "segformer"])
+@pytest.mark.parametrize("model", NETWORKS)
 def test_every_model_has_the_papers_encoder(model):
-    assert dict(composed(f"model={model}").model) == {
-        "name": model,
-        "encoder_name": "mit_b0",
-        "encoder_weights": None,
-    }
+    assert typed(composed(f"model={model}")).model == paper_model(model)
+    assert PAPER_ENCODER == "mit_b0"
 
 
-def test_runs_lie_where_they_should():
-    config = typed(composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop"))
-    assert tasks.run_of(config).path == Path("outputs/laptop/runs/exp4/fpn/no-decay/seed2")
-    assert tasks.recordings_of(config) == Path("outputs/laptop/recordings/exp4")
+def test_a_job_has_the_directories_of_its_run():
+    job = resolve(typed(composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop")))
+    assert job.run.path == Path("outputs/laptop/runs/exp4/fpn/projection-no-decay/seed2")
+    assert job.recordings == Path("outputs/laptop/recordings/exp4")
+    assert job.published == ROOT / "reproduce" / "results" / "laptop"
 
 
 def test_decay_belongs_to_the_encoding():
@@ -72,12 +70,12 @@ def test_decay_belongs_to_the_encoding():
 
 def test_the_grid_is_as_large_as_the_world():
     config = typed(composed("world.world.width=100", "world.world.height=100"))
-    assert tasks.run_config(config).data.size_m == 100
+    assert resolve(config).config.data.size_m == 100
 
 
 def test_runtime_does_not_make_another_run():
     def run_config(*overrides):
-        return tasks.run_config(typed(composed(*overrides)))
+        return resolve(typed(composed("exp=3", *overrides))).config
 
     assert run_config() == run_config("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
     assert run_config() != run_config("train.batch_size=4")
@@ -87,7 +85,7 @@ def test_runtime_does_not_make_another_run():
 @pytest.mark.parametrize(
     ("argument", "words"),
     [
-        ("exp=9", ["exp=9: there are 1, 2, 3, 4"]),
+        ("exp=9", ["exp=9: must be one of 1, 2, 3, 4"]),
         ("model=resnet", ["resnet", "fpn", "segformer", "unet", "upernet"]),
         ("scale=huge", ["huge", "laptop", "paper", "smoke"]),
         ("task=fly", ["fly", "record", "train", "evaluate", "report", "all"]),

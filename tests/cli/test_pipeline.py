@@ -8,6 +8,8 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
+from repro.baselines.names import QUICK_BASELINES
+from repro.config import NETWORKS
 from repro.metrics.names import METRICS
 
 COMMAND = ["run.py", "-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
@@ -38,14 +40,12 @@ def test_the_sweep_ends_with_a_complete_table(study):
     outputs, text = study
     table = pd.read_csv(outputs / "tables" / "ablation.csv")
     assert len(table) == 10  # 4 models and their average, twice
-    assert (
-        table.groupby("experiment")["model"].apply(list).tolist()
-        == [["unet", "fpn", "upernet", "segformer", "average"]] * 2
-    )
+    assert table.groupby("experiment")["model"].apply(list).tolist() == [[*NETWORKS, "average"]] * 2
     for metric in METRICS:
         assert table[metric].between(0, 1).all()
         assert ((table[metric] - table[f"paper_{metric}"]) - table[f"delta_{metric}"]).abs().max() < 2e-4
     assert "Prediction metrics without the gray-scale time decay" in text
+    assert "Prediction metrics across all four experiments" not in text
     assert "Scale smoke: 64 x 64 px, 16 training and 4 test pairs" in text
 
 
@@ -56,15 +56,15 @@ def test_runs_of_a_scale_that_is_not_published_cannot_be_verified(study):
     assert "Traceback" not in text
 
 
-def test_simple_predictors_stand_in_the_main_table(study):
+def test_the_quick_baselines_are_in_the_main_table(study):
     outputs, _ = study
     table = pd.read_csv(outputs / "tables" / "main.csv")
-    assert table["model"].tolist() == ["all_free", "last_seen"] * 2
+    assert table["model"].tolist() == [*QUICK_BASELINES] * 2
 
 
 def test_run_directories_are_complete(study):
     outputs, _ = study
-    run = outputs / "runs" / "exp4" / "upernet" / "no-decay" / "seed0"
+    run = outputs / "runs" / "exp4" / "upernet" / "projection-no-decay" / "seed0"
     names = {path.name for path in run.iterdir()}
     assert names >= {
         "config.yaml", "history.csv", "metrics.csv", "per_image.csv", "provenance.json", "model",
@@ -72,7 +72,7 @@ def test_run_directories_are_complete(study):
     }  # fmt: skip
 
 
-def test_typed_again_nothing_is_done_again(study):
+def test_the_same_command_again_does_nothing(study):
     outputs, _ = study
     files = [*outputs.glob("recordings/*/*.npz"), *outputs.glob("runs/**/history.csv")]
     before = {path: path.stat().st_mtime_ns for path in files}
@@ -83,22 +83,22 @@ def test_typed_again_nothing_is_done_again(study):
     assert {path: path.stat().st_mtime_ns for path in files} == before
 
 
-def test_another_configuration_in_the_same_place_is_refused(study):
+def test_another_configuration_in_the_same_directory_is_refused(study):
     outputs, _ = study
     status, text = call("run.py", "exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
     assert status != 0
     assert "train.batch_size is 8, requested 4" in text
 
 
-def test_a_failing_job_does_not_cost_the_table_of_the_others(study, tmp_path):
+def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     outputs, _ = study
     copy = tmp_path / "smoke"
     shutil.copytree(outputs, copy)
     shutil.rmtree(copy / "tables")
-    config = copy / "runs/exp3/fpn/no-decay/seed0/config.yaml"
+    config = copy / "runs/exp3/fpn/projection-no-decay/seed0/config.yaml"
     config.write_text(config.read_text().replace("batch_size: 8", "batch_size: 4"))
-    shutil.rmtree(copy / "runs/exp3/fpn/no-decay/seed0/model")
-    (copy / "runs/exp3/fpn/no-decay/seed0/provenance.json").unlink()
+    shutil.rmtree(copy / "runs/exp3/fpn/projection-no-decay/seed0/model")
+    (copy / "runs/exp3/fpn/projection-no-decay/seed0/provenance.json").unlink()
     status, text = call(*COMMAND, *tiny(copy))
     assert status != 0
     assert "holds a run of another configuration" in text
@@ -119,14 +119,14 @@ def test_a_launcher_with_processes_does_the_same(study, tmp_path):
     assert "| 4 | FPN |" in text
 
 
-def test_interrupted_again_and_again_it_ends_with_the_same_numbers(tmp_path):
-    words = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", *tiny("")[2:], "scale.max_epochs=2"]
+def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
+    overrides = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", *tiny("")[2:], "scale.max_epochs=2"]
     whole, parts = (["scale=smoke", f"outputs={tmp_path / name / 'smoke'}"] for name in ("whole", "parts"))
-    status, text = call(*words, *whole)
+    status, text = call(*overrides, *whole)
     assert status == 0, text[-4000:]
 
-    first_epoch = tmp_path / "parts/smoke/runs/exp3/fpn/no-decay/seed0/history.csv"
-    process = subprocess.Popen([sys.executable, *words, *parts], cwd=ROOT, stdout=subprocess.DEVNULL)
+    first_epoch = tmp_path / "parts/smoke/runs/exp3/fpn/projection-no-decay/seed0/history.csv"
+    process = subprocess.Popen([sys.executable, *overrides, *parts], cwd=ROOT, stdout=subprocess.DEVNULL)
     while process.poll() is None and not first_epoch.exists():
         time.sleep(0.01)
     process.kill()
@@ -135,24 +135,24 @@ def test_interrupted_again_and_again_it_ends_with_the_same_numbers(tmp_path):
     calls, text = 0, "paused"
     while "paused" in text and calls < 8:
         calls += 1
-        status, text = call(*words, *parts, "runtime.max_minutes=0.001")
+        status, text = call(*overrides, *parts, "runtime.max_minutes=0.001")
         assert status == 0, text[-4000:]
     assert calls in (3, 4)  # an epoch a call; the killed one had done the first of four, or nearly
     for name in ("metrics.csv", "validation.csv", "per_image.csv"):
         for experiment in ("exp3", "exp4"):
-            run = Path("smoke/runs") / experiment / "fpn/no-decay/seed0" / name
+            run = Path("smoke/runs") / experiment / "fpn/projection-no-decay/seed0" / name
             assert (tmp_path / "parts" / run).read_text() == (tmp_path / "whole" / run).read_text()
     assert pd.read_csv(tmp_path / "parts/smoke/tables/ablation.csv")["ssim"].notna().all()
 
 
-def test_an_experiment_of_ones_own_goes_all_the_way(tmp_path):
+def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
     office = "{motion: ${world.motions.square}, obstacles: ${world.obstacles.moving}, clear_radius_m: 9.0}"
-    words = ["exp=office", f"++world.experiments.office={office}", "model=fpn", *tiny(tmp_path / "smoke")]
-    status, text = call("run.py", *words)
+    overrides = ["exp=office", f"++world.experiments.office={office}", "model=fpn", *tiny(tmp_path / "smoke")]
+    status, text = call("run.py", *overrides)
     assert status == 0, text[-4000:]
-    status, text = call("run.py", *words, "task=report")
+    status, text = call("run.py", *overrides, "task=report")
     assert status == 0, text[-4000:]
-    assert "| office | FPN |" in text
+    assert "| office | FPN |" in (tmp_path / "smoke/tables/main.md").read_text()
     assert "Experiment office" in (tmp_path / "smoke/tables/main.tex").read_text()
     assert (tmp_path / "smoke/figures/data_collection.png").is_file()
 
@@ -164,3 +164,4 @@ def test_report_rebuilds_tables_and_figures(study):
     assert status == 0, text[-4000:]
     assert (outputs / "tables" / "ablation.tex").is_file()
     assert (outputs / "figures" / "data_collection.png").is_file()
+    assert "| Exp. |" not in text  # only paths are printed

@@ -9,10 +9,9 @@ import pandas as pd
 import pytest
 import segmentation_models_pytorch as smp
 import torch
-from conftest import ROOT, prepared
+from conftest import ROOT, prepared, spent_budget
 
 from repro.learning import callbacks, training
-from repro.learning.budget import Budget
 from repro.learning.callbacks import CPUContention
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
@@ -26,11 +25,6 @@ from repro.system.files import sha256
 def begin(path, recorded, **changes):
     """Prepares and trains a small run to its end."""
     return train(prepared(path, **changes), recorded, accelerator="cpu")
-
-
-def spent_budget() -> Budget:
-    """Return the budget of a new process that pauses after one epoch."""
-    return Budget(1, since=time.monotonic() - 3600)
 
 
 def same_weights(first, second):

@@ -30,7 +30,7 @@ def outputs(tmp_path_factory):
     outputs = tmp_path_factory.mktemp("page") / "smoke"
     call(outputs, "decay=true,false", "-m")
     call(outputs, "encoding=observed_free")
-    for task in ("transfer", "report", "analysis"):
+    for task in ("generalization", "report", "analysis"):
         call(outputs, f"task={task}")
     return outputs
 
@@ -44,10 +44,10 @@ def test_every_part_has_its_rows_beside_it(outputs):
     names = {path.stem for path in outputs.glob("analysis/*.csv")}
     assert names == {
         *("intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"),
-        *("audit", "claims", "transfer"),
+        *("audit", "claims", "generalization"),
     }
     figures = {path.stem for path in outputs.glob("analysis/*.png")}
-    assert figures == {"recency", "ages", "obstacles", "reliability", "baselines", "encodings", "transfer"}
+    assert figures == {"recency", "ages", "obstacles", "reliability", "baselines", "encodings", "generalization"}
     claims = pd.read_csv(outputs / "analysis" / "claims.csv")
     assert claims["id"].tolist() == [claim.id for claim in read_claims(ROOT / "reproduce" / "claims.yaml").claims]
     assert claims["verdict"].notna().all()
@@ -87,7 +87,9 @@ def test_the_page_is_whole_and_asks_for_nothing(page):
 
 
 def test_the_page_has_every_claim_and_says_what_it_is_from(page):
-    assert "This is the smoke test" in page and "<details>" not in page and "#claims" not in page
+    assert "This is the smoke test" in page
+    assert "<details>" not in page
+    assert "#claims" not in page
     assert "Scale smoke: 64 x 64 px, 16 training and 8 test pairs" in page
     assert "its numbers mean nothing" in page
     for section in (
@@ -97,7 +99,7 @@ def test_the_page_has_every_claim_and_says_what_it_is_from(page):
         "where",
         "calibration",
         "baselines",
-        "transfer",
+        "generalization",
         "provenance",
     ):
         assert f'<section id="{section}">' in page
@@ -119,9 +121,9 @@ def browser():
 @pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
 def test_in_a_browser_it_works_at_any_width_and_alone(browser, outputs, width, scheme):
     tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-    faults, requests = [], []
-    tab.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
-    tab.on("pageerror", lambda error: faults.append(str(error)))
+    errors, requests = [], []
+    tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    tab.on("pageerror", lambda error: errors.append(str(error)))
     tab.on("request", lambda request: requests.append(request.url))
     tab.goto((outputs / "report.html").as_uri())
     tab.wait_for_function("document.getElementById('score').textContent.length > 0")
@@ -142,6 +144,6 @@ def test_in_a_browser_it_works_at_any_width_and_alone(browser, outputs, width, s
     tab.focus("#experiment")
     tab.keyboard.press("Tab")
     assert tab.evaluate("document.activeElement.id") == "model"
-    assert not faults
+    assert not errors
     assert all(url.startswith(("file:", "data:", "blob:")) for url in requests)
     tab.close()

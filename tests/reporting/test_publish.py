@@ -7,7 +7,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared
 
-from repro.config import NETWORKS
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.grid import Grid
@@ -16,10 +16,12 @@ from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
 from repro.reporting.publish import doubts, export_weights, publish
-from repro.reporting.readme import readme_with_results
-from repro.reporting.results import OURS, read_results
-from repro.reporting.tables import write_tables
+from repro.reporting.readme import with_results
+from repro.reporting.results import OURS, read_published, read_results
+from repro.reporting.rows import read_rows
+from repro.reporting.tables import ENCODINGS, write_tables
 from repro.runs.directories import Outputs
+from repro.runs.keys import CELL
 from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"
@@ -30,41 +32,44 @@ def committed(monkeypatch):
     monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
 
 
-def test_readme_and_published_results_agree():
-    text = (ROOT / "README.md").read_text()
-    assert "<!-- results:" in text
-    assert readme_with_results(text, RESULTS) == text, "run `make readme`"
+DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_generated_tables_agree_with_the_published_results(path):
+    text = path.read_text()
+    assert with_results(text, RESULTS) == text, "run `python run.py task=docs`"
+
+
+def test_some_documents_have_generated_tables():
+    assert any("<!-- results:" in path.read_text() for path in DOCUMENTS)
 
 
 def of_paper(runs):
-    """The runs with the paper's input; results published earlier have no other."""
-    return runs[runs["encoding"] == "projection"] if "encoding" in runs else runs
+    """Return the runs with the paper's input and its ablation."""
+    return runs[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
 
 
 @pytest.mark.parametrize("directory", sorted(p for p in RESULTS.glob("*") if p.is_dir()), ids=lambda p: p.name)
 def test_published_tables_follow_from_the_published_runs(directory):
-    runs = pd.read_csv(directory / "runs.csv")
+    runs = read_published(directory)
     origins = json.loads((directory / "provenance.json").read_text())
     assert len(runs) == len(origins)
     for origin in origins.values():
         assert origin["status"] == "evaluated"
         assert any("recordings" in step for step in origin["steps"])
         assert origin["steps"][-1]["step"] == "evaluated"
-    published = {name for name, decay in (("main", True), ("ablation", False)) if (runs["decay"] == decay).any()}
+    published = {name for name, encoding in ENCODINGS.items() if (runs["encoding"] == encoding).any()}
     assert {path.stem for path in directory.glob("*.csv")} & {"main", "ablation"} == published
     for name in published:
-        decay = name == "main"
-        table = pd.read_csv(directory / f"{name}.csv")
-        rows = of_paper(runs)
-        if "encoding" in runs:
-            ours = (runs["model"] == OURS[0]) & (runs["encoding"] == OURS[1])
-            rows = pd.concat([rows, runs[ours].assign(model="ours")])
-        means = rows[rows["decay"] == decay].groupby(["experiment", "model"])["specificity"].mean()
+        table = read_rows(directory / f"{name}.csv")
+        assert set(table["encoding"]) <= {ENCODINGS[name], *(("", OURS[1]) if name == "main" else ())}
+        means = runs.groupby(CELL)["specificity"].mean()
         for row in table[table["model"] != "average"].itertuples():
-            assert row.specificity == pytest.approx(means[row.experiment, row.model], abs=1e-4)
+            assert row.specificity == pytest.approx(means[row.experiment, row.model, row.encoding], abs=1e-4)
 
 
-def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
+def test_publishing_copies_tables_runs_and_provenance(tmp_path):
     outputs, results = tmp_path / "laptop", tmp_path / "results"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", 0.4, decay=False)
@@ -75,10 +80,10 @@ def test_publishing_copies_tables_runs_and_where_they_come_from(tmp_path):
     page = (target / "README.md").read_text()
     assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(Outputs(outputs))) == 6
-    assert "runs/exp3/unet/no-decay/seed0" in json.loads((target / "provenance.json").read_text())
+    assert "runs/exp3/unet/projection-no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
 
-def test_evidence_and_page_are_published_with_the_tables_and_what_is_stale_goes(tmp_path):
+def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_removed(tmp_path):
     fake_study(tmp_path / "laptop")
     outputs, results = Outputs(tmp_path / "laptop"), tmp_path / "results"
     outputs.analysis.mkdir()
@@ -124,16 +129,16 @@ def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
     assert not (results / "laptop" / "ablation.csv").exists()
     assert "ablation" not in (results / "laptop" / "README.md").read_text()
     assert (target / "kept").read_text() == "weights"
-    assert [path.name for path in results.iterdir()] == ["laptop"]
+    assert {path.name for path in results.iterdir()} == {"laptop", ".lock"}
 
 
-def test_a_published_run_with_another_input_is_missed(tmp_path):
+def test_a_published_run_with_another_input_must_be_present(tmp_path):
     fake_study(tmp_path / "laptop")
     runs = read_results(Outputs(tmp_path / "laptop"))
     unet = runs[runs["model"] == "unet"]
     pd.concat([runs, unet.assign(encoding="stack10")]).to_csv(tmp_path / "runs.csv", index=False)
     assert doubts(runs, [], tmp_path) == ["1 of the 6 published runs are missing"]
-    runs.drop(columns="encoding").to_csv(tmp_path / "runs.csv", index=False)  # as the earliest were published
+    runs.to_csv(tmp_path / "runs.csv", index=False)
     assert doubts(runs, [], tmp_path) == []
 
 
@@ -145,7 +150,7 @@ def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
     assert not (tmp_path / "results").exists()
 
 
-def test_finer_weights_are_not_replaced_by_coarser(tmp_path):
+def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):
     run = fake_run(tmp_path / "laptop", "3", "unet", 0.4)
     pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)]).to_csv(run.metrics, index=False)
     network = create_network(paper_model("unet"))
@@ -157,7 +162,7 @@ def test_finer_weights_are_not_replaced_by_coarser(tmp_path):
     assert (tmp_path / "weights" / "README.md").is_file()
 
 
-def test_a_variant_is_trained_again_with_its_own_words(tmp_path):
+def test_the_command_of_a_variant_has_its_overrides(tmp_path):
     outputs = tmp_path / "laptop-fp32"
     fake_run(outputs, "3", "unet", 0.4)
     page = (publish(Outputs(outputs), tmp_path / "results", "laptop") / "README.md").read_text()
@@ -169,10 +174,10 @@ def test_readme_tables_are_those_of_the_report(tmp_path):
     fake_study(outputs)
     publish(Outputs(outputs), tmp_path / "results", "laptop")
     text = "before\n<!-- results: laptop main -->\nold\n<!-- end -->\nafter\n"
-    made = readme_with_results(text, tmp_path / "results")
+    made = with_results(text, tmp_path / "results")
     page = write_tables(Outputs(outputs))["main"].to_markdown()
     assert made == f"before\n<!-- results: laptop main -->\n{page}<!-- end -->\nafter\n"
-    assert readme_with_results(made, tmp_path / "results") == made
+    assert with_results(made, tmp_path / "results") == made
 
 
 def test_readme_can_show_the_rows_of_one_model(tmp_path):
@@ -180,7 +185,7 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
     fake_study(outputs)
     for shown in (rows[:1], rows):
         publish(Outputs(outputs), tmp_path / "results", "laptop")
-        made = readme_with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
+        made = with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
         assert made[1].startswith("**Scale laptop: 32 x 32 px")
         assert [line.split("(")[0] for line in made[5:-1]] == shown
         assert made[-1] == "<!-- end -->"
@@ -228,7 +233,7 @@ def test_nothing_evaluated_cannot_be_published(tmp_path):
 )
 def test_a_mark_without_its_end_deletes_nothing(text, tmp_path):
     with pytest.raises(ValueError, match="needs its own <!-- end -->"):
-        readme_with_results(text, tmp_path)
+        with_results(text, tmp_path)
 
 
 def test_a_page_says_on_what_each_step_was_done(tmp_path, monkeypatch):
@@ -257,12 +262,12 @@ def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     assert pd.read_csv(target / "main.csv")["experiment"].tolist() == ["office"]
 
 
-def test_the_readme_says_how_long_a_study_took():
+def test_the_documents_state_how_long_a_study_takes():
     """Minutes of training of every whole published study lie within what the table of scales says."""
-    text = (ROOT / "README.md").read_text()
+    text = "\n".join(path.read_text() for path in DOCUMENTS)
     whole = 0
     for directory in (path for path in RESULTS.glob("*") if path.is_dir()):
-        runs = of_paper(pd.read_csv(directory / "runs.csv")).dropna(subset=["training_seconds"])
+        runs = of_paper(read_published(directory)).dropna(subset=["training_seconds"])
         for _, rows in runs.groupby("seed"):
             if len(rows) == 24:
                 row = next(line for line in text.splitlines() if line.startswith(f"| `{directory.name}` |"))
@@ -272,11 +277,11 @@ def test_the_readme_says_how_long_a_study_took():
     assert whole
 
 
-def test_the_ledgers_ssim_is_the_published_one():
-    runs = of_paper(pd.read_csv(RESULTS / "workstation" / "runs.csv")).query("model == 'unet' and seed == 0")
-    order = [(1, True), (2, True), (3, True), (4, True), (3, False), (4, False)]
-    rows = runs.set_index(["experiment", "decay"]).loc[order]
-    lines = (ROOT / "DEVIATIONS.md").read_text().splitlines()
+def test_the_ssim_in_the_calibration_is_the_published_one():
+    runs = of_paper(read_published(RESULTS / "workstation")).query("model == 'unet' and seed == 0")
+    order = [*((experiment, PROJECTION) for experiment in "1234"), *((e, PROJECTION_NO_DECAY) for e in "34")]
+    rows = runs.set_index(["experiment", "encoding"]).loc[order]
+    lines = (ROOT / "docs" / "calibration.md").read_text().splitlines()
     for column, name in (("ssim", "of the probabilities (reported)"), ("ssim_binary", "of the thresholded map")):
         cells = next(line for line in lines if line.startswith(f"| {name} |")).split("|")[2:-1]
         assert [float(cell) for cell in cells] == [round(value, 3) for value in rows[column]]

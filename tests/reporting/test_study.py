@@ -1,61 +1,70 @@
 import pytest
-from conftest import fake_run
+from conftest import ROOT, fake_run
 
-from repro.config import PairCounts
+import repro.config
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.reporting.status import describe_outputs
-from repro.reporting.study import CELLS, Study
+from repro.reporting.study import Study
 from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
 from repro.runs.provenance import Status
 
 PAIRS = PairCounts(200, 4, 4)
+EXPERIMENTS = repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
 
 
-def test_the_study_has_the_papers_24_trainings():
-    assert len(set(CELLS)) == 24
-    assert [cell for cell in CELLS if cell[2] == "no-decay"] == CELLS[16:]
-    assert {experiment for experiment, _, variant in CELLS if variant == "no-decay"} == {"3", "4"}
+def test_the_study_has_the_papers_24_trainings(tmp_path):
+    keys = list(Study(Outputs(tmp_path), EXPERIMENTS, 0).runs())
+    ablation = [key for key in keys if key.encoding == PROJECTION_NO_DECAY]
+    assert len(keys) == 24
+    assert ablation == keys[16:]
+    assert {key.experiment for key in ablation} == {"3", "4"}
+    assert {key.model for key in keys} == set(NETWORKS)
 
 
-def test_a_training_knows_its_place_and_what_is_left(tmp_path):
-    study = Study(Outputs(tmp_path), 0)
-    first = study.runs()["3", "fpn", "decay"]
-    assert study.place(first) == "training 1 of 24: exp 3, FPN"
+def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
+    study = Study(Outputs(tmp_path), EXPERIMENTS, 0)
+    assert study.progress(RunKey("3", "fpn", PROJECTION, 0)) == "training 1 of 24: exp 3, FPN"
     assert study.seconds_left() is None
     fake_run(tmp_path, "3", "unet", 0.9)  # took a second
     assert study.seconds_left() == pytest.approx(23)
-    place = study.place(study.runs()["4", "fpn", "no-decay"])
+    progress = study.progress(RunKey("4", "fpn", PROJECTION_NO_DECAY, 0))
     assert (
-        place == "training 2 of 24: exp 4, FPN, no decay; 0 min of training behind it, about 0 left, as measured so far"
+        progress
+        == "training 2 of 24: exp 4, FPN, no decay; about 0 min of training left, estimated from finished trainings"
     )
-    assert study.place(Outputs(tmp_path).run("3", "unet", "observed_free", 0)) is None
+    assert study.progress(RunKey("3", "unet", "observed_free", 0)) is None
 
 
-def test_what_stands_where_is_said_for_every_run(tmp_path):
+def test_the_status_lists_the_state_of_every_run(tmp_path):
     outputs = Outputs(tmp_path)
     fake_run(tmp_path, "3", "unet", 0.9)
-    fake_run(tmp_path, "3", "fpn", 0.9, seed=1, status=Status.paused)
-    (outputs.run("3", "fpn", "decay", 1).path / "history.csv").write_text("epoch,train_loss\n0,1\n1,0.5\n")
+    paused = fake_run(tmp_path, "3", "fpn", 0.9, seed=1, status=Status.paused)
+    (paused.path / "history.csv").write_text("epoch,train_loss\n0,1\n1,0.5\n")
     fake_run(tmp_path, "4", "unet", 0.9, decay=False, status=Status.failed)
     broken = fake_run(tmp_path, "4", "fpn", 0.9)
     (broken.path / "provenance.json").write_text("{")
     lost = fake_run(tmp_path, "3", "segformer", 0.9)
     lost.metrics.unlink()
+    fake_run(tmp_path, "3", "tracker", 0.9)
     directory = outputs.recordings("3")
     directory.mkdir(parents=True)
     (directory / "train-0000.npz").touch()
     (outputs.recordings("4") / "manifest.json").parent.mkdir(parents=True)
     (outputs.recordings("4") / "manifest.json").touch()
-    text = describe_outputs(outputs, ["3", "4", "5"], PAIRS, 0)
+    experiments = {name: EXPERIMENTS[name] for name in "34"} | {"5": EXPERIMENTS["1"]}
+    text = describe_outputs(Study(outputs, experiments, 0), PAIRS)
     for row in (
         "| 3 | 100 of 208 |",
         "| 4 | complete |",
         "| 5 | missing |",
-        "| 3 | U-Net | decay | evaluated |  |",
-        "| 3 | FPN | decay | missing | paused, 2 epochs |",
-        "| 3 | Segformer | decay | evaluated, metrics missing |  |",
-        "| 4 | U-Net | no-decay | failed |  |",
-        "| 4 | FPN | decay | cannot be read |  |",
+        "| 3 | projection | U-Net | evaluated |  |",
+        "| 3 | projection | FPN | missing | paused, 2 epochs |",
+        "| 3 | projection | Segformer | evaluated, metrics missing |  |",
+        "| 3 |  | Tracker | evaluated |",
+        "| 4 | projection-no-decay | U-Net | failed |  |",
+        "| 4 | projection | FPN | cannot be read |  |",
     ):
         assert row in text, text
-    assert "Of the study's 24 trainings with seed 0: 20 missing" in text
+    assert "Of the study's 20 trainings with seed 0: 16 missing" in text
     assert "min of training remain" in text

@@ -18,7 +18,7 @@ def published(tmp_path, monkeypatch):
     return target
 
 
-def test_runs_that_came_out_as_published_are_told_from_those_that_did_not(tmp_path, published):
+def test_each_run_is_compared_with_its_published_counterpart(tmp_path, published):
     again = tmp_path / "again"
     for model, seed, value in (("unet", 0, 0.5), ("fpn", 0, 0.61), ("all_free", 0, 0.9), ("unet", 7, 0.5)):
         fake_run(again, "3", model, value, seed=seed)
@@ -33,7 +33,7 @@ def test_runs_that_came_out_as_published_are_told_from_those_that_did_not(tmp_pa
     assert "Acc. 0.0100" in text
 
 
-def test_other_recordings_are_seen(tmp_path, published):
+def test_other_recordings_are_reported(tmp_path, published):
     run = fake_run(tmp_path / "again", "3", "unet", 0.5)
     path = run.path / "provenance.json"
     path.write_text(path.read_text().replace("hash of recordings", "another hash"))
@@ -51,7 +51,7 @@ def test_runs_that_cannot_be_compared_are_refused(tmp_path, published):
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "reproduce" / "results").glob("*/verification.csv")), ids=str)
-def test_published_verifications_are_of_published_runs_that_came_out_the_same(path):
+def test_published_verifications_found_identical_weights_and_metrics(path):
     found, runs = read_rows(path), read_published(path.parent)
     both = found.merge(runs, on=KEY, suffixes=("", "_of_run"))
     assert len(both) == len(found) > 0

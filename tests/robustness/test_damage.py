@@ -1,4 +1,4 @@
-"""Files cut, emptied, altered, lost or exchanged: what is said, what is mended, and what must still be there."""
+"""Truncated, empty, altered, missing or exchanged files: the messages, the repairs, and what must be preserved."""
 
 import dataclasses
 import json
@@ -10,30 +10,31 @@ import run as entry  # noqa: F401  registers the schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
-from repro.cli.errors import JobFailed, explain
-from repro.cli.tasks_old import TASKS
-from repro.config import plain, to_typed
+from repro.baselines.names import QUICK_BASELINES
+from repro.cli.config import to_typed
+from repro.cli.errors import explain
+from repro.cli.jobs import resolve
+from repro.cli.tasks import run_task
+from repro.config import PROJECTION, plain
 from repro.runs.directories import Outputs, RunConfig
+from repro.runs.keys import RunKey
 
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
-WORDS = (
+OVERRIDES = (
     *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
     *("runtime.accelerator=cpu", "runtime.precision=32-true", "runtime.workers=1"),
 )
 
 
-def config(outputs, *words):
+def config(outputs, *overrides):
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return to_typed(plain(compose("config", overrides=[*WORDS, f"outputs={outputs}", *words])))
+        return to_typed(plain(compose("config", overrides=[*OVERRIDES, f"outputs={outputs}", *overrides])))
 
 
-def call(outputs, task, *words):
-    """Does a task; returns None, or the words that the command line would say."""
-    found = config(outputs, f"task={task}", *words)
+def call(outputs, task, *overrides):
+    """Run a task; return None, or the message that the command line would print."""
     try:
-        TASKS[found.task](found)
-    except JobFailed as error:
-        return str(error)
+        run_task(resolve(config(outputs, f"task={task}", *overrides)))
     except Exception as error:
         message = explain(error)
         if message is None:  # it would show a traceback
@@ -58,7 +59,11 @@ def copy(study, tmp_path):
 
 
 def run_of(outputs: Path, experiment: str = "3", model: str = "fpn") -> Path:
-    return Outputs(outputs).run(experiment, model, "decay", 0).path
+    return Outputs(outputs).run(RunKey(experiment, model, PROJECTION, 0)).path
+
+
+def table_of(outputs: Path) -> str:
+    return (outputs / "tables" / "main.md").read_text()
 
 
 def damage(path: Path, how: str) -> None:
@@ -80,33 +85,33 @@ TEXT = ("cut", "empty", "a list", "a word", "missing")
 
 @pytest.mark.parametrize("how", TEXT)
 @pytest.mark.parametrize("name", SMALL)
-def test_one_bad_run_is_named_and_does_not_cost_the_tables_of_the_others(copy, name, how, capsys):
+def test_a_damaged_run_is_named_and_the_tables_have_the_others(copy, name, how, capsys):
     damage(run_of(copy) / name, how)
     assert "left out" in call(copy, "report")
-    said = capsys.readouterr()
-    assert f"left out of the tables: {run_of(copy) / name} cannot be read (" in said.err
-    assert "| 3 | U-Net |" in said.out
-    assert "| 4 | FPN |" in said.out
-    assert "| 3 | FPN |" not in said.out
+    message = capsys.readouterr()
+    assert f"left out of the tables: {run_of(copy) / name} cannot be read (" in message.err
+    assert "| 3 | U-Net |" in table_of(copy)
+    assert "| 4 | FPN |" in table_of(copy)
+    assert "| 3 | FPN |" not in table_of(copy)
 
 
 @pytest.mark.parametrize("how", TEXT)
 @pytest.mark.parametrize("name", SMALL[:2])
-def test_a_bad_run_is_not_trained_over(copy, name, how):
+def test_a_damaged_run_is_not_overwritten(copy, name, how):
     """It may hold hours of work: the file is named, with what to do."""
     weights = (run_of(copy) / "model" / "model.safetensors").read_bytes()
     damage(run_of(copy) / name, how)
     other = ["train.dice_eps=1e-5"] if name == "config.yaml" else []  # which there is nothing to compare with
     for task in ("all", "train", "evaluate"):
-        said = call(copy, task, "exp=3", "model=fpn", *other)
-        assert f"{name} cannot be read (" in said
-        assert "restore it, or delete" in said
+        message = call(copy, task, "exp=3", "model=fpn", *other)
+        assert f"{name} cannot be read (" in message
+        assert "restore it, or delete" in message
     assert (run_of(copy) / "model" / "model.safetensors").read_bytes() == weights
 
 
 @pytest.mark.parametrize("task", ["all", "evaluate"])
 @pytest.mark.parametrize("name", ["metrics.csv", "validation.csv", "per_image.csv"])
-def test_what_can_be_measured_again_is(copy, name, task):
+def test_missing_metrics_are_measured_again(copy, name, task):
     path = run_of(copy) / name
     before = path.read_text()
     path.unlink()
@@ -116,40 +121,40 @@ def test_what_can_be_measured_again_is(copy, name, task):
 
 
 @pytest.mark.parametrize("how", ["cut", "empty", "a word", "missing"])
-def test_bad_predictions_cost_one_figure(copy, how, capsys):
+def test_damaged_predictions_leave_out_one_figure(copy, how, capsys):
     damage(run_of(copy, model="unet") / "predictions.npz", how)
     assert "left out" in call(copy, "report")
-    said = capsys.readouterr()
-    assert "predictions.npz cannot be read (" in said.err
-    assert "task=evaluate" in said.err
-    assert "| 3 | U-Net |" in said.out
-    assert "data_collection.png" in said.out
+    message = capsys.readouterr()
+    assert "predictions.npz cannot be read (" in message.err
+    assert "task=evaluate" in message.err
+    assert "| 3 | U-Net |" in table_of(copy)
+    assert "data_collection.png" in message.out
 
 
 @pytest.mark.parametrize("name", ["model.safetensors", "predictor.json"])
 @pytest.mark.parametrize("how", ["cut", "empty", "altered", "a word", "missing"])
-def test_weights_are_what_was_saved_or_are_not_used(copy, name, how):
+def test_damaged_weights_are_refused(copy, name, how):
     run = run_of(copy)
     damage(run / "model" / name, how)
     (run / "metrics.csv").unlink()
-    said = call(copy, "evaluate", "exp=3", "model=fpn")
-    if name == "predictor.json" and how == "altered" and said is None:
+    message = call(copy, "evaluate", "exp=3", "model=fpn")
+    if name == "predictor.json" and how == "altered" and message is None:
         pytest.skip("the altered byte is white space")
-    assert f"{name} " in said
+    assert f"{name} " in message
     assert not (run / "metrics.csv").exists()
 
 
 @pytest.mark.parametrize("how", ["cut", "empty", "a list", "a word", "missing"])
-def test_a_bad_manifest_is_made_anew_from_whole_shards(copy, how):
+def test_a_damaged_manifest_is_written_again_from_complete_shards(copy, how):
     path = copy / "recordings" / "exp3" / "manifest.json"
     text = path.read_text()
     shards = {shard: shard.stat().st_mtime_ns for shard in path.parent.glob("*.npz")}
     damage(path, how)
-    said = call(copy, "train", "exp=3", "model=segformer")
-    assert "task=record" in said
+    message = call(copy, "train", "exp=3", "model=segformer")
+    assert "task=record" in message
     if how != "missing":
-        said = call(copy, "record", "exp=3")
-        assert "manifest.json cannot be read (" in said
+        message = call(copy, "record", "exp=3")
+        assert "manifest.json cannot be read (" in message
         path.unlink()  # as it says
     assert call(copy, "record", "exp=3") is None
     assert path.read_text() == text
@@ -158,34 +163,38 @@ def test_a_bad_manifest_is_made_anew_from_whole_shards(copy, how):
 
 @pytest.mark.parametrize("split", ["train", "val", "test"])
 @pytest.mark.parametrize("how", ["cut", "empty", "altered", "missing"])
-def test_shards_are_refused_for_training_and_mended_by_recording(copy, split, how, capsys):
+def test_damaged_shards_are_refused_by_training_and_repaired_by_recording(copy, split, how, capsys):
     path = copy / "recordings" / "exp3" / f"{split}-0000.npz"
     content = path.read_bytes()
     damage(path, how)
     if split != "test":
-        said = call(copy, "train", "exp=3", "model=segformer")
-        assert path.name in said
-        assert "task=record" in said
+        message = call(copy, "train", "exp=3", "model=segformer")
+        assert path.name in message
+        assert "task=record" in message
     assert call(copy, "record", "exp=3") is None
     assert path.read_bytes() == content
     assert ("recording again" in capsys.readouterr().out) == (how != "missing")
     assert call(copy, "all", "exp=3", "model=fpn") is None
 
 
-@pytest.mark.parametrize("to", [("4", "fpn", "decay", 1), ("3", "segformer", "decay", 0), ("1", "fpn", "decay", 0)])
-def test_a_run_copied_to_another_place_is_not_counted_there(copy, to, capsys):
-    target = Outputs(copy).run(*to)
+@pytest.mark.parametrize(
+    "key",
+    [RunKey("4", "fpn", PROJECTION, 1), RunKey("3", "segformer", PROJECTION, 0), RunKey("1", "fpn", PROJECTION, 0)],
+    ids=str,
+)
+def test_a_copied_run_is_left_out(copy, key, capsys):
+    target = Outputs(copy).run(key)
     shutil.copytree(run_of(copy), target.path)
     assert "left out" in call(copy, "report")
-    said = capsys.readouterr()
-    assert f"{target} holds the run that belongs in {run_of(copy)}" in said.err
+    message = capsys.readouterr()
+    assert f"{target} holds the run of {run_of(copy)}" in message.err
     table = (copy / "tables" / "main.csv").read_text()
     assert table.count(",fpn,") == 2
     assert "std_" not in table
 
 
 @pytest.mark.parametrize(
-    ("words", "difference"),
+    ("override", "difference"),
     [
         ("train.dice_eps=1e-5", "train.dice_eps is 1e-06, requested 1e-05"),
         ("scale.size_px=32", "data.size_px is 64, requested 32"),
@@ -193,10 +202,10 @@ def test_a_run_copied_to_another_place_is_not_counted_there(copy, to, capsys):
         ("world.obstacles.moving.disc_share=1", "data.worlds is"),
     ],
 )
-def test_another_configuration_in_the_same_place_is_refused(copy, words, difference):
-    said = call(copy, "train", "exp=3", "model=fpn", words)
-    assert "holds a run of another configuration" in said
-    assert difference in said
+def test_another_configuration_in_the_same_directory_is_refused(copy, override, difference):
+    message = call(copy, "train", "exp=3", "model=fpn", override)
+    assert "holds a run of another configuration" in message
+    assert difference in message
 
 
 def test_exchanged_splits_are_refused(copy):
@@ -208,18 +217,18 @@ def test_exchanged_splits_are_refused(copy):
     assert "manifest.json cannot be read (its shards of the split" in call(copy, "train", "exp=3", "model=segformer")
 
 
-def test_simple_predictors_do_not_stand_in_the_way_of_another_size(tmp_path):
+def test_a_wrong_size_is_refused_before_a_baseline_is_evaluated(tmp_path):
     """A wrong size is named once, before anything is evaluated with it."""
     outputs = tmp_path / "smoke"
     assert call(outputs, "all", "exp=3", "model=fpn") is None
-    said = call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32")
-    assert "data.size_px is 64, requested 32" in said
+    message = call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32")
+    assert "data.size_px is 64, requested 32" in message
     shutil.rmtree(run_of(outputs))
-    shutil.rmtree(outputs / "runs" / "exp3" / "all_free")
-    shutil.rmtree(outputs / "runs" / "exp3" / "last_seen")
+    for name in QUICK_BASELINES:
+        shutil.rmtree(outputs / "baselines" / "exp3" / name)
     assert call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32") is None
 
 
-def test_every_field_of_the_configuration_decides_whether_it_is_the_same_run():
+def test_the_identity_of_a_run_covers_every_field_of_its_configuration():
     fields = {field.name for field in dataclasses.fields(RunConfig)}
     assert fields == {"experiment", "seed", "model", "encoding", "data", "train"}

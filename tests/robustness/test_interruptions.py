@@ -1,22 +1,21 @@
-"""Kills, Ctrl-C, damaged checkpoints, a full disk, several processes at once: nothing right is lost."""
+"""Kills, Ctrl-C, damaged checkpoints, a full disk, concurrent processes: nothing correct is lost."""
 
 import errno
 import functools
 import os
 import random
-import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import uuid
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, prepared
+from conftest import ROOT, prepared, spent_budget
 
 from repro.evaluation.evaluate import evaluate
-from repro.learning import training
 from repro.learning.training import train
 from repro.runs.provenance import Status
 from repro.system.files import replacing
@@ -28,15 +27,15 @@ TINY = (
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
 KILLS = int(os.environ.get("REPRO_KILLS", "10"))  # of recording, and as many of training
 ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
-RUN = Path("runs/exp3/fpn/decay/seed0")
+RUN = Path("runs/exp3/fpn/projection/seed0")
 
 
-def start(outputs, *words):
-    command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *words]
+def start(outputs, *overrides):
+    command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *overrides]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    # Ctrl-C must reach it also where these tests run in the background, source children would ignore it
-    heed = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    return subprocess.Popen(command, cwd=ROOT, start_new_session=True, preexec_fn=heed, **output)
+    # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
+    accept = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, cwd=ROOT, start_new_session=True, preexec_fn=accept, **output)
 
 
 def finish(process):
@@ -52,7 +51,7 @@ def wait_for(pattern, outputs, process, seconds=120):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """What a study leaves that nobody interrupted."""
+    """Return the outputs of a study that was not interrupted."""
     outputs = tmp_path_factory.mktemp("whole") / "smoke"
     status, text = finish(start(outputs))
     assert status == 0, text
@@ -60,7 +59,7 @@ def whole(tmp_path_factory):
 
 
 def start_code(code):
-    """Starts some code that says "ready" after its imports, and waits for that."""
+    """Start code that prints "ready" after its imports, and wait for that."""
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True, **output)
     assert process.stdout
@@ -69,7 +68,7 @@ def start_code(code):
 
 
 def seconds_of(code):
-    """How long some code takes here and now, after its imports."""
+    """Measure how long code takes after its imports [s]."""
     process = start_code(code)
     began = time.monotonic()
     process.communicate(timeout=300)
@@ -78,13 +77,13 @@ def seconds_of(code):
 
 
 def kill(process):
-    """Kills a process and all that it started."""
+    """Kill a process and its children."""
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
 
 
 def kill_at_random(code, rng, longest_s):
-    """Starts some code and kills it at a random moment after its imports."""
+    """Start code and kill it at a random time after its imports."""
     process = start_code(code)
     time.sleep(rng.uniform(0, longest_s))
     kill(process)
@@ -93,10 +92,10 @@ def kill_at_random(code, rng, longest_s):
 def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
     code = (
         "from pathlib import Path; from repro.config import read_world, world_spec\n"
-        "from repro.simulation import shards, store\n"
-        "print('ready', flush=True); shards.SHARD_WORLDS = 2\n"
+        "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
+        "print('ready', flush=True); format.SHARD_WORLDS = 2\n"
         "spec = world_spec(read_world(Path('conf/world/paper.yaml')), '4')\n"
-        "store.record_experiment(Path({!r}), spec, {{'train': 40, 'val': 4, 'test': 4}}, workers=1)\n"
+        "record_experiment(Path({!r}), spec, {{'train': 40, 'val': 4, 'test': 4}}, workers=1)\n"
     )
     rng, seconds = random.Random(0), seconds_of(code.format(str(tmp_path / "whole")))
     for _ in range(KILLS):
@@ -129,41 +128,42 @@ def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
     assert not list(killed.path.rglob("*.tmp"))
 
 
-def test_what_a_killed_process_left_half_written_is_cleared(recorded, tmp_path):
+def test_leftovers_of_a_killed_process_are_deleted(recorded, tmp_path):
     run = prepared(tmp_path / "run", max_epochs=1)
     for step in (train, evaluate):
-        (run.path / "model.0a.tmp").mkdir()
-        (run.path / "model.0a.tmp" / "config.json").write_text("{")
-        (run.path / "predictions.npz.0b.tmp").write_bytes(b"half")
+        model, predictions = (run.path / f"{name}.{uuid.uuid4().hex}.tmp" for name in ("model", "predictions.npz"))
+        model.mkdir()
+        (model / "config.json").write_text("{")
+        predictions.write_bytes(b"half")
+        (run.path / "notes.tmp").write_text("not ours")
         step(run, recorded, accelerator="cpu")
-        assert not list(run.path.rglob("*.tmp")), step
+        assert [path.name for path in run.path.rglob("*.tmp")] == ["notes.tmp"], step
     assert run.is_evaluated
 
 
 @pytest.mark.parametrize("moment", ["recordings/exp3/.lock", f"{RUN}/history.csv"])
-def test_ctrl_c_says_that_the_same_command_goes_on(whole, tmp_path, moment):
+def test_an_interrupted_command_resumes(whole, tmp_path, moment):
     outputs = tmp_path / "smoke"
     process = start(outputs)
     wait_for(moment, outputs, process)
     os.killpg(process.pid, signal.SIGINT)
     status, text = finish(process)
     assert status == 130, text
-    doing = "training" if "history" in moment else "recording"
-    assert re.search(rf"\nstopped while {doing} .*: the same command goes on from here\s*$", text), text
+    assert text.rstrip().endswith("\ninterrupted: the same command resumes"), text
     assert "Traceback" not in text
     status, text = finish(start(outputs))
     assert status == 0, text
     assert (outputs / RUN / "metrics.csv").read_text() == (whole / RUN / "metrics.csv").read_text()
 
 
-def test_a_terminated_sweep_takes_its_workers_with_it(tmp_path):
+def test_a_terminated_sweep_ends_its_workers(tmp_path):
     outputs = tmp_path / "smoke"
     process = start(outputs, "seed=0,1", "train.max_epochs=200", "train.patience=200", "hydra/launcher=cores", "-m")
-    wait_for("runs/exp3/fpn/decay/seed*/history.csv", outputs, process)
+    wait_for("runs/exp3/fpn/projection/seed*/history.csv", outputs, process)
     process.terminate()
     status, text = finish(process)
     assert status == 130, text
-    assert "the same command goes on from here" in text, text
+    assert "interrupted: the same command resumes" in text, text
     deadline = time.monotonic() + 20
     while (left := subprocess.run(["pgrep", "-s", str(process.pid)]).returncode == 0) and time.monotonic() < deadline:
         time.sleep(0.2)
@@ -172,7 +172,7 @@ def test_a_terminated_sweep_takes_its_workers_with_it(tmp_path):
 
 @pytest.mark.parametrize("round_", range(ROUNDS))
 @pytest.mark.parametrize("count", [2, 4])
-def test_processes_at_once_do_the_work_once(whole, tmp_path, count, round_):
+def test_concurrent_processes_do_the_work_once(whole, tmp_path, count, round_):
     outputs = tmp_path / "smoke"
     processes = [start(outputs) for _ in range(count)]
     texts = [finish(process) for process in processes]
@@ -184,22 +184,18 @@ def test_processes_at_once_do_the_work_once(whole, tmp_path, count, round_):
 
 @pytest.fixture(scope="module")
 def paused(recorded, tmp_path_factory):
-    """A run directory paused after two of four epochs, and the weights it must end with."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(training.Budget, "started", time.monotonic() - 3600)
+    """Return a run directory paused after two of four epochs, and the weights it must end with."""
     reference = prepared(tmp_path_factory.mktemp("reference"), max_epochs=4)
     assert train(reference, recorded, accelerator="cpu") is Status.trained
     run = prepared(tmp_path_factory.mktemp("paused"), max_epochs=4)
     for _ in range(2):
-        patch.setattr(training.Budget, "epochs", 0)
-        assert train(run, recorded, accelerator="cpu", max_minutes=1) is Status.paused
-    patch.undo()
+        assert train(run, recorded, accelerator="cpu", budget=spent_budget()) is Status.paused
     return run.path, (reference.model / "model.safetensors").read_bytes()
 
 
 @pytest.mark.parametrize("how", ["cut", "empty", "altered", "missing"])
 @pytest.mark.parametrize("names", [("last",), ("best",), ("last", "best"), ("last", "last.before")])
-def test_damaged_checkpoints_are_passed_over_and_the_numbers_stay(paused, recorded, tmp_path, names, how, capsys):
+def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, recorded, tmp_path, names, how, capsys):
     path, weights = paused
     shutil.copytree(path, tmp_path / "run")
     run = prepared(tmp_path / "run", max_epochs=4)
@@ -226,7 +222,7 @@ def test_a_training_without_patience_ends_with_its_best_weights(recorded, tmp_pa
     assert (run.model / "model.safetensors").is_file()
 
 
-def test_a_full_disk_while_a_checkpoint_is_written_costs_nothing(paused, recorded, tmp_path, monkeypatch):
+def test_a_full_disk_while_a_checkpoint_is_written_loses_nothing(paused, recorded, tmp_path, monkeypatch):
     path, weights = paused
     shutil.copytree(path, tmp_path / "run")
     run = prepared(tmp_path / "run", max_epochs=4)
@@ -251,20 +247,20 @@ def test_a_full_disk_while_a_checkpoint_is_written_costs_nothing(paused, recorde
 
 @pytest.fixture
 def small_disk(tmp_path):
-    place = tmp_path / "disk"
-    place.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "none", str(place)], capture_output=True)
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "none", str(disk)], capture_output=True)
     if mounted.returncode:
         pytest.skip("a small disk may not be mounted here")
-    yield place
-    subprocess.run(["umount", "-l", str(place)], check=True)
+    yield disk
+    subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
-def test_a_full_disk_is_said_with_what_to_do(small_disk, whole):
+def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
     outputs = small_disk / "smoke"
     status, text = finish(start(outputs))
     assert status == 1, text
-    assert "No space left on device: make room on the disk" in text
+    assert "No space left on device: free some space" in text
     assert "Traceback" not in text
     for shard in outputs.glob("recordings/exp3/*.npz"):
         assert shard.read_bytes() == (whole / "recordings/exp3" / shard.name).read_bytes()
@@ -275,16 +271,16 @@ def test_a_full_disk_is_said_with_what_to_do(small_disk, whole):
         assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
 
 
-def test_outputs_that_cannot_be_written_are_said_with_what_to_do(small_disk):
+def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     status, text = finish(start(small_disk / "smoke"))
     assert status == 1, text
     assert "Read-only file system" in text
-    assert "choose a place that can be written with outputs=" in text
+    assert "choose a directory that can be written with outputs=" in text
     assert "Traceback" not in text
 
 
-def test_a_sweep_says_at_its_end_which_jobs_failed_and_why(whole, tmp_path):
+def test_a_sweep_ends_with_its_failed_jobs_and_their_errors(whole, tmp_path):
     outputs = tmp_path / "smoke"
     shutil.copytree(whole, outputs)
     path = outputs / RUN / "config.yaml"
@@ -297,18 +293,18 @@ def test_a_sweep_says_at_its_end_which_jobs_failed_and_why(whole, tmp_path):
     assert len(last) == 1
     assert last[0].startswith("exp=3 model=fpn decay=true seed=0: ")
     assert "train.batch_size is 4, requested 8" in last[0]
-    assert (outputs / "runs/exp4/fpn/decay/seed0/metrics.csv").is_file()
+    assert (outputs / "runs/exp4/fpn/projection/seed0/metrics.csv").is_file()
     assert not list(outputs.glob(".failures*"))
 
 
-def test_a_fault_of_ours_shows_its_traceback(tmp_path):
+def test_an_internal_error_shows_its_traceback(tmp_path):
     code = (
-        "import runpy, repro.recordings.reader as store\n"
-        "store.record_experiment = lambda *_, **__: 1 / 0\n"
+        "import runpy, repro.simulation.recorder as recorder\n"
+        "recorder.record_experiment = lambda *_, **__: 1 / 0\n"
         "runpy.run_path('run.py', run_name='__main__')\n"
     )
-    words = [sys.executable, "-c", code, *TINY, "task=record", f"outputs={tmp_path / 'out'}"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    command = [sys.executable, "-c", code, *TINY, "task=record", f"outputs={tmp_path / 'out'}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert "Traceback" in done.stderr
     assert "ZeroDivisionError" in done.stderr

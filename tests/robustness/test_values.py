@@ -1,4 +1,4 @@
-"""What must be refused, in what words; and what is unusual and yet means something."""
+"""Values that must be refused, with their messages, and unusual values that are allowed."""
 
 import itertools
 import os
@@ -10,11 +10,13 @@ import pytest
 import run as entry  # registers schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
+from repro.cli.config import to_typed
 from repro.cli.validation import all_errors, warnings_of
-from repro.config import plain, to_typed
+from repro.config import plain
 
 MOVING = "world.obstacles.moving.behavior"
 LIDAR = "world.robot.sensors.0"
@@ -120,33 +122,34 @@ def hydra_is_ready():
         yield
 
 
-def faults(words: str) -> list[str]:
-    overrides = words.split(" & ")
+def errors_of(overrides: str) -> list[str]:
+    """Return the errors of overrides, separated by ` & `, at paper scale."""
     try:
-        return [str(fault) for fault in all_errors(plain(compose("config", overrides=overrides)))]
-    except (HydraException, OmegaConfBaseException) as error:  # what Hydra refuses by itself
+        config = compose("config", overrides=["scale=paper", *overrides.split(" & ")])
+        return [str(error) for error in all_errors(plain(config))]
+    except (HydraException, OmegaConfBaseException) as error:  # refused by Hydra itself
         return [f"{error} {error.__cause__}"]
 
 
-@pytest.mark.parametrize("words", CASES)
-def test_what_has_no_meaning_is_refused_naming_its_key(words):
-    found = faults(words)
-    assert found, f"{words} was accepted"
-    key = words.lstrip("+~").split("=")[0]
-    last, text = key.split(".")[-1], " ".join(found)
-    assert last in text or "world.experiments" in text, found
-    assert all(len(fault) < 400 for fault in found)
+@pytest.mark.parametrize("override", CASES)
+def test_invalid_values_are_refused_naming_their_key(override):
+    errors = errors_of(override)
+    assert errors, f"{override} was accepted"
+    key = override.lstrip("+~").split("=")[0]
+    last, text = key.split(".")[-1], " ".join(errors)
+    assert last in text or "world.experiments" in text, errors
+    assert all(len(error) < 400 for error in errors)
 
 
-@pytest.mark.parametrize("words", ALLOWED)
-def test_what_is_unusual_and_means_something_is_kept(words):
-    assert faults(words) == []
+@pytest.mark.parametrize("overrides", ALLOWED)
+def test_unusual_values_are_allowed(overrides):
+    assert errors_of(overrides) == []
 
 
-def test_all_faults_are_named_at_once_and_each_once():
-    found = faults("seed=-1 & scale.learning_rate=0 & runtime.workers=-5 & world.obstacles.static.disc_share=2")
-    assert len(found) == len(set(found)) == 5  # disc_share stands twice in conf/world
-    keys = [fault.split("=")[0] for fault in found]
+def test_all_errors_are_listed_once():
+    errors = errors_of("seed=-1 & scale.learning_rate=0 & runtime.workers=-5 & world.obstacles.static.disc_share=2")
+    assert len(errors) == len(set(errors)) == 5  # conf/world has two values of disc_share
+    keys = [error.split("=")[0] for error in errors]
     assert keys[:3] == ["seed", "scale.learning_rate", "runtime.workers"]
 
 
@@ -156,15 +159,15 @@ def test_there_are_at_least_150_cases():
 
 
 COMMANDS = (
-    (["exp=9"], ["exp=9: there are 1, 2, 3, 4"]),
+    (["exp=9"], ["exp=9: must be one of 1, 2, 3, 4"]),
     (["runtime.workers=-5", "seed=-1"], ["seed=-1: must be", "runtime.workers=-5: must be"]),
     (["train.lr=3"], ["lr", "Training"]),
     (["model=resnet"], ["resnet", "unet"]),
-    (["model=convlstm"], ["encoding=projection", "a series of images, encoding=stack10 or encoding=stack4"]),
+    (["model=convlstm"], ["encoding=projection", "a series of images: encoding=stack10 or encoding=stack4"]),
     (["model=convlstm", "encoding=stack4", "model.encoder_name=mit_b0"], ["model.encoder_name=mit_b0", "of its own"]),
     (["task=fly"], ["fly", "record"]),
     (["world=moon"], ["moon", "paper"]),
-    (["-m", "exp=3,9", "seed=-1,0"], ["exp=9: there are", "seed=-1: must be"]),
+    (["-m", "exp=3,9", "seed=-1,0"], ["exp=9: must be one of", "seed=-1: must be"]),
     (["-m", "task=report", "seed=0,1"], ["task=report: is done once"]),
     (["task=report", "seed=0,1"], ["seed=0,1", "--multirun"]),
     (["runtime.accelerator=gpu"], ["no CUDA GPU is visible"]),
@@ -172,10 +175,10 @@ COMMANDS = (
 )
 
 
-@pytest.mark.parametrize(("words", "expected"), COMMANDS)
-def test_a_call_that_cannot_be_run_ends_at_once_with_status_2(words, expected, tmp_path):
+@pytest.mark.parametrize(("overrides", "expected"), COMMANDS)
+def test_an_invalid_call_ends_at_once_with_status_2(overrides, expected, tmp_path):
     began = time.monotonic()
-    command = [sys.executable, "run.py", *words, "scale=smoke", f"outputs={tmp_path / 'out'}"]
+    command = [sys.executable, "run.py", *overrides, "scale=smoke", f"outputs={tmp_path / 'out'}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert all(word in done.stderr for word in expected), done.stderr
@@ -184,7 +187,7 @@ def test_a_call_that_cannot_be_run_ends_at_once_with_status_2(words, expected, t
     assert not (tmp_path / "out").exists()
 
 
-def test_a_traceback_can_be_had(tmp_path):
+def test_a_traceback_can_be_requested(tmp_path):
     command = [sys.executable, "run.py", "train.lr=3", f"outputs={tmp_path / 'out'}"]
     environment = {**os.environ, "HYDRA_FULL_ERROR": "1"}
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, env=environment)
@@ -194,24 +197,24 @@ def test_a_traceback_can_be_had(tmp_path):
 
 def test_an_outputs_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "out").write_text("a file")
-    assert faults(f"outputs={tmp_path / 'out'}") == [f"outputs={tmp_path / 'out'}: is a file, a directory is needed"]
+    assert errors_of(f"outputs={tmp_path / 'out'}") == [f"outputs={tmp_path / 'out'}: is a file, a directory is needed"]
 
 
-def test_a_sweep_is_split_as_hydra_splits_it():
-    jobs = entry.jobs_of(["model=unet,fpn", "exp=3,4", "seed=0"])
-    expected = [[f"model={m}", f"exp={e}", "seed=0"] for m, e in itertools.product(("unet", "fpn"), "34")]
-    assert sorted(jobs) == sorted(expected)
+def test_every_job_of_a_sweep_is_composed():
+    arguments = get_args_parser().parse_args(["-m", "model=unet,fpn", "exp=3,4", "seed=0"])
+    jobs = [(job.model.name, job.exp, job.seed) for job in entry.compose_jobs(arguments)]
+    assert sorted(jobs) == sorted((model, exp, 0) for model, exp in itertools.product(("unet", "fpn"), "34"))
 
 
 @pytest.mark.parametrize(
-    ("words", "warning"),
+    ("override", "warning"),
     [
         ("runtime.precision=16-true", "few digits"),
         ("model.encoder_name=mit_b1", "not the paper's"),
         ("world.experiments.3.clear_radius_m=0", "no clear zone"),
     ],
 )
-def test_what_is_allowed_and_surprises_gets_a_word(words, warning):
-    surprising, usual = (to_typed(plain(compose("config", overrides=given))) for given in ([words], []))
+def test_surprising_values_are_allowed_with_a_warning(override, warning):
+    surprising, usual = (to_typed(plain(compose("config", overrides=overrides))) for overrides in ([override], []))
     assert [text for text in warnings_of(surprising) if warning in text]
     assert warnings_of(usual) == []

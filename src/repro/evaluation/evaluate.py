@@ -18,7 +18,7 @@ from repro.baselines.registry import PREDICTORS
 from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
 from repro.metrics.scores import confusion, scores, ssim
 from repro.networks.predictor import load_predictor
-from repro.recordings.reader import recordings_hash
+from repro.recordings.reader import check_worlds, recordings_hash
 from repro.runs.directories import Outputs, Run, RunConfig
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
@@ -45,6 +45,7 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         config = run.config()
         facts: dict[str, Any] = {}
         if config.key.is_baseline:
+            check_worlds(recordings, config.data.worlds)
             run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
             val, recorded = (load_recorded(recordings, split, grid_of(config)) for split in ("val", "test"))
             maps, (probability, facts) = recorded.maps, PREDICTORS[config.model.name](val, recorded)
@@ -162,6 +163,7 @@ def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> 
     if not run.is_trained:
         raise ValueError(f"{run} is not fully trained: train it with task=train first")
     config = run.config()
+    check_worlds(recordings, config.data.worlds)
     run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
     device = resolve_device(accelerator)
     pairs = load_pairs_of_run(recordings, split, config, device)

@@ -29,7 +29,7 @@ from repro.learning.losses import MapLoss
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
 from repro.networks.create import Network, create_network
 from repro.networks.predictor import Predictor
-from repro.recordings.reader import recordings_hash
+from repro.recordings.reader import check_worlds, recordings_hash
 from repro.runs.directories import Run, RunConfig
 from repro.runs.provenance import Status
 from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
@@ -127,6 +127,7 @@ def train(
             return Status.paused
         config = run.config()
         forget_peak_memory()
+        check_worlds(recordings, config.data.worlds)
         run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
@@ -178,7 +179,7 @@ def _fit(
     ]
     trainer = _trainer(settings.max_epochs, device, precision, callbacks)
     try:
-        trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=False)
+        trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=True)
     except SystemExit:  # Lightning raises it on Ctrl-C
         raise KeyboardInterrupt from None
     facts: dict[str, Any] = {
@@ -219,7 +220,7 @@ def _keep_best(run: Run, module: TrainingModule, config: RunConfig) -> str:
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
         raise ValueError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
-    module.load_state_dict(torch.load(best, map_location="cpu", weights_only=False)["state_dict"])
+    module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
     return Predictor(module.network, encoding_of(config), grid_of(config)).save(run.model)
 
 

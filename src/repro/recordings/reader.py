@@ -99,6 +99,23 @@ def read_scans(directory: Path, split: str, index: int) -> Scans:
     raise ValueError(f"{directory} has {first} recordings in {split}, none of index {index}")
 
 
+def check_worlds(directory: Path, fingerprint: str) -> None:
+    """Check that recordings are of the worlds that a run is configured for.
+
+    Args:
+        directory: directory of a recorded experiment.
+        fingerprint: see `format.spec_fingerprint`.
+
+    Raises:
+        ValueError: they are of other worlds, or there are no recordings.
+    """
+    if read_manifest(directory).fingerprint != fingerprint:
+        raise ValueError(
+            f"{directory} holds recordings of other worlds than the configuration describes: "
+            "use the world and exp they were recorded with, or another recordings= or outputs="
+        )
+
+
 def recordings_hash(directory: Path, pairs: Mapping[str, int] | None = None) -> str:
     """Hash the checksums of the shards that hold `pairs`, for provenance.
 

@@ -112,7 +112,7 @@ def reliability(frames: Frames) -> Figure | None:
             look, label = DECAYS[str(encoding)]
             ax.plot(line["predicted"], line["found"], markersize=3, label=label, **look)
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="predicted probability", aspect="equal")
-    axes[0, 0].set_ylabel("observed frequency of obstacles")
+    axes[0, 0].set_ylabel("observed frequency")
     one_legend(figure, axes[0])
     return figure
 

@@ -10,7 +10,7 @@ from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
 from repro.reporting.paper import read_paper
-from repro.reporting.rows import read_rows
+from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Status
@@ -51,11 +51,23 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
     table = pd.DataFrame(rows)
     if len(table):
         table["seed"] = table["seed"].astype("Int64")  # baselines have no seed
-    for fact in ("scale", "size_px", "train_pairs", "test_pairs"):
-        values = sorted(table[fact].dropna().unique().tolist()) if len(table) else []
-        if len(values) > 1:
-            raise ValueError(f"the runs in {outputs.path} differ in {fact}: {values}; they cannot share a table")
-    return table
+        _check_comparable(outputs, table)
+    return table.drop(columns="worlds", errors="ignore")
+
+
+def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
+    """Check that runs can share a table: one scale, resolution and number of pairs, and one world per experiment."""
+    groups = [(fact, table) for fact in ("scale", "size_px", "train_pairs", "test_pairs")]
+    groups += [("worlds", rows) for _, rows in table.groupby("experiment")]
+    for fact, rows in groups:
+        counts = rows[fact].value_counts()
+        if len(counts) > 1:
+            rare = rows[rows[fact] == counts.index[-1]]
+            paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rare)[:3])
+            raise ValueError(
+                f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot share a "
+                f"table: move or delete {paths}" + (f" and {len(rare) - 3} more" if len(rare) > 3 else "")
+            )
 
 
 def read_published(directory: Path) -> pd.DataFrame:
@@ -81,6 +93,7 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         **dict(zip(KEY, (config.key.experiment, config.key.model, config.key.encoding, config.key.seed), strict=True)),
         **{str(name): value for name, value in run.read_metrics().items()},
         "scale": config.data.scale,
+        "worlds": config.data.worlds,
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
     }

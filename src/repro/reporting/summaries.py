@@ -19,7 +19,7 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [
         f"**{summary}.** Each number belongs to the combination closest to failing,",
-        "with its interval of 95 %; in brackets the required value and its tolerance.",
+        "with its interval of 95 %; in parentheses the required value and its tolerance.",
         "",
         "| Claim | Verdict | Ours | Paper |",
         "|---|---|---|---|",

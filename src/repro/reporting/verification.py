@@ -44,7 +44,8 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
             )
     origins = read_typed(dict[str, Provenance], published / "provenance.json", "restore it from git")
     rows = zip(keys_of(both), both.to_dict("records"), strict=True)
-    return pd.DataFrame([_compare(outputs, key, row, origins) for key, row in rows])
+    compared = pd.DataFrame([_compare(outputs, key, row, origins) for key, row in rows])
+    return compared.astype({"seed": "Int64"})  # baselines have no seed
 
 
 def _compare(outputs: Outputs, key: RunKey, row: dict, origins: dict[str, Provenance]) -> dict[str, object]:

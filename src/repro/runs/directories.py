@@ -17,7 +17,7 @@ outputs/<scale>/
 
 import dataclasses
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -237,6 +237,28 @@ class Outputs:
 
     def run(self, key: RunKey) -> Run:
         return Run(self.path / key.path)
+
+    def check_data(self, config: RunConfig) -> None:
+        """Check that a run belongs beside the others: same scale, grid and pairs, and per experiment the same worlds.
+
+        Runs that cannot be read are passed over; the tables name them.
+
+        Raises:
+            ValueError: another run has other data; the message names it and the differences.
+        """
+        wanted = _flatten(dataclasses.asdict(config.data))
+        others: list[tuple[Run, RunConfig]] = []
+        for run in self.runs():
+            with suppress(ValueError):
+                others.append((run, run.config()))
+        for run, other in others:
+            existing = _flatten(dataclasses.asdict(other.data))
+            compared = existing if other.experiment == config.experiment else existing.keys() - {"worlds"}
+            differences = [
+                f"{key} is {existing[key]}, requested {wanted[key]}" for key in compared if existing[key] != wanted[key]
+            ]
+            if differences:
+                raise ValueError(f"{run} has other data ({'; '.join(differences)}): delete it, or set outputs=")
 
     def runs(self) -> Iterator[Run]:
         """Yield every run directory, of networks and of baselines."""

@@ -14,6 +14,7 @@ def run(job: Job) -> None:
         return
     if not job.run.is_evaluated:
         job.run.check(job.config)
+        job.outputs.check_data(job.config)
         run_task(job, "record")
     run_task(job, "train")
     if job.run.is_trained:

@@ -10,6 +10,7 @@ from repro.runs.provenance import Status
 
 def run(job: Job) -> None:
     """Train the network of a run from where it was left, unless it is trained."""
+    job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
         progress = Study(job.outputs, job.experiments, job.seed).progress(job.key)
