@@ -15,7 +15,8 @@ from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
 from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
-from repro.runs.directories import Data, Outputs, Run, RunConfig
+from repro.runs.config import Data, RunConfig
+from repro.runs.directories import Outputs, Run
 from repro.runs.provenance import Status
 from repro.simulation.recorder import record_experiment
 

@@ -1,67 +1,144 @@
-import ast
+"""The module graph, from the source: which package imports which, and where configuration and simulator are visible."""
 
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
 from conftest import ROOT
 
 SOURCE = ROOT / "src" / "repro"
-ORDER = [
-    *("config", "faults", "files", "names", "scans", "devices", "provenance", "runs", "studies"),
-    *(f"simulation.{name}" for name in ("motions", "behaviors", "worlds", "specs", "rays")),
-    *("simulation.recording", "simulation.shards", "simulation.store"),
-    *(f"maps.{name}" for name in ("grid", "truth", "visible", "projection", "encodings", "datasets")),
-    *("learning.convlstm", "learning.models", "prediction"),
-    *(f"learning.{name}" for name in ("losses", "kernels", "planning", "callbacks", "checkpoints", "training")),
-    *(f"evaluation.{name}" for name in ("metrics", "levels", "calibration", "intervals")),
-    *(f"evaluation.{name}" for name in ("grids", "tracking", "baselines", "predictions", "visibility", "examples")),
-    *(f"evaluation.{name}" for name in ("recency", "breakdown", "analysis", "transfer", "curves", "samples")),
-    *(f"reporting.{name}" for name in ("paper", "audit", "numbers", "claims")),
-    *(f"reporting.{name}" for name in ("results", "tables", "status", "figures", "plots", "comparison_figures")),
-    *(f"reporting.{name}" for name in ("analysis_figures", "sections", "page", "animation", "digest")),
-    *("reporting.publish", "reporting.verification", "reporting.readme"),
-    *("checks", "messages", "calls", "outcomes", "tasks"),
-]
-STANDALONE = ["config", "faults", "files", "messages", "scans", "devices"]
-STANDALONE += ["maps.grid", "learning.losses", "learning.kernels", "evaluation.metrics"]
+PACKAGES = (  # top-level modules and packages, each importing from those before it alone
+    "system",
+    "config",
+    "metrics",
+    "scans",
+    "runs",
+    "recordings",
+    "simulation",
+    "maps",
+    "networks",
+    "learning",
+    "baselines",
+    "evaluation",
+    "reporting",
+    "cli",
+)
+INNER_IMPORTS = 10  # imports inside functions that are worth their cost
+CONFIG_FUNCTIONS = 5  # functions that take the whole configuration
+WITHOUT_SIMULATOR = (
+    "repro.networks.predictor",
+    "repro.learning.training",
+    "repro.evaluation.evaluate",
+    "repro.recordings.reader",
+)
 
 
-def imported(module: str) -> set[str]:
-    """Names of the modules of ours that a module imports, at its top or within a function."""
+def trees() -> dict[str, ast.Module]:
+    """Return the syntax tree of every module by its name without `repro.`; a package has the name of its directory."""
+    found = {}
+    for path in sorted(SOURCE.rglob("*.py")):
+        parts = path.relative_to(SOURCE).with_suffix("").parts
+        found[".".join(part for part in parts if part != "__init__")] = ast.parse(path.read_text(), str(path))
+    return found
+
+
+TREES = trees()
+
+
+def nodes(root: ast.AST, *, typing: bool = True, depth: int = 0) -> Iterator[tuple[ast.AST, int]]:
+    """Yield all nodes below a node and in how many functions each is, without `if TYPE_CHECKING` unless `typing`."""
+    for node in ast.iter_child_nodes(root):
+        if not typing and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        yield node, depth
+        is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        yield from nodes(node, typing=typing, depth=depth + is_function)
+
+
+def imported(tree: ast.Module) -> set[str]:
+    """Return the names of our modules that a module imports, at its top or inside a function."""
     names = set()
-    for node in ast.walk(ast.parse((SOURCE / f"{module.replace('.', '/')}.py").read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "repro":
-            name = node.module.removeprefix("repro").removeprefix(".")
-            names |= {name} if name in ORDER else {f"{name}.{a.name}".removeprefix(".") for a in node.names}
-        assert not (isinstance(node, ast.ImportFrom) and node.level), f"{module} imports relatively"
-    return names
+    for node, _ in nodes(tree, typing=False):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"relative import: {ast.unparse(node)}"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+    ours = {name.removeprefix("repro.") for name in names if name.startswith("repro.")}
+    return {name for name in ours if name in TREES and not is_package(name)} | {
+        name for name in ours if name in TREES and is_package(name) and len(TREES[name].body) > 1
+    }
 
 
-def reached(module: str) -> set[str]:
-    """What a module imports, and what that imports."""
-    names = imported(module)
-    return names.union(*(reached(name) for name in names))
+def is_package(name: str) -> bool:
+    return (SOURCE / name.replace(".", "/")).is_dir()
 
 
-def test_every_module_has_its_place():
-    found = [".".join(path.relative_to(SOURCE).with_suffix("").parts) for path in SOURCE.rglob("[!_]*.py")]
-    assert sorted(found) == sorted(ORDER)
+GRAPH = {name: imported(tree) - {name} for name, tree in TREES.items()}
 
 
-def test_imports_go_down_the_data_path():
-    for index, name in enumerate(ORDER):
-        assert imported(name) <= set(ORDER[:index]), f"{name} imports {imported(name) - set(ORDER[:index])}"
-        if name in STANDALONE:
-            assert not imported(name), name
+def package_of(module: str) -> str:
+    return module.split(".")[0]
 
 
-def test_prediction_on_scans_of_ones_own_needs_no_simulation():
-    assert not [name for name in reached("prediction") if name.startswith("simulation")]
+def test_every_package_has_a_position():
+    assert {package_of(name) for name in TREES if name} == set(PACKAGES)
 
 
-def test_encodings_and_metrics_read_no_shards():
-    for name in ("maps.encodings", "maps.truth", "evaluation.metrics", "reporting.figures", "reporting.tables"):
-        assert not {"simulation.store", "simulation.shards"} & imported(name), name
+@pytest.mark.parametrize("package", PACKAGES)
+def test_packages_import_downward_only(package):
+    allowed = PACKAGES[: PACKAGES.index(package) + 1]
+    upward = {
+        f"{name} imports {other}"
+        for name, others in GRAPH.items()
+        if package_of(name) == package
+        for other in others
+        if package_of(other) not in allowed
+    }
+    assert not upward
+
+
+def test_the_module_graph_has_no_cycle():
+    TopologicalSorter(GRAPH).prepare()  # raises CycleError
 
 
 def test_only_run_py_imports_hydra():
-    for path in SOURCE.rglob("*.py"):
-        assert "import hydra" not in path.read_text(), path
-        assert "from hydra" not in path.read_text(), path
+    for name, tree in TREES.items():
+        for node, _ in nodes(tree):
+            modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            modules += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+            assert not any(module.split(".")[0] == "hydra" for module in modules), f"{name}: {ast.unparse(node)}"
+
+
+def test_few_imports_are_inside_functions():
+    inner = [
+        f"{name}: {ast.unparse(node)}"
+        for name, tree in TREES.items()
+        for node, depth in nodes(tree, typing=False)
+        if depth and isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+    assert len(inner) <= INNER_IMPORTS, "\n".join(inner)
+
+
+def test_only_the_command_line_takes_the_whole_configuration():
+    """Tasks take a resolved `Job`, everything else takes values."""
+    takers = []
+    for name, tree in (TREES | {"run.py": ast.parse((ROOT / "run.py").read_text())}).items():
+        for node, _ in nodes(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+                if any(argument.annotation and ast.unparse(argument.annotation) == "Config" for argument in arguments):
+                    takers.append((name, node.name))
+    assert len(takers) <= CONFIG_FUNCTIONS, takers
+    assert all(name == "run.py" or package_of(name) == "cli" for name, _ in takers), takers
+
+
+@pytest.mark.parametrize("module", WITHOUT_SIMULATOR)
+def test_prediction_training_and_evaluation_import_no_simulator(module):
+    code = f"import sys, {module}; print(sorted(name for name in sys.modules if name.split('.')[0] == 'irsim'))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.strip() == "[]"

@@ -10,7 +10,8 @@ from repro.cli.config import Config, Runtime
 from repro.config import Scale, world_spec
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
-from repro.runs.directories import Data, Outputs, Run, RunConfig
+from repro.runs.config import Data, RunConfig
+from repro.runs.directories import Outputs, Run
 from repro.runs.keys import RunKey
 
 ROOT = Path(__file__).parents[3]

@@ -19,7 +19,8 @@ from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
 from repro.metrics.scores import confusion, scores, ssim
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import check_worlds, recordings_hash
-from repro.runs.directories import Outputs, Run, RunConfig
+from repro.runs.config import RunConfig
+from repro.runs.directories import Outputs, Run
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
 from repro.system.files import read_table, replacing, write_text

@@ -30,7 +30,8 @@ from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs
 from repro.networks.create import Network, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.reader import check_worlds, recordings_hash
-from repro.runs.directories import Run, RunConfig
+from repro.runs.config import RunConfig
+from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 

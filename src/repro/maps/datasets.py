@@ -15,7 +15,7 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.recordings.format import ShardContent
 from repro.recordings.reader import read_manifest, read_shards
-from repro.runs.directories import RunConfig
+from repro.runs.config import RunConfig
 from repro.scans import Scans
 
 

@@ -65,8 +65,8 @@ def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
             rare = rows[rows[fact] == counts.index[-1]]
             paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rare)[:3])
             raise ValueError(
-                f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot share a "
-                f"table: move or delete {paths}" + (f" and {len(rare) - 3} more" if len(rare) > 3 else "")
+                f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot "
+                f"share a table: move or delete {paths}" + (f" and {len(rare) - 3} more" if len(rare) > 3 else "")
             )
 
 

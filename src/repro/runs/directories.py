@@ -25,46 +25,14 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from pydantic import TypeAdapter
 
-from repro.config import Encoding, Model, PairCounts, Training
 from repro.metrics.names import TABLE_METRICS
+from repro.runs.config import RunConfig, differences
 from repro.runs.keys import RunKey
 from repro.runs.provenance import Provenance, Status, environment
 from repro.system.files import clear_leftovers, lock, read_table, read_typed, write_json, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-@dataclass(frozen=True)
-class Data:
-    """The data of a run: name of the scale, grid size [px, m], pairs, and fingerprint of the worlds."""
-
-    scale: str
-    size_px: int
-    size_m: float
-    pairs: PairCounts
-    worlds: str
-
-
-@dataclass(frozen=True)
-class RunConfig:
-    """Everything that determines the result of a run. A baseline has no seed, encoding or training settings."""
-
-    experiment: str
-    seed: int | None
-    model: Model
-    encoding: Encoding | None
-    data: Data
-    train: Training | None = None
-
-    @property
-    def key(self) -> RunKey:
-        """The identity of the run."""
-        return RunKey(self.experiment, self.model.name, self.encoding.label if self.encoding else "", self.seed)
-
-    def of_baseline(self, name: str) -> "RunConfig":
-        """Return the configuration of a baseline on the same worlds and grid."""
-        return RunConfig(self.experiment, None, Model(name), None, self.data)
 
 
 @dataclass(frozen=True)
@@ -126,10 +94,8 @@ class Run:
         """
         if not self._has_begun:
             return
-        existing, requested = (_flatten(dataclasses.asdict(item)) for item in (self.config(), config))
-        differ = [key for key in existing | requested if existing.get(key) != requested.get(key)]
-        if differ:
-            listing = "; ".join(f"{key} is {existing.get(key)}, requested {requested.get(key)}" for key in differ)
+        listing = differences(self.config(), config)
+        if listing:
             raise ValueError(f"{self} holds a run of another configuration ({listing}): delete it or set outputs=")
 
     def config(self) -> RunConfig:
@@ -246,28 +212,17 @@ class Outputs:
         Raises:
             ValueError: another run has other data; the message names it and the differences.
         """
-        wanted = _flatten(dataclasses.asdict(config.data))
         others: list[tuple[Run, RunConfig]] = []
         for run in self.runs():
             with suppress(ValueError):
                 others.append((run, run.config()))
         for run, other in others:
-            existing = _flatten(dataclasses.asdict(other.data))
-            compared = existing if other.experiment == config.experiment else existing.keys() - {"worlds"}
-            differences = [
-                f"{key} is {existing[key]}, requested {wanted[key]}" for key in compared if existing[key] != wanted[key]
-            ]
-            if differences:
-                raise ValueError(f"{run} has other data ({'; '.join(differences)}): delete it, or set outputs=")
+            ignored = frozenset[str]() if other.experiment == config.experiment else frozenset(["worlds"])
+            listing = differences(other.data, config.data, ignored)
+            if listing:
+                raise ValueError(f"{run} has other data ({listing}): delete it, or set outputs=")
 
     def runs(self) -> Iterator[Run]:
         """Yield every run directory, of networks and of baselines."""
         for pattern in ("runs/exp*/*/*/seed*", "baselines/exp*/*"):
             yield from (Run(path) for path in sorted(self.path.glob(pattern)) if path.is_dir())
-
-
-def _flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in content.items():
-        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
-    return flat

@@ -1,0 +1,35 @@
+import run  # noqa: F401  registers schema and resolvers
+import torch
+from conftest import ROOT
+from hydra import compose, initialize_config_dir
+
+from repro.cli.config import to_typed
+from repro.cli.cost import print_cost
+from repro.cli.jobs import Job, resolve
+from repro.config import plain
+from repro.runs.provenance import Status
+
+
+def jobs_of(outputs, seeds) -> list[Job]:
+    """Return trainings of U-Net at paper scale, with images of 64 px to measure quickly."""
+    overrides = ["scale=paper", "scale.size_px=64", f"outputs={outputs}"]
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        configs = [to_typed(plain(compose("config", overrides=[*overrides, f"seed={seed}"]))) for seed in seeds]
+    return [resolve(config) for config in configs]
+
+
+def test_without_gpu_the_cost_of_paper_scale_and_an_alternative_are_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    print_cost(jobs_of(tmp_path, range(8)))
+    warning = capsys.readouterr().err
+    assert "no CUDA GPU" in warning
+    assert "these 8 trainings take" in warning
+    assert "scale=laptop" in warning
+
+
+def test_the_cost_of_finished_trainings_is_not_printed(tmp_path, capsys):
+    (job,) = jobs_of(tmp_path, [0])
+    job.run.prepare(job.config)
+    job.run.begin_step("trained", Status.trained)
+    print_cost([job])
+    assert capsys.readouterr().err == ""

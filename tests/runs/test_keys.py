@@ -1,0 +1,43 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from repro.runs.keys import RunKey
+
+NAMES = st.from_regex(r"\A[\w-]+\Z")  # of experiments, models and encodings
+KEYS = st.builds(RunKey, NAMES, NAMES, NAMES, st.integers(0, 2**32 - 1)) | st.builds(RunKey, NAMES, NAMES)
+
+
+@given(KEYS)
+def test_the_path_of_a_key_is_parsed_to_the_key(key):
+    assert RunKey.parse(key.path) == key
+    assert RunKey.parse(str(key.path)) == key
+    assert key.is_baseline == (key.path.parts[0] == "baselines")
+
+
+@given(KEYS, KEYS)
+def test_different_keys_have_different_paths(one, other):
+    assert (one == other) == (one.path == other.path)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "",
+        "runs",
+        "runs/exp3/unet/projection",
+        "runs/exp3/unet/projection/seed",
+        "runs/exp3/unet/projection/seed-1",
+        "runs/exp3/unet/projection/seedless",
+        "runs/exp3/unet/projection/seed0/model",
+        "runs/3/unet/projection/seed0",
+        "outputs/laptop/runs/exp3/unet/projection/seed0",
+        "baselines/exp3",
+        "baselines/3/tracker",
+        "baselines/exp3/tracker/seed0",
+        "recordings/exp3/unet",
+    ],
+)
+def test_other_paths_are_refused(path):
+    with pytest.raises(ValueError, match=r"expected runs/exp<name>/<model>/<encoding>/seed<n> or .*, got"):
+        RunKey.parse(path)
