@@ -49,18 +49,19 @@ class Analysis:
         return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
 
 
-def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
+def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.DataFrame]:
     """Gather the analysis of all evaluated runs below an outputs directory.
 
     Args:
         outputs: an outputs directory with its runs and recordings.
+        errors: receives the message of every damaged run, whose cell is left out; None raises at the first damaged run.
 
     Returns:
         intervals, differences, recency, ages, obstacles, calibration, reliability and cost, each a tidy frame; empty if
         no run is evaluated.
 
     Raises:
-        ValueError: a run or a recording is damaged or inconsistent.
+        ValueError: a recording is damaged, or a run is and `errors` is None.
     """
     analysis, cells = Analysis(), _cells(outputs)
     for experiment in sorted({experiment for experiment, *_ in cells}):
@@ -70,11 +71,20 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
         weights = draw_weights(len(test.truth) // 2)
         draws: dict[Cell, pd.DataFrame] = {}
         for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
-            draws[cell] = _measure_cell(analysis, _columns(cell), runs, recordings, test, weights)
+            try:
+                measured = [_read_run(run, test) for run in runs]
+            except ValueError as error:
+                if errors is None:
+                    raise
+                errors.append(str(error))
+                continue
+            draws[cell] = _measure_cell(analysis, _columns(cell), runs, measured, recordings, test, weights)
         for cell, table in list(_averages(draws)):
             draws[cell] = table
             analysis.add("intervals", interval(table), _columns(cell))
         _compare_cells(analysis, draws)
+    if errors and not analysis.rows:
+        raise ValueError(f"no run can be analyzed: {errors[0]}")
     return analysis.frames()
 
 
@@ -92,13 +102,30 @@ def _cells(outputs: Outputs) -> dict[Cell, list[Run]]:
     return dict(sorted(cells.items(), key=lambda item: (item[0][0], item[0][2].endswith(NO_DECAY), rank(item[0][1]))))
 
 
+def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, np.ndarray]:
+    """Read the quantized predictions, (M, H, W), and the SSIM, (M,), of a run on the test set."""
+    free, ssim = read_quantized(run), read_ssim(run)
+    if free.shape != test.truth.shape or len(ssim) != len(free):
+        raise ValueError(
+            f"{run} has predictions of shape {free.shape} and {len(ssim)} SSIM values for test maps of shape "
+            f"{test.truth.shape}: delete {run.metrics} and run the same command with task=evaluate"
+        )
+    return free, ssim
+
+
 def _measure_cell(
-    analysis: Analysis, columns: dict[str, Any], runs: list[Run], recordings: Path, test: TestSet, weights: np.ndarray
+    analysis: Analysis,
+    columns: dict[str, Any],
+    runs: list[Run],
+    measured: list[tuple[np.ndarray, np.ndarray]],
+    recordings: Path,
+    test: TestSet,
+    weights: np.ndarray,
 ) -> pd.DataFrame:
     """Measure all seeds of a cell; return its metrics in every draw of the bootstrap."""
-    predictions = [read_quantized(run) for run in runs]
+    predictions = [free for free, _ in measured]
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
-    ssim = np.stack([by_world(read_ssim(run)) / 2 for run in runs])
+    ssim = np.stack([by_world(values) / 2 for _, values in measured])
     drawn = resample(Measured(counts.sum(2), ssim), weights)
     analysis.add("intervals", interval(drawn).assign(seeds=len(runs)), columns)
     pooled = counts.sum((0, 1))  # (G, 2, 256)

@@ -23,7 +23,9 @@ from repro.runs.config import RunConfig
 from repro.runs.directories import Outputs, Run
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
-from repro.system.files import read_table, replacing, write_text
+from repro.system.files import read_table, replacing, sha256, write_text
+
+FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
 
 
 def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
@@ -57,7 +59,8 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         write_predictions(run, probability)
         write_text(run.path / "per_image.csv", per_image.rename_axis("image").to_csv(float_format="%.6f"))
         _write_row(row, run.metrics)
-        run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts)
+        files = {name: sha256(run.path / name) for name in FILES}
+        run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts, files=files)
         return row
 
 
@@ -114,7 +117,7 @@ def read_ssim(run: Run) -> np.ndarray:
         ValueError: per_image.csv cannot be read.
     """
     fix = f"delete {run.metrics} and run the same command with task=evaluate"
-    return read_table(run.path / "per_image.csv", ("ssim",), fix)["ssim"].to_numpy()
+    return read_table(run.check_file("per_image.csv"), ("ssim",), fix)["ssim"].to_numpy()
 
 
 def validation_quantized(run: Run, recordings: Path, *, accelerator: str = "auto") -> tuple[np.ndarray, np.ndarray]:
@@ -150,7 +153,7 @@ def read_quantized(run: Run) -> np.ndarray:
     Raises:
         ValueError: the file is missing or cannot be read.
     """
-    path = run.path / "predictions.npz"
+    path = run.check_file("predictions.npz")
     try:
         with np.load(path, allow_pickle=False) as file:
             return file["free"]

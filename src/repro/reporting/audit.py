@@ -74,25 +74,30 @@ def audit_averages(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
 
 def free_share(row: Row) -> float:
     """Solve accuracy = f recall + (1 - f) specificity for the share of free pixels f."""
-    return (row["accuracy"] - row["specificity"]) / (row["recall"] - row["specificity"])
+    return _ratio(row["accuracy"] - row["specificity"], row["recall"] - row["specificity"])
 
 
 def free_share_by_precision(row: Row) -> float:
     """Solve precision = f recall / (f recall + (1 - f) (1 - specificity)) for the share of free pixels f."""
     wrong = row["precision"] * (1 - row["specificity"])
-    return wrong / (wrong + row["recall"] * (1 - row["precision"]))
+    return _ratio(wrong, wrong + row["recall"] * (1 - row["precision"]))
 
 
 def dice_by_precision(row: Row) -> float:
     """Compute Dice as the harmonic mean of precision and recall."""
-    return 2 * row["precision"] * row["recall"] / (row["precision"] + row["recall"])
+    return _ratio(2 * row["precision"] * row["recall"], row["precision"] + row["recall"])
 
 
 def obstacle_iou(row: Row) -> float:
     """Compute the obstacle IoU that the row implies."""
     free = free_share(row)
     hit = (1 - free) * row["specificity"]
-    return hit / (1 - free + free * (1 - row["recall"]))
+    return _ratio(hit, 1 - free + free * (1 - row["recall"]))
+
+
+def _ratio(numerator: float, denominator: float) -> float:
+    """Divide, with nan where a row determines nothing, as that of a network that predicts obstacles everywhere."""
+    return numerator / denominator if denominator else float("nan")
 
 
 def _agree(one: Callable[[Row], float], other: Callable[[Row], float], row: Row, digits: int) -> bool:

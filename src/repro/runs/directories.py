@@ -29,7 +29,7 @@ from repro.metrics.names import TABLE_METRICS
 from repro.runs.config import RunConfig, differences
 from repro.runs.keys import RunKey
 from repro.runs.provenance import Provenance, Status, environment
-from repro.system.files import clear_leftovers, lock, read_table, read_typed, write_json, write_text
+from repro.system.files import clear_leftovers, lock, read_table, read_typed, sha256, write_json, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,8 +58,23 @@ class Run:
         Raises:
             ValueError: metrics.csv cannot be read.
         """
+        self.check_file(self.metrics.name)
         fix = "delete it and run the same command with task=evaluate"
         return read_table(self.metrics, TABLE_METRICS, fix).iloc[0]
+
+    def check_file(self, name: str) -> Path:
+        """Return the path of a file that evaluation wrote, verified against its checksum.
+
+        Raises:
+            ValueError: the file differs from the one that was written.
+        """
+        path = self.path / name
+        expected = (self.provenance().fact("files") or {}).get(name)
+        if expected and path.is_file() and sha256(path) != expected:
+            raise ValueError(
+                f"{path} is not what was evaluated: delete {self.metrics} and run the same command with task=evaluate"
+            )
+        return path
 
     @property
     def _has_begun(self) -> bool:
@@ -176,6 +191,11 @@ class Outputs:
     @property
     def analysis(self) -> Path:
         return self.path / "analysis"
+
+    @property
+    def curves(self) -> Path:
+        """Directory of the learning curves, beside the outputs directories that they are fitted to."""
+        return self.path.parent / "curves"
 
     @property
     def tables(self) -> Path:

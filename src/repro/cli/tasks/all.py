@@ -8,7 +8,9 @@ from repro.cli.tasks import run_task
 def run(job: Job) -> None:
     """Run the three tasks, unless the run and its baselines are evaluated already."""
     baselines = [job.config.of_baseline(name) for name in QUICK_BASELINES]
-    if job.run.is_evaluated and all(job.outputs.run(baseline.key).is_evaluated for baseline in baselines):
+    is_validated = (job.run.path / "validation.csv").is_file()
+    runs = [job.run, *(job.outputs.run(baseline.key) for baseline in baselines)]
+    if is_validated and all(run.is_evaluated for run in runs):
         job.run.prepare(job.config)
         print(f"done already: {job.run}", flush=True)
         return

@@ -1,7 +1,5 @@
 """task=curves: fit learning curves to every U-Net beside an outputs directory and extrapolate them to paper scale."""
 
-from pathlib import Path
-
 from repro.cli.jobs import Job
 from repro.evaluation.learning_curves import CURVE, extrapolate, read_points
 from repro.metrics.names import METRICS
@@ -11,18 +9,13 @@ from repro.runs.directories import Outputs
 from repro.system.files import write_text
 
 
-def curves_directory(outputs: Outputs) -> Path:
-    """Return the directory of the learning curves, beside the outputs directories that they are fitted to."""
-    return outputs.path.parent / "curves"
-
-
 def run(job: Job) -> None:
     """Write curves.csv and extrapolated.csv.
 
     Raises:
         ValueError: no curve has enough points.
     """
-    target = curves_directory(job.outputs)
+    target = job.outputs.curves
     directories = sorted({path.parent for above in (target.parent, target) for path in above.glob("*/runs")})
     points = read_points([Outputs(directory) for directory in directories if directory.name != "smoke"])
     extrapolated = extrapolate(points) if len(points) else points

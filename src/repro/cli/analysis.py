@@ -1,0 +1,97 @@
+"""The analysis of an outputs directory: baselines, intervals, recency, calibration, verdicts on claims, the page."""
+
+import itertools
+import sys
+from contextlib import suppress
+
+import pandas as pd
+
+from repro.baselines.names import BASELINES
+from repro.cli.jobs import Job
+from repro.cli.tasks.analysis import CLAIMS, analysis_inputs
+from repro.evaluation.analysis import gather
+from repro.evaluation.evaluate import evaluate_baseline
+from repro.evaluation.samples import load_samples
+from repro.reporting.analysis_figures import write_analysis_figures
+from repro.reporting.claims import judge, read_claims
+from repro.reporting.numbers import analysis_rows
+from repro.reporting.page import Report, render
+from repro.reporting.results import audits, caption, read_results
+from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.tables import write_tables
+from repro.reporting.uptodate import mark_up_to_date
+from repro.runs.directories import Outputs, Run
+from repro.system.files import write_text
+
+
+def analyze(job: Job) -> None:
+    """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
+
+    Raises:
+        ValueError: no network has been evaluated, or some runs are damaged; everything else is written.
+    """
+    outputs = job.outputs
+    errors: list[str] = []
+    results = read_results(outputs, errors)
+    if results.empty or not (results["encoding"] != "").any():
+        raise ValueError(f"no network has been evaluated in {outputs.path}: train some first")
+    networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
+    configs = {config.experiment: config for config in networks}
+    for experiment, name in itertools.product(sorted(configs), BASELINES):
+        try:
+            evaluate_baseline(outputs, configs[experiment], name)
+        except ValueError as error:
+            errors.append(str(error))
+    results = read_results(outputs, errors)
+    print(f"analyzing {len(results)} runs", flush=True)
+    frames = gather(outputs, errors) | _written_by_other_tasks(outputs)
+    frames["audit"] = audits(results)
+    frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(frames))
+    outputs.analysis.mkdir(parents=True, exist_ok=True)
+    for name, frame in frames.items():
+        write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+    write_analysis_figures(outputs.analysis, frames)
+    if job.scale.name != "smoke":
+        verdicts = frames["claims"]["verdict"].value_counts()
+        print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
+    _write_page(job, frames, results)
+    left_out = dict.fromkeys(errors)
+    for message in left_out:
+        print(f"error: left out of the analysis: {message}", file=sys.stderr)
+    if left_out:
+        raise ValueError(f"{len(left_out)} runs are left out of the analysis, see above")
+    mark_up_to_date(outputs.analysis, analysis_inputs(outputs))
+
+
+def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
+    """Load the rows that task=generalization and task=curves wrote, where they did."""
+    frames = {path.stem: read_rows(path) for path in outputs.curves.glob("*.csv")}
+    path = outputs.analysis / "generalization.csv"
+    if path.is_file():
+        frames["generalization"] = pd.read_csv(path, dtype={"trained": str, "tested": str})
+    return frames
+
+
+def _write_page(job: Job, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
+    outputs = job.outputs
+    runs = {key: outputs.run(key) for key in keys_of(results)}
+    shown: dict[str, list[Run]] = {}
+    for key in sorted(runs, key=lambda key: key.is_baseline):  # a network comes first, which has the grid
+        with suppress(ValueError):  # of a damaged run, which the analysis has named
+            runs[key].check_file("predictions.npz")
+            if key.seed in (None, 0) and key.model != "all_free":
+                shown.setdefault(key.experiment, []).append(runs[key])
+    report = Report(
+        scale=job.scale.name,
+        outputs=outputs.path.name,
+        command=f"python run.py task=analysis scale={job.scale.name}",
+        caption=caption(results),
+        tables=write_tables(outputs, []),
+        frames=frames,
+        claims=frames["claims"],
+        figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
+        samples={experiment: load_samples(outputs, experiment, mine) for experiment, mine in shown.items()},
+        origins={str(key.path): run.provenance() for key, run in runs.items()},
+    )
+    write_text(outputs.path / "report.html", render(report))
+    print(f"Page: {outputs.path / 'report.html'}", flush=True)

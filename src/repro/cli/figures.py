@@ -1,0 +1,30 @@
+"""The paper's figures from the runs of an outputs directory."""
+
+import itertools
+
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.evaluation.examples import load_example
+from repro.recordings.format import SPLITS
+from repro.recordings.reader import read_manifest
+from repro.reporting.figures import write_figures
+from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
+from repro.simulation.worlds import sample_world
+
+
+def draw_figures(outputs: Outputs) -> list[str]:
+    """Write the figures, print their paths, and return why runs were left out."""
+    errors = []
+    specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
+    worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
+    examples = []
+    for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), specs):
+        key = RunKey(experiment, "unet", encoding, 0)
+        try:
+            if outputs.run(key).is_evaluated:
+                examples.append(load_example(outputs, key))
+        except ValueError as error:
+            errors.append(str(error))
+    for path in write_figures(outputs.figures, worlds, examples):
+        print(f"Figure: {path}", flush=True)
+    return errors
