@@ -1,5 +1,6 @@
 import dataclasses
 import os
+import resource
 import time
 from pathlib import Path
 from typing import Any
@@ -77,6 +78,12 @@ def prepared(path: Path, **changes: Any) -> Run:
     run = Run(path)
     run.prepare(run_config(**changes))
     return run
+
+
+def cpu_seconds() -> float:
+    """Return the CPU time of the finished child processes, which does not depend on the load of the machine [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def spent_budget() -> Budget:

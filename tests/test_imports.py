@@ -5,7 +5,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import pytest
 from conftest import ROOT
@@ -137,8 +136,9 @@ def test_only_the_command_line_takes_the_whole_configuration():
     assert all(name == "run.py" or package_of(name) == "cli" for name, _ in takers), takers
 
 
-@pytest.mark.parametrize("module", WITHOUT_SIMULATOR)
-def test_prediction_training_and_evaluation_import_no_simulator(module):
-    code = f"import sys, {module}; print(sorted(name for name in sys.modules if name.split('.')[0] == 'irsim'))"
+@pytest.mark.slow
+def test_prediction_training_evaluation_and_reading_import_no_simulator():
+    modules = ", ".join(WITHOUT_SIMULATOR)
+    code = f"import sys, {modules}; print(sorted(name for name in sys.modules if name.split('.')[0] == 'irsim'))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     assert done.stdout.strip() == "[]"

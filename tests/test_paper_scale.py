@@ -56,23 +56,23 @@ def test_it_records_trains_and_reports(call):
 
 
 @pytest.mark.parametrize("settings", [{"stops": "task=record", "status": 130}, {"found": "3 evaluated, 21 missing"}])
-def test_what_is_left_is_for_another_call(call, settings):
+def test_unfinished_work_is_left_to_another_call(call, settings):
     status, said, _ = call(**settings)
     assert (status, "call again: " in said) == (75, True)
 
 
-def test_a_call_without_time_left_begins_nothing(call):
+def test_a_call_without_time_left_starts_nothing(call):
     status, _, calls = call(MINUTES="1")
     assert (status, calls) == (75, [])
 
 
-def test_a_failure_is_one(call):
+def test_a_failure_ends_the_script_with_its_status(call):
     status, _, calls = call(stops="decay=false", status=1)
     assert status == 1
     assert "decay=false" in calls[-1]
 
 
-def test_what_must_last_is_kept_and_comes_back(call, tmp_path):
+def test_kept_files_are_restored(call, tmp_path):
     call()
     kept = {path.relative_to(tmp_path / "kept") for path in (tmp_path / "kept").rglob("*") if path.is_file()}
     assert kept == {Path("runs/exp1/metrics.csv")}

@@ -26,7 +26,7 @@ def test_shapes_that_disagree_are_refused_naming_them(ranges, angles, poses):
     assert f"got {ranges}, {angles}, {poses}" in str(caught.value)
 
 
-def test_windows_are_stacked_and_taken_apart():
+def test_windows_are_stacked_and_indexed():
     first, second = window(), window()
     batch = Scans.stack([first, second])
     assert (len(first), len(batch)) == (1, 2)
@@ -35,7 +35,7 @@ def test_windows_are_stacked_and_taken_apart():
     assert np.array_equal(batch[:1].poses[0], first.poses)
 
 
-def test_tensors_are_always_a_batch_in_single_precision():
+def test_tensors_are_a_batch_in_float32():
     for scans in (window(), Scans.stack([window()])):
         tensors = scans.tensors()
         assert tensors.ranges.shape == (1, 5, 4)

@@ -33,7 +33,12 @@ def disc_ranges(x, y=25.0, radius=2.0):
     return torch.where(gap < radius**2, along - (radius**2 - gap).clamp(min=0).sqrt(), torch.inf)
 
 
-@pytest.mark.parametrize("name", BASELINES)
+SLOW = ("tracker",)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in BASELINES]
+)
 def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
     val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
     free, tuned = PREDICTORS[name](val, test)
@@ -64,7 +69,7 @@ def test_dilation_draws_discs():
 
 
 @pytest.mark.parametrize("filtered", [log_odds_grid, transitional_grid])
-def test_a_grid_knows_what_it_sees_and_forgets_what_it_does_not(filtered):
+def test_a_grid_remembers_recent_observations_and_forgets_old_ones(filtered):
     seen = disc_ranges(15.0)
     recorded = one_recording(torch.stack([seen] * 20))
     wall, before = (24, 13), (24, 9)  # where the middle beam ends, and on its way; row 24 is just above y = 25
@@ -78,12 +83,12 @@ def test_a_grid_knows_what_it_sees_and_forgets_what_it_does_not(filtered):
     assert faded < kept - 0.2
 
 
-def test_a_pixel_never_seen_keeps_the_prior():
+def test_a_pixel_that_was_never_seen_keeps_the_prior():
     known = log_odds_grid(one_recording(torch.stack([disc_ranges(15.0)] * 3)), 0.1)[0]
     assert known[0, 0].item() == pytest.approx(0.08, abs=1e-3)
 
 
-def test_clusters_are_found_behind_what_was_hit():
+def test_clusters_are_found_behind_the_hit_surfaces():
     both = torch.minimum(disc_ranges(15.0, 26.5, 1.0), disc_ranges(20.0, 22.5, 1.0)).numpy()
     scans = np.stack([both, np.full(41, np.inf), both])
     poses = np.tile([5.0, 25.0, 0.0], (3, 1))
@@ -101,7 +106,7 @@ def test_a_cluster_at_the_edge_of_the_view_is_cut():
     assert [each.is_cut for each in found] == [True]
 
 
-def test_a_track_moves_on_with_its_speed_when_nothing_is_seen():
+def test_an_unobserved_track_continues_at_its_speed():
     steps = 60  # at 1 m/s: from x = 17 to 23, seen for the first 40 steps
     ranges = [disc_ranges(17 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
     (positions,) = tracker.track(one_recording(torch.stack(ranges)), 1.3, workers=1)

@@ -12,6 +12,8 @@ from repro.baselines.names import QUICK_BASELINES
 from repro.config import NETWORKS
 from repro.metrics.names import METRICS
 
+pytestmark = pytest.mark.slow
+
 COMMAND = ["run.py", "-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
 
 
@@ -107,7 +109,7 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     assert "| 4 | U-Net |" in text
 
 
-def test_a_launcher_with_processes_does_the_same(study, tmp_path):
+def test_a_launcher_with_processes_gives_the_same_results(study, tmp_path):
     outputs, _ = study
     copy = tmp_path / "smoke"
     arguments = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=cores", *tiny(copy)]

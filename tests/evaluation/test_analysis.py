@@ -50,7 +50,7 @@ def test_pixels_beyond_the_range_of_the_lidar_are_never_in_view(recorded):
     assert (groups[:, distance < 29] != NEVER_IN_VIEW).all()  # the robot turns round once, in the middle
 
 
-def test_obstacles_hit_are_those_the_recorder_saw_hit(recorded):
+def test_hit_obstacles_are_those_of_the_recorder(recorded):
     shard = next(read_shards(recorded, "test"))
     newest = newest_hits_of_obstacles(shard)
     rank = np.arange(len(shard.world)) - np.searchsorted(shard.world, shard.world)
@@ -75,12 +75,13 @@ def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     assert by_hit["obstacles"].sum() == 2 * area.sum()
 
 
-def test_nothing_found_is_no_recall(test_set):
+def test_a_prediction_without_obstacles_has_no_recall(test_set):
     free = np.full_like(test_set.truth, 255)
     hits = by_last_hit([free], test_set, draw_weights(4, draws=50))
     assert (hits[hits["metric"] != "obstacles"]["value"] == 0).all()
 
 
+@pytest.mark.slow
 def test_frames_are_gathered_from_all_evaluated_runs(outputs):
     frames = gather(outputs)
     names = {"intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"}
@@ -99,6 +100,7 @@ def test_frames_are_gathered_from_all_evaluated_runs(outputs):
     assert frames["differences"]["comparison"].unique().tolist() == ["networks"]
 
 
+@pytest.mark.slow
 def test_intervals_agree_with_the_metrics_of_the_run(outputs):
     row = gather(outputs)["intervals"].query("model == 'last_seen'").set_index("metric")["value"]
     kept = evaluate(outputs.run(RunKey("3", "last_seen")), outputs.recordings("3"))

@@ -18,7 +18,7 @@ def test_coverage_is_the_obstacle_share(recorded):
     assert 0.04 < coverage < 0.14
 
 
-def test_visibility_counts_the_area_of_what_was_hit(recorded):
+def test_visibility_is_the_area_of_hit_obstacles(recorded):
     seen = total = 0
     for shard in read_shards(recorded, "test"):
         for world in range(len(shard.scans) // 2):

@@ -23,7 +23,7 @@ def evaluated(recorded, tmp_path_factory):
     return run
 
 
-def test_metrics_follow_from_the_kept_predictions(evaluated, recorded):
+def test_metrics_follow_from_the_stored_predictions(evaluated, recorded):
     kept = torch.as_tensor(read_predictions(evaluated))[:, None]
     truth = load_pairs(recorded, "test", Grid(32, 50.0), Projection()).maps.float()
     again = scores(confusion(kept, truth).sum(0))
@@ -33,7 +33,7 @@ def test_metrics_follow_from_the_kept_predictions(evaluated, recorded):
         assert row[name] == pytest.approx(again[name].item(), abs=2e-3), name
 
 
-def test_one_row_an_image_and_one_pooled(evaluated):
+def test_per_image_metrics_agree_with_the_pooled_ones(evaluated):
     rows, pooled = pd.read_csv(evaluated.path / "per_image.csv"), pd.read_csv(evaluated.metrics)
     assert len(rows) == 8
     assert len(pooled) == 1
@@ -75,7 +75,7 @@ def test_all_free_scores_the_free_share(recorded, tmp_path):
     assert row["specificity"] == pytest.approx(0, abs=1e-6)
 
 
-def test_lost_metrics_are_made_again(evaluated, recorded):
+def test_missing_metrics_are_measured_again(evaluated, recorded):
     before = evaluated.metrics.read_text()
     evaluated.metrics.unlink()
     evaluate(evaluated, recorded, accelerator="cpu")

@@ -25,7 +25,7 @@ def scans():
     return Scans(ranges, np.linspace(-0.7, 0.7, 60), np.zeros((4, 50, 3)))
 
 
-def test_noise_is_as_large_as_it_says_and_leaves_misses_alone(scans):
+def test_noise_has_the_given_deviation_and_keeps_misses(scans):
     noisy = generalization.noisy_ranges(scans, 0.2, np.random.default_rng(0))
     hit = np.isfinite(scans.ranges)
     assert np.array_equal(hit, np.isfinite(noisy.ranges))
@@ -42,7 +42,7 @@ def test_dropped_beams_are_misses(scans):
 
 
 @pytest.mark.parametrize("change", [change for change, _ in generalization.CHANGES.values()])
-def test_no_change_changes_nothing(scans, change):
+def test_a_change_of_zero_changes_nothing(scans, change):
     same = change(scans, 0.0, np.random.default_rng(0))
     assert np.array_equal(same.ranges, scans.ranges)
     assert np.array_equal(same.poses, scans.poses)
@@ -68,6 +68,7 @@ def test_a_network_is_tested_on_every_experiment(predictor, recorded):
     assert (table["low"] <= table["value"] + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch):
     monkeypatch.setattr(generalization, "FIELDS_OF_VIEW", (60, 90))
     monkeypatch.setattr(generalization, "SPEEDS", (1, 2))

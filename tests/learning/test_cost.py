@@ -7,7 +7,7 @@ from repro.learning.cost import plan_study, readable
 SCALE = Scale(
     name="paper",
     takes="a day",
-    size_px=64,
+    size_px=32,
     pairs=PairCounts(10000, 128, 500),
     learning_rate=1e-4,
     batch_size=2,

@@ -18,7 +18,7 @@ def gradients(network, image):
 
 
 @pytest.mark.parametrize("architecture", NETWORKS)
-def test_a_network_computes_what_it_did_and_names_its_weights_as_before(architecture):
+def test_an_accelerated_network_has_the_same_outputs_gradients_and_weight_names(architecture):
     torch.manual_seed(1)
     plain, image = create_network(paper_model(architecture)).double(), torch.rand(2, 1, 64, 64, dtype=torch.double)
     fast = copy.deepcopy(plain)
@@ -30,7 +30,7 @@ def test_a_network_computes_what_it_did_and_names_its_weights_as_before(architec
         torch.testing.assert_close(found[name], slope, rtol=1e-4, atol=1e-6, msg=name)
 
 
-def test_the_slow_modules_of_fpn_are_replaced_on_a_cpu_alone():
+def test_the_slow_modules_of_fpn_are_replaced_on_a_cpu_only():
     network = create_network(paper_model("fpn"))
     accelerate(network, "cuda")
     assert not any(isinstance(module, DepthwiseConv2d | FloatGroupNorm) for module in network.modules())
@@ -50,13 +50,13 @@ def test_maps_of_any_size_are_convolved_as_by_the_plain_module(size):
 
 
 @pytest.mark.parametrize("other", [{"stride": 2}, {"dilation": 2}, {"padding": 0}, {"padding_mode": "reflect"}])
-def test_other_convolutions_are_left_alone(other):
+def test_other_convolutions_are_not_replaced(other):
     conv = nn.Conv2d(6, 6, 3, **{"padding": 1, "groups": 6, **other})
     accelerate(conv, "cpu")
     assert type(conv) is nn.Conv2d
 
 
-def test_group_normalisation_keeps_the_type_and_computes_in_float32():
+def test_group_normalization_keeps_the_type_and_computes_in_float32():
     plain = nn.GroupNorm(2, 8)
     images = torch.randn(2, 8, 4, 4)
     expected = plain(images.bfloat16().float()).bfloat16()

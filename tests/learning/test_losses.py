@@ -24,7 +24,7 @@ def test_equation_3_is_their_sum():
     assert MapLoss()(LOGITS, TARGET).item() == pytest.approx(BCE + DICE, rel=1e-5)
 
 
-def test_perfect_prediction_costs_nothing_and_a_wrong_one_much():
+def test_the_loss_of_a_perfect_prediction_is_zero_and_of_a_wrong_one_large():
     logits = 40 * (2 * TARGET - 1)
     assert MapLoss()(logits, TARGET).item() == pytest.approx(0, abs=1e-6)
     assert MapLoss()(-logits, TARGET).item() > 40
@@ -37,7 +37,7 @@ def test_dice_is_taken_over_the_whole_batch():
     assert dice_loss(batch, target).item() == pytest.approx(expected.item(), rel=1e-5)
 
 
-def test_half_precision_logits_are_measured_in_single():
+def test_the_loss_of_half_precision_logits_is_computed_in_float32():
     loss = MapLoss()(LOGITS.bfloat16(), TARGET)
     assert loss.dtype == torch.float32
     assert loss.item() == pytest.approx(BCE + DICE, rel=1e-2)

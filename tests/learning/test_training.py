@@ -44,7 +44,8 @@ def finished(recorded, tmp_path_factory):
     return path
 
 
-def test_a_finished_run_has_all_that_the_next_step_needs(finished, recorded):
+@pytest.mark.slow
+def test_a_finished_run_has_history_provenance_and_weights(finished, recorded):
     history, origin = losses(finished), Run(finished).provenance()
     assert history["epoch"].tolist() == list(range(6))
     assert history["train_loss"].iloc[-1] < history["train_loss"].iloc[0]
@@ -53,12 +54,14 @@ def test_a_finished_run_has_all_that_the_next_step_needs(finished, recorded):
     assert not (finished / "checkpoints").exists()
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_not_trained_again(finished, recorded):
     before = (finished / "history.csv").stat().st_mtime_ns
     assert train(Run(finished), recorded, accelerator="cpu") is Status.trained
     assert (finished / "history.csv").stat().st_mtime_ns == before
 
 
+@pytest.mark.slow
 def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp_path):
     begin(tmp_path / "again", recorded, max_epochs=6)
     begin(tmp_path / "other", recorded, max_epochs=6, seed=1)
@@ -67,6 +70,7 @@ def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp
     assert not same_weights(finished, tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp_path):
     settings = {"max_epochs": 4, "flip_augmentation": True, "ema_decay": 0.9}
     assert begin(tmp_path / "whole", recorded, **settings) is Status.trained
@@ -88,7 +92,8 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
     assert not same_weights(run.path, tmp_path / "plain")
 
 
-def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded, tmp_path):
+@pytest.mark.slow
+def test_a_killed_training_resumes_bit_identically(finished, recorded, tmp_path):
     path = tmp_path / "killed"
     run = prepared(path, max_epochs=6)
     code = (
@@ -114,7 +119,8 @@ def test_killed_and_started_again_ends_with_the_same_numbers(finished, recorded,
     assert [step["step"] for step in run.provenance().steps] == ["recorded", *["trained"] * (kills + 1)]
 
 
-def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, recorded, tmp_path):
+@pytest.mark.slow
+def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished, recorded, tmp_path):
     run, calls = prepared(tmp_path / "paused", max_epochs=6), 0
     used = spent_budget()
     used.epochs = 1
@@ -130,6 +136,7 @@ def test_a_budget_pauses_at_an_epochs_end_and_the_next_call_goes_on(finished, re
     assert same_weights(finished, run.path)
 
 
+@pytest.mark.slow
 def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
     begin(tmp_path, recorded, max_epochs=40, patience=2, min_delta=10.0)
     assert losses(tmp_path)["epoch"].tolist() == [0, 1, 2]
@@ -145,7 +152,7 @@ def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
         (4, 4, 2, 2.5, ""),  # too short to tell
     ],
 )
-def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, seconds, used, threads, load, says):
+def test_cpu_contention_is_reported_once(monkeypatch, capsys, seconds, used, threads, load, says):
     clock = {"monotonic": 100.0, "process_time": 50.0}
     monkeypatch.setattr(callbacks, "time", SimpleNamespace(**{name: lambda n=name: clock[n] for name in clock}))
     monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
@@ -161,7 +168,8 @@ def test_a_training_slowed_by_other_work_says_so_once(monkeypatch, capsys, secon
     assert all(says in line and "OMP_NUM_THREADS=1" in line for line in said)
 
 
-def test_best_weights_are_kept_not_the_last(recorded, tmp_path):
+@pytest.mark.slow
+def test_the_best_weights_are_saved_not_the_last(recorded, tmp_path):
     begin(tmp_path / "long", recorded, max_epochs=6, learning_rate=0.02)
     best = int(losses(tmp_path / "long")["val_loss"].idxmin())
     begin(tmp_path / "short", recorded, max_epochs=best + 1, learning_rate=0.02)
@@ -194,13 +202,13 @@ def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, 
     assert Run(tmp_path).status is Status.failed
 
 
-def test_other_recordings_than_the_run_began_with_are_refused(recorded, tmp_path):
+def test_a_run_is_not_continued_with_other_recordings(recorded, tmp_path):
     run = prepared(tmp_path)
     run.use_recordings("of another day")
     with pytest.raises(ValueError, match="started with other recordings"):
         train(run, recorded)
 
 
-def test_without_recordings_the_command_is_named(tmp_path):
+def test_missing_recordings_name_the_command_that_records(tmp_path):
     with pytest.raises(ValueError, match="same command with task=record"):
         train(prepared(tmp_path / "run"), tmp_path / "laptop" / "recordings" / "exp3")

@@ -28,7 +28,7 @@ def test_twins_share_the_map_and_not_the_image(recorded):
     assert (pairs.images[::2] != pairs.images[1::2]).flatten(1).any(1).all()
 
 
-def test_newest_hits_lie_on_the_border_of_an_obstacle(recorded):
+def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
     """Hits of the last step, drawn black, touch an obstacle of the map at that step."""
     pairs = load_pairs(recorded, "test", Grid(128, 50.0), Projection())
     near = torch.nn.functional.max_pool2d(1 - pairs.maps.float(), 3, stride=1, padding=1)
@@ -45,7 +45,7 @@ def test_decay_changes_grays_but_not_which_pixels_are_hit(recorded):
     assert not torch.equal(with_decay, without)
 
 
-def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
+def test_batches_are_shuffled_by_seed_and_drop_the_incomplete_last_one():
     pairs = Pairs(torch.arange(10, dtype=torch.uint8).view(10, 1, 1, 1), torch.zeros(10, 1, 1, 1), Projection())
     shuffled = Batches(pairs, 4, seed=1)
     seen = [(255 * image).round().int().flatten().tolist() for image, _ in shuffled]
@@ -59,7 +59,7 @@ def test_batches_shuffle_by_seed_and_leave_out_the_small_last_one():
         Batches(pairs, 16, seed=0)
 
 
-def test_mirrored_batches_flip_image_and_map_together(recorded):
+def test_flip_augmentation_flips_image_and_map_together(recorded):
     pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
     plain, mirrored = (
         list(Batches(pairs, 8, seed=3, flip_augmentation=flip_augmentation)) for flip_augmentation in (False, True)
@@ -77,7 +77,7 @@ def test_mirrored_batches_flip_image_and_map_together(recorded):
 
 
 @pytest.mark.parametrize("experiment", ["3", "4"])
-def test_a_mirrored_recording_is_one_of_its_twins_kind(experiment):
+def test_a_flipped_recording_is_that_of_the_mirrored_world_seen_by_the_twin(experiment):
     """The world turned top to bottom, seen along the twin's path, gives the mirrored image."""
     world = sample_world(world_spec(experiment), 5)
     recording, twin = simulate(world), simulate(reverse_direction(world))

@@ -39,7 +39,7 @@ def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding(
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
-def test_images_are_what_a_network_is_made_for(scans, encoding):
+def test_images_and_inputs_have_the_expected_shape_type_and_range(scans, encoding):
     images = encoding.encode(scans, GRID)
     assert images.shape == (len(scans), encoding.channels, 64, 64)
     assert images.dtype == torch.uint8
@@ -49,11 +49,11 @@ def test_images_are_what_a_network_is_made_for(scans, encoding):
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
-def test_a_window_is_drawn_alike_alone_and_in_a_batch(scans, encoding):
+def test_a_window_is_encoded_alone_as_in_a_batch(scans, encoding):
     assert torch.equal(encoding.encode(scans[1:2], GRID)[0], encoding.encode(scans, GRID)[1])
 
 
-def test_an_exponential_gray_is_half_way_after_its_half_life():
+def test_an_exponential_gray_is_halfway_after_its_half_life():
     law = Exponential(half_life=10, oldest_gray=0.8)._law(100)
     assert law[-1] == 0
     assert law[-11].item() == pytest.approx(0.4)
@@ -61,14 +61,14 @@ def test_an_exponential_gray_is_half_way_after_its_half_life():
     assert (law.diff() < 0).all()
 
 
-def test_a_negative_is_the_same_image_with_other_numbers(scans):
+def test_a_negative_is_the_projection_with_inverted_inputs(scans):
     plain, negative = Projection(), Negative()
     images = negative.encode(scans, GRID)
     assert torch.equal(images, plain.encode(scans, GRID))
     assert torch.allclose(negative.to_input(images), 1 - plain.to_input(images))
 
 
-def test_ages_keep_hit_and_age_apart(scans):
+def test_ages_are_the_projections_without_and_with_decay(scans):
     images = Ages(oldest_gray=0.5).encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection(decay=False).encode(scans, GRID))
     assert torch.equal(images[:, 1:], Projection(oldest_gray=0.5).encode(scans, GRID))
@@ -84,7 +84,7 @@ def test_the_second_image_of_observed_free_is_where_beams_passed_last(scans):
     assert just_hit.float().mean() < 0.002  # half a pixel short of its range, a beam hardly passes over what it hits
 
 
-def test_a_stack_cuts_the_window_into_its_parts(scans):
+def test_a_stack_encodes_each_part_of_the_window(scans):
     images = Stack(4).encode(scans, GRID)
     for part in range(4):
         window = slice(25 * part, 25 * part + 25)
@@ -92,7 +92,7 @@ def test_a_stack_cuts_the_window_into_its_parts(scans):
         assert torch.equal(images[:, part : part + 1], Projection(decay=False).encode(alone, GRID))
 
 
-def test_an_encoding_is_made_from_its_name_and_parameters():
+def test_an_encoding_is_created_from_its_name_and_parameters():
     assert create_encoding("projection", {"decay": False, "oldest_gray": 0.5}) == Projection(False, 0.5)
     with pytest.raises(ValueError, match=r"encoding must be one of projection.*got 'stack'"):
         create_encoding("stack", {})
@@ -112,6 +112,6 @@ def test_an_encoding_is_made_from_its_name_and_parameters():
         ("ages", {"oldest_gray": 1}, "oldest_gray must be in"),
     ],
 )
-def test_parameters_without_meaning_are_refused(name, parameters, message):
+def test_invalid_parameters_are_refused(name, parameters, message):
     with pytest.raises(ValueError, match=message):
         create_encoding(name, parameters)

@@ -4,7 +4,7 @@ import torch
 from repro.maps.grid import Grid
 
 
-def test_corners_lie_where_a_drawn_map_has_them():
+def test_the_corners_of_the_map_are_the_corners_of_the_image():
     points = torch.tensor([[0.1, 49.9], [49.9, 49.9], [0.1, 0.1], [49.9, 0.1]])
     index, inside = Grid(4, 50.0).pixels(points)
     assert inside.all()
@@ -18,7 +18,7 @@ def test_points_off_the_map_are_outside():
     assert index.tolist() == [0] * 6
 
 
-def test_every_pixel_centre_falls_into_its_own_pixel():
+def test_every_pixel_center_is_in_its_own_pixel():
     grid = Grid(16, 50.0)
     y = grid.row_centers()
     x = y.flip(0)
@@ -28,13 +28,13 @@ def test_every_pixel_centre_falls_into_its_own_pixel():
     assert torch.equal(index.flatten(), torch.arange(256))
 
 
-def test_first_column_is_the_first_centre_not_left_of_x():
+def test_first_column_is_the_first_center_not_left_of_x():
     grid = Grid(5, 50.0)  # centres at 5, 15, 25, 35, 45
     x = torch.tensor([-3.0, 5.0, 5.1, 44.9, 45.1, 99.0])
     assert grid.first_column(x).tolist() == [0, 0, 1, 4, 5, 5]
 
 
 @pytest.mark.parametrize("size", [(0, 50.0), (8, 0.0)])
-def test_refuses_sizes_that_are_not_positive(size):
+def test_sizes_that_are_not_positive_are_refused(size):
     with pytest.raises(ValueError, match="positive sizes"):
         Grid(*size)

@@ -14,7 +14,7 @@ def shard(recorded):
     return next(read_shards(recorded, "test"))
 
 
-def test_map_agrees_with_point_in_polygon_at_pixel_centres(shard):
+def test_the_map_agrees_with_point_in_polygon_at_pixel_centers(shard):
     grid, worlds = Grid(64, 50.0), len(shard.scans) // 2
     world = torch.as_tensor(shard.world)
     states = torch.as_tensor(shard.states[:, -1]).double()
@@ -30,7 +30,7 @@ def test_map_agrees_with_point_in_polygon_at_pixel_centres(shard):
         assert np.array_equal(maps[index].numpy().astype(bool), expected)
 
 
-def test_map_area_is_the_obstacle_area_at_any_resolution():
+def test_the_map_has_the_obstacle_area_at_any_resolution():
     square = torch.tensor([[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]])
     state = torch.tensor([[20.0, 30.0, 0.3]])
     for size_px, tolerance in ((32, 0.05), (128, 0.01), (512, 0.002)):
@@ -38,7 +38,7 @@ def test_map_area_is_the_obstacle_area_at_any_resolution():
         assert (1 - free.mean().item()) * 2500 == pytest.approx(100, rel=tolerance)
 
 
-def test_overlapping_obstacles_and_those_over_the_border_are_drawn_once_and_cut():
+def test_overlapping_obstacles_are_drawn_once_and_those_over_the_border_are_cut():
     square = torch.tensor([[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]]).expand(3, -1, -1)
     states = torch.tensor([[25.0, 25.0, 0.0], [25.0, 25.0, 0.0], [0.0, 50.0, 0.0]])
     free = rasterize(square, states, torch.tensor([0, 0, 0]), 1, Grid(50, 50.0))

@@ -39,14 +39,14 @@ def project(scans, grid, **parameters):
 
 @pytest.mark.parametrize("decay", [True, False])
 @pytest.mark.parametrize("size_px", [32, 100])
-def test_agrees_with_the_slow_reference(shard, size_px, decay):
+def test_the_projection_agrees_with_a_slow_reference(shard, size_px, decay):
     images = project(shard.scans.tensors(dtype=torch.float64), Grid(size_px, 50.0), decay=decay)
     for image, ranges, poses in zip(images, shard.scans.ranges, shard.scans.poses, strict=True):
         reference = slow_projection(ranges.astype(float), shard.scans.angles, poses, size_px, decay, 0.8)
         assert np.abs(image.numpy().astype(int) - reference).max() <= 1
 
 
-def test_float32_moves_hardly_a_pixel(shard):
+def test_float32_changes_hardly_a_pixel(shard):
     exact = project(shard.scans.tensors(dtype=torch.float64), Grid(64, 50.0))
     single = project(shard.scans.tensors(), Grid(64, 50.0))
     assert (exact != single).float().mean() < 1e-4
@@ -79,11 +79,11 @@ def test_without_decay_every_hit_is_black():
     assert (image == 0).sum() == 3
 
 
-def test_misses_and_hits_off_the_map_leave_no_trace():
+def test_misses_and_hits_off_the_map_are_not_drawn():
     assert (project(one_beam([torch.inf, 26.0, 40.0]), Grid(50, 50.0)) == 255).all()
 
 
-def test_turning_the_poses_turns_the_image(shard):
+def test_rotating_the_poses_rotates_the_image(shard):
     scans = shard.scans.tensors(dtype=torch.float64)
     turned = scans.poses.clone()
     centred = scans.poses[..., :2] - 25
@@ -94,11 +94,11 @@ def test_turning_the_poses_turns_the_image(shard):
     assert (again != torch.rot90(image, 1, dims=(1, 2))).float().mean() < 1e-3
 
 
-def test_bad_grays_are_refused():
+def test_invalid_grays_are_refused():
     with pytest.raises(ValueError, match=r"oldest_gray must be in \[0, 1\)"):
         Projection(oldest_gray=1.0)
 
 
-def test_a_network_is_fed_with_numbers_from_0_to_1():
+def test_the_input_of_a_network_is_in_0_to_1():
     images = torch.tensor([[[[0, 51], [204, 255]]]], dtype=torch.uint8)
     assert Projection().to_input(images).flatten().tolist() == pytest.approx([0, 0.2, 0.8, 1])

@@ -39,7 +39,7 @@ def march(shard, recording, step, grid):
 
 
 @pytest.mark.parametrize("step", [0, 37, 99])
-def test_agrees_with_rays_marched_past_the_true_obstacles(recorded, step):
+def test_visibility_agrees_with_rays_to_every_pixel(recorded, step):
     grid = Grid(40, 50.0)
     shard = next(read_shards(recorded, "test"))
     scans = shard.scans.tensors()
@@ -63,7 +63,7 @@ def look(*headings, ranges=torch.inf):
     return Scans(torch.full((1, len(headings), 91), ranges), angles, poses)
 
 
-def test_the_newest_step_counts_and_never_is_0():
+def test_the_newest_step_counts_and_0_means_never():
     scans = look(0.0, math.pi / 2, 0.0)
     visible = newest_visible(scans, Grid(50, 50.0), 20.0)
     assert torch.equal(visible, newest_in_view(scans, Grid(50, 50.0), 20.0))
@@ -83,7 +83,7 @@ def test_a_wall_hides_what_is_behind_it():
     assert nearer[0, 25, 33] == 0
 
 
-def test_a_lidar_all_around_sees_all_around():
+def test_a_lidar_of_360_degrees_sees_all_directions():
     angles = torch.arange(360) * math.pi / 180 - math.pi
     scans = Scans(torch.full((1, 1, 360), torch.inf), angles, torch.tensor([[[25.0, 25.0, 1.0]]]))
     grid = Grid(64, 50.0)
@@ -99,7 +99,7 @@ def test_uneven_beams_are_refused(angles):
         newest_visible(scans, Grid(8, 50.0), 30.0)
 
 
-def test_every_pixel_belongs_to_the_beam_that_is_nearest_to_it():
+def test_every_pixel_belongs_to_the_nearest_beam():
     torch.manual_seed(0)
     grid, angles = Grid(64, 50.0), torch.linspace(-math.pi / 4, math.pi / 4, 100)
     ranges = 30 * torch.rand(40, 1, 100)
@@ -118,13 +118,13 @@ def test_every_pixel_belongs_to_the_beam_that_is_nearest_to_it():
     assert expected.float().mean() > 0.02
 
 
-def test_nothing_is_seen_from_a_pose_that_is_not_known():
+def test_nothing_is_visible_from_an_unknown_pose():
     known, grid = look(0.0), Grid(50, 50.0)
     assert torch.equal(newest_visible(look(0.0, math.nan), grid, 20.0), newest_visible(known, grid, 20.0))
 
 
 @pytest.mark.parametrize("far", [1e3, 1e30, -1e30])
-def test_nothing_is_seen_from_far_off_the_map(far):
+def test_nothing_is_visible_from_far_off_the_map(far):
     scans = look(0.0)
     scans.poses[..., :2] = far
     assert not newest_visible(scans, Grid(50, 50.0), 20.0).any()

@@ -20,7 +20,7 @@ def value_of(table, metric):
     return table.set_index("metric").loc[metric]
 
 
-def test_the_first_row_is_what_was_measured():
+def test_the_first_row_is_the_measured_value():
     one = measured([0.8])
     drawn = resample(one, draw_weights(200))
     assert drawn["recall"][0] == pytest.approx(one.counts[0, :, 1, 255].sum() / one.counts[0, :, 1].sum(), abs=1e-6)
@@ -28,7 +28,7 @@ def test_the_first_row_is_what_was_measured():
     assert len(drawn) == 2001
 
 
-def test_an_interval_is_as_wide_as_worlds_differ():
+def test_the_width_of_an_interval_follows_the_spread_of_the_worlds():
     row = value_of(interval(resample(measured([0.8]), draw_weights(200))), "recall")
     expected = 1.96 * 0.054 / np.sqrt(200)
     assert row["low"] < row["value"] < row["high"]
@@ -37,7 +37,7 @@ def test_an_interval_is_as_wide_as_worlds_differ():
     assert (fewer["high"] - fewer["low"]) == pytest.approx(2 * (row["high"] - row["low"]), rel=0.35)
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
+def test_intervals_have_their_nominal_coverage():
     covered = 0
     for trial in range(200):
         row = value_of(
@@ -57,13 +57,13 @@ def test_a_paired_difference_is_narrower_than_its_parts():
     assert not value_of(difference(one, one), "recall")["excludes_zero"]
 
 
-def test_seeds_that_differ_widen_the_interval():
+def test_differing_seeds_widen_the_interval():
     weights = draw_weights(200)
     same, apart = (value_of(interval(resample(measured(s), weights)), "recall") for s in ([0.8] * 3, [0.7, 0.8, 0.9]))
     assert apart["value"] == pytest.approx(same["value"], abs=0.01)
     assert apart["high"] - apart["low"] > 2 * (same["high"] - same["low"])
 
 
-def test_a_world_and_its_twin_stay_together():
+def test_a_world_and_its_twin_are_summed():
     values = np.arange(12).reshape(6, 2)
     assert by_world(values).tolist() == [[2, 4], [10, 12], [18, 20]]

@@ -15,7 +15,7 @@ def drawn():
     return free, truth, count_quantized(free, truth)[:, 0].sum(0)
 
 
-def test_counts_add_up_by_image_group_truth_and_level(drawn):
+def test_counts_are_by_image_group_truth_and_quantized_probability(drawn):
     free, truth, _ = drawn
     groups = np.arange(4)[:, None, None] % 3 + np.zeros((4, 16, 16), dtype=np.uint8)
     counts = count_quantized(free, truth, groups, 3)
@@ -39,7 +39,7 @@ def test_losses_and_curves_agree_with_scikit_learn(drawn):
     assert average_precision(counts) == pytest.approx(average_precision_score(1 - truth, 1 - probability))
 
 
-def test_what_comes_true_as_often_as_predicted_is_calibrated():
+def test_frequencies_equal_to_the_probabilities_are_calibrated():
     pixels = np.full(256, 51_000)
     counts = np.stack([pixels * (1 - PROBABILITY), pixels * PROBABILITY]).round().astype(np.int64)
     assert calibration.calibration_error(counts) < 1e-4
@@ -47,7 +47,7 @@ def test_what_comes_true_as_often_as_predicted_is_calibrated():
     assert calibration.fit_temperature(counts) == pytest.approx(1, abs=0.02)
 
 
-def test_temperature_scaling_mends_overconfidence():
+def test_temperature_scaling_corrects_overconfidence():
     true = PROBABILITY
     shown = calibration.temperature_scaled(0.5)  # logits twice as large as they should be
     level = (255 * shown).round().astype(int)
@@ -66,7 +66,7 @@ def test_the_parts_of_the_brier_score_add_up(drawn):
     assert parts["reliability"] - parts["resolution"] + parts["uncertainty"] == pytest.approx(calibration.brier(counts))
 
 
-def test_a_reliability_diagram_has_all_pixels(drawn):
+def test_a_reliability_table_has_all_pixels(drawn):
     *_, counts = drawn
     table = calibration.reliability(counts, bins=10)
     assert table["pixels"].sum() == counts.sum()

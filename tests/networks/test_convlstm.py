@@ -2,10 +2,10 @@ import torch
 
 from repro.config import Model
 from repro.networks.convlstm import ConvLSTM
-from repro.networks.create import create_network, load_network
+from repro.networks.create import architecture_of, create_network, load_network
 
 
-def test_maps_a_series_of_images_to_one_map_of_logits():
+def test_a_series_of_images_is_mapped_to_one_map_of_logits():
     with torch.inference_mode():
         assert create_network(Model("convlstm"), in_channels=4).eval()(torch.rand(2, 4, 64, 96)).shape == (2, 1, 64, 96)
 
@@ -22,7 +22,7 @@ def test_a_longer_series_needs_no_more_parameters():
     assert len({sum(p.numel() for p in ConvLSTM(frames).parameters()) for frames in (1, 4, 10)}) == 1
 
 
-def test_it_remembers_what_only_the_first_image_shows():
+def test_the_first_image_affects_the_prediction():
     images = torch.zeros(2, 4, 32, 32)
     images[1, 0, 10:20, 10:20] = 1
     torch.manual_seed(0)
@@ -31,8 +31,8 @@ def test_it_remembers_what_only_the_first_image_shows():
     assert (empty - shown).abs().max() > 1e-3
 
 
-def test_survives_saving_and_loading(tmp_path):
+def test_a_convlstm_is_saved_and_loaded(tmp_path):
     network, images = ConvLSTM(4, hidden=16).eval(), torch.rand(1, 4, 32, 32)
     network.save_pretrained(tmp_path)
     with torch.inference_mode():
-        assert torch.equal(network(images), load_network(tmp_path).eval()(images))
+        assert torch.equal(network(images), load_network(tmp_path, architecture_of(network)).eval()(images))

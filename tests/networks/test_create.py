@@ -9,7 +9,7 @@ MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
 
 @pytest.mark.parametrize("architecture", NETWORKS)
-def test_maps_one_gray_image_to_one_map_of_logits(architecture):
+def test_one_gray_image_is_mapped_to_one_map_of_logits(architecture):
     model = create_network(paper_model(architecture)).eval()
     with torch.inference_mode():
         assert model(torch.rand(2, 1, 64, 64)).shape == (2, 1, 64, 64)
@@ -17,7 +17,7 @@ def test_maps_one_gray_image_to_one_map_of_logits(architecture):
 
 
 @pytest.mark.parametrize("channels", [2, 4])
-def test_takes_as_many_channels_as_the_encoding_has(channels):
+def test_a_network_has_the_channels_of_its_encoding(channels):
     with torch.inference_mode():
         assert create_network(paper_model("unet"), in_channels=channels).eval()(
             torch.rand(1, channels, 64, 64)
@@ -29,7 +29,7 @@ def test_takes_as_many_channels_as_the_encoding_has(channels):
         )
 
 
-def test_weights_survive_saving_and_loading(tmp_path):
+def test_weights_are_saved_and_loaded(tmp_path):
     model = create_network(paper_model("fpn")).eval()
     model.save_pretrained(tmp_path)
     again, image = smp.from_pretrained(tmp_path).eval(), torch.rand(1, 1, 64, 64)
@@ -43,7 +43,7 @@ def test_unknown_architecture_lists_the_known_ones():
     assert all(name in str(caught.value) for name in (*NETWORKS, *OWN_ARCHITECTURES))
 
 
-def test_weights_that_cannot_be_had_say_what_to_do(monkeypatch):
+def test_encoder_weights_that_cannot_be_loaded_are_reported_with_a_fix(monkeypatch):
     def refuse(*_, **__):
         raise OSError("offline")
 

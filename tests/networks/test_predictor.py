@@ -37,7 +37,7 @@ def scans():
     return Scans.stack([simulate(item).scans for item in (world, reverse_direction(world))])
 
 
-def test_encoding_and_grid_travel_with_the_weights(saved, scans):
+def test_encoding_and_grid_are_saved_with_the_weights(saved, scans):
     predictor, directory = saved
     again = load_predictor(directory)
     assert (again.encoding, again.grid) == (predictor.encoding, predictor.grid)
@@ -58,7 +58,7 @@ def test_plain_smp_reads_the_same_weights(saved):
     assert all(torch.equal(value, state[name]) for name, value in predictor.network.state_dict().items())
 
 
-def test_saving_again_replaces_the_whole_directory(saved, tmp_path):
+def test_saving_again_replaces_the_directory(saved, tmp_path):
     predictor, _ = saved
     (tmp_path / "model").mkdir()
     (tmp_path / "model" / "old.txt").write_text("old")
@@ -75,7 +75,7 @@ def test_saving_again_replaces_the_whole_directory(saved, tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["a flipped byte", "no weights", "no predictor.json", "half a predictor.json"])
-def test_what_was_not_saved_is_not_loaded(saved, tmp_path, damage):
+def test_a_damaged_predictor_is_refused(saved, tmp_path, damage):
     directory = tmp_path / "model"
     shutil.copytree(saved[1], directory)
     weights, text = directory / "model.safetensors", (directory / "predictor.json").read_text()
@@ -87,11 +87,13 @@ def test_what_was_not_saved_is_not_loaded(saved, tmp_path, damage):
         weights.unlink()
     else:
         (directory / "predictor.json").write_text(text[: len(text) // 2] if "half" in damage else "")
-    with pytest.raises(ValueError, match=r"model\.safetensors is missing or differs|predictor\.json cannot be read"):
+    with pytest.raises(
+        ValueError, match=r"differs from its checksum|lacks model\.safetensors|predictor\.json cannot be read"
+    ):
         load_predictor(directory)
 
 
-def test_the_published_weights_see_obstacles_where_there_are_some(scans):
+def test_the_published_weights_predict_obstacles_where_beams_hit(scans):
     predictor = load_predictor(PUBLISHED)
     free = predictor.predict(scans)
     assert free.shape == (2, 128, 128)
@@ -99,7 +101,7 @@ def test_the_published_weights_see_obstacles_where_there_are_some(scans):
     assert free[hit].mean() < free[~hit].mean() - 0.2
 
 
-def test_the_readmes_example_runs_as_it_stands(tmp_path, monkeypatch):
+def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     text = (ROOT / "README.md").read_text()
     example = next(block for block in text.split("```python")[1:] if "load_predictor" in block).split("```")[0]
     world = re.search(r'replay\("(outputs/[\w/-]+/worlds/exp4-seed17-ccw\.yaml)"\)', example)[1]
@@ -111,7 +113,7 @@ def test_the_readmes_example_runs_as_it_stands(tmp_path, monkeypatch):
     assert names["free"].shape == (1, 128, 128)
 
 
-def test_the_published_card_says_what_is_beside_it():
+def test_the_published_model_card_describes_the_predictor():
     card, content = (PUBLISHED / "README.md").read_text(), json.loads((PUBLISHED / "predictor.json").read_text())
     assert f'load_predictor("{PUBLISHED.relative_to(ROOT)}")' in card
     assert f"({content['grid']['size_px']} px)" in card

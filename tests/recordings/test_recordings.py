@@ -21,6 +21,7 @@ from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.files import lock
 
 PAIRS = {"train": 8, "val": 4, "test": 4}
+NEVER = 10**9  # worlds until plain IR-SIM, which is slow, replays one; the fixture `recorded` and test_simulator do so
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def copy(recorded, tmp_path):
     return directory
 
 
-def test_what_is_read_is_what_was_simulated(recorded):
+def test_recordings_are_those_of_the_simulation(recorded):
     shard = next(read_shards(recorded, "test"))
     assert shard.scans.ranges.shape == (8, 100, 100)
     for number in range(4):
@@ -46,7 +47,7 @@ def test_what_is_read_is_what_was_simulated(recorded):
 
 def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
-    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
+    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1, verify_every=NEVER)
     world = sample_world(world_spec("3"), SPLITS["train"] + 3)
     for index, item in ((6, world), (7, reverse_direction(world))):
         scans = read_scans(tmp_path, "train", index)
@@ -56,10 +57,12 @@ def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
         read_scans(tmp_path, "train", 8)
 
 
-def test_content_does_not_depend_on_workers(tmp_path, monkeypatch):
+@pytest.mark.slow
+def test_recordings_do_not_depend_on_the_number_of_workers(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     manifests = [
-        record_experiment(tmp_path / str(workers), world_spec("4"), PAIRS, workers=workers) for workers in (1, 2)
+        record_experiment(tmp_path / str(workers), world_spec("4"), PAIRS, workers=workers, verify_every=NEVER)
+        for workers in (1, 2)
     ]
     assert len(manifests[0].shards) == 8
     assert manifests[0] == manifests[1]
@@ -79,17 +82,17 @@ def test_splits_have_disjoint_seeds_and_twins_stay_together(recorded):
 
 def test_recording_again_changes_nothing(copy):
     before = {path.name: path.stat().st_mtime_ns for path in copy.glob("*.npz")}
-    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
+    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
     (copy / "manifest.json").unlink()
-    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
+    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
     assert {path.name: path.stat().st_mtime_ns for path in copy.glob("*.npz")} == before
 
 
-def test_a_lost_shard_is_recorded_again_to_the_same_bytes(copy):
+def test_a_missing_shard_is_recorded_again_to_the_same_bytes(copy):
     manifest = read_manifest(copy)
     (copy / "manifest.json").unlink()
     (copy / "val-0000.npz").unlink()
-    assert record_experiment(copy, world_spec("3"), manifest.pairs, workers=1) == manifest
+    assert record_experiment(copy, world_spec("3"), manifest.pairs, workers=1, verify_every=NEVER) == manifest
 
 
 @pytest.mark.parametrize("damage", ["truncated", "altered", "missing"])
@@ -108,7 +111,7 @@ def test_a_damaged_shard_is_named_and_never_read(copy, damage):
 
 @pytest.mark.parametrize("manifest", ["there", "not yet there"])
 @pytest.mark.parametrize("damage", ["truncated", "altered", "missing", "empty", "another file"])
-def test_recording_mends_what_is_damaged_and_nothing_else(copy, damage, manifest, capsys):
+def test_recording_repairs_damaged_shards_and_no_others(copy, damage, manifest, capsys):
     path, other = copy / "train-0000.npz", copy / "test-0000.npz"
     before = read_manifest(copy)
     content, untouched = path.read_bytes(), other.stat().st_mtime_ns
@@ -121,14 +124,17 @@ def test_recording_mends_what_is_damaged_and_nothing_else(copy, damage, manifest
     path.unlink() if damage == "missing" else path.write_bytes(damaged[damage])
     if manifest == "not yet there":
         (copy / "manifest.json").unlink()
-    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1) == before
+    assert (
+        record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
+        == before
+    )
     assert path.read_bytes() == content
     assert other.stat().st_mtime_ns == untouched
     assert ("recording again: shard" in capsys.readouterr().out) == (damage != "missing")
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "a list", "exchanged splits", "no shards"])
-def test_a_damaged_manifest_is_named_with_its_mend(copy, damage):
+def test_a_damaged_manifest_is_named_with_a_fix(copy, damage):
     path = copy / "manifest.json"
     text = path.read_text()
     content = json.loads(text)
@@ -146,7 +152,7 @@ def test_a_damaged_manifest_is_named_with_its_mend(copy, damage):
     with pytest.raises(ValueError, match=r"manifest\.json cannot be read .*task=record"):
         read_manifest(copy)
     path.unlink()
-    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
+    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
     assert path.read_text() == text
 
 
@@ -155,16 +161,16 @@ def test_another_configuration_is_refused(copy, stage):
     if stage == "unfinished":
         (copy / "manifest.json").unlink()
     with pytest.raises(ValueError, match="another configuration"):
-        record_experiment(copy, world_spec("1"), {"train": 24, "val": 8, "test": 8}, workers=1)
+        record_experiment(copy, world_spec("1"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
 
 
-def test_recordings_that_hold_more_training_pairs_serve_for_fewer(tmp_path, monkeypatch):
+def test_recordings_with_more_training_pairs_can_be_used_for_fewer(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     fewer = PAIRS | {"train": 4}
     for pairs, name in ((PAIRS, "more"), (fewer, "fewer")):
-        record_experiment(tmp_path / name, world_spec("3"), pairs, workers=1)
+        record_experiment(tmp_path / name, world_spec("3"), pairs, workers=1, verify_every=NEVER)
     kept = (tmp_path / "more" / "manifest.json").read_text()
-    assert record_experiment(tmp_path / "more", world_spec("3"), fewer, workers=1).pairs == PAIRS
+    assert record_experiment(tmp_path / "more", world_spec("3"), fewer, workers=1, verify_every=NEVER).pairs == PAIRS
     assert (tmp_path / "more" / "manifest.json").read_text() == kept
     assert recordings_hash(tmp_path / "more", fewer) == recordings_hash(tmp_path / "fewer")
     assert recordings_hash(tmp_path / "more", PAIRS) == recordings_hash(tmp_path / "more")
@@ -179,36 +185,38 @@ def test_recordings_that_hold_more_training_pairs_serve_for_fewer(tmp_path, monk
     [PAIRS | {"train": 6}, PAIRS | {"train": 12}, PAIRS | {"test": 2}, {"train": 4}],
     ids=["not whole shards", "more", "other test pairs", "no test pairs"],
 )
-def test_recordings_that_do_not_serve_are_refused(tmp_path, monkeypatch, asked):
+def test_recordings_of_other_sizes_are_refused(tmp_path, monkeypatch, asked):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
-    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
+    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1, verify_every=NEVER)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* than the requested"):
-        record_experiment(tmp_path, world_spec("3"), asked, workers=1)
+        record_experiment(tmp_path, world_spec("3"), asked, workers=1, verify_every=NEVER)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not cover the requested"):
         recordings_hash(tmp_path, asked)
 
 
-def test_parts_recorded_apart_make_the_same_recordings(tmp_path, monkeypatch):
+def test_parts_recorded_separately_give_the_same_recordings(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
-    whole = record_experiment(tmp_path / "whole", world_spec("3"), PAIRS, workers=1)
+    whole = record_experiment(tmp_path / "whole", world_spec("3"), PAIRS, workers=1, verify_every=NEVER)
     directory = tmp_path / "parts"
     for part in (2, 0):
-        assert not record_part(directory, world_spec("3"), PAIRS, part, 3, workers=1)
+        assert not record_part(directory, world_spec("3"), PAIRS, part, 3, workers=1, verify_every=NEVER)
         assert not (directory / "manifest.json").exists()
-    assert record_part(directory, world_spec("3"), PAIRS, 1, 3, workers=1)
+    assert record_part(directory, world_spec("3"), PAIRS, 1, 3, workers=1, verify_every=NEVER)
     before = {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")}
-    assert record_experiment(directory, world_spec("3"), PAIRS, workers=1) == whole
+    assert record_experiment(directory, world_spec("3"), PAIRS, workers=1, verify_every=NEVER) == whole
     assert {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")} == before
 
 
-def test_a_whole_recording_waits_for_a_part_that_is_under_way(tmp_path, capsys):
+def test_recording_waits_for_a_part_in_progress(tmp_path, capsys):
     directory = tmp_path / "parts"
     directory.mkdir()
     half = directory / f"train-0000.npz.{'0' * 32}.tmp"
     with lock(directory, ".lock-0-of-2"):
         half.touch()  # being written
         waiting = threading.Thread(
-            target=record_experiment, args=(directory, world_spec("3"), PAIRS), kwargs={"workers": 1}
+            target=record_experiment,
+            args=(directory, world_spec("3"), PAIRS),
+            kwargs={"workers": 1, "verify_every": NEVER},
         )
         waiting.start()
         while "waiting" not in capsys.readouterr().out:
@@ -227,10 +235,10 @@ def test_missing_recordings_name_the_command(tmp_path):
 
 def test_odd_counts_are_refused(tmp_path):
     with pytest.raises(ValueError, match="even"):
-        record_experiment(tmp_path, world_spec("1"), {"train": 3}, workers=1)
+        record_experiment(tmp_path, world_spec("1"), {"train": 3}, workers=1, verify_every=NEVER)
 
 
-def test_fingerprint_follows_every_parameter():
+def test_the_fingerprint_depends_on_every_parameter():
     spec = world_spec("3")
     changed = json.loads(json.dumps(spec))
     changed["obstacles"]["behavior"]["speed_m_s"][1] += 0.1
@@ -238,7 +246,7 @@ def test_fingerprint_follows_every_parameter():
     assert spec_fingerprint(spec) != spec_fingerprint({**spec, "experiment": "4"})
 
 
-def test_a_full_disk_leaves_only_whole_shards(tmp_path, monkeypatch):
+def test_a_full_disk_leaves_complete_shards_only(tmp_path, monkeypatch):
     save, calls = np.savez_compressed, []
 
     def save_until_full(file, **arrays):
@@ -251,17 +259,18 @@ def test_a_full_disk_leaves_only_whole_shards(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     monkeypatch.setattr(np, "savez_compressed", save_until_full)
     with pytest.raises(OSError, match="No space left"):
-        record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
+        record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1, verify_every=NEVER)
     assert {path.name for path in tmp_path.iterdir()} == {"train-0000.npz", "train-0001.npz", ".lock"}
     monkeypatch.setattr(np, "savez_compressed", save)
-    record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
+    record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1, verify_every=NEVER)
     assert sum(len(shard.scans) for shard in read_shards(tmp_path, "train")) == 8
 
 
 def _record(directory, results):
-    results.put(record_experiment(directory, world_spec("1"), PAIRS, workers=1))
+    results.put(record_experiment(directory, world_spec("1"), PAIRS, workers=1, verify_every=NEVER))
 
 
+@pytest.mark.slow
 def test_two_processes_record_one_experiment_together(tmp_path):
     context = multiprocessing.get_context("spawn")
     results = context.Queue()
@@ -276,14 +285,16 @@ def test_two_processes_record_one_experiment_together(tmp_path):
     assert not list(tmp_path.glob("*.tmp"))
 
 
-def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on(tmp_path, monkeypatch):
+@pytest.mark.slow
+def test_a_killed_recording_leaves_complete_shards_and_the_next_call_resumes(tmp_path, monkeypatch):
     directory = tmp_path / "rec"
     code = (
         "import sys; sys.path.insert(0, 'tests')\n"
         "from pathlib import Path; from conftest import world_spec\n"
         "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
         "format.SHARD_WORLDS = 2\n"
-        f"record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1)\n"
+        f"record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1, "
+        f"verify_every={NEVER})\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True)
     deadline = time.monotonic() + 60
@@ -298,6 +309,6 @@ def test_killed_while_recording_what_is_there_is_whole_and_the_next_call_goes_on
         read_shard(path, spec_fingerprint(world_spec("2")))
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     (directory / f"half.{'0' * 32}.tmp").write_bytes(b"half of a shard")
-    record_experiment(directory, world_spec("2"), {"train": 400}, workers=2)
+    record_experiment(directory, world_spec("2"), {"train": 400}, workers=2, verify_every=NEVER)
     assert sum(len(shard.scans) for shard in read_shards(directory, "train")) == 400
     assert not list(directory.glob("*.tmp"))

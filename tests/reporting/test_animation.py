@@ -35,7 +35,7 @@ def test_the_last_frame_is_the_whole_recording(recording, predictor):
     assert np.array_equal(frames.maps[-1], truth.numpy())
 
 
-def test_the_image_fills_as_the_robot_looks_around(recording, predictor):
+def test_the_image_fills_as_the_robot_turns(recording, predictor):
     frames = make_frames(recording, predictor, every=10)
     hits = (frames.images < 255).sum((1, 2))
     assert (np.diff(hits) >= 0).all()
@@ -43,7 +43,8 @@ def test_the_image_fills_as_the_robot_looks_around(recording, predictor):
     assert (frames.images == 0).any((1, 2)).all()  # what is seen now is black at every step
 
 
-def test_the_moving_picture_has_every_step(recording, predictor, tmp_path):
+@pytest.mark.slow
+def test_the_animation_has_every_step(recording, predictor, tmp_path):
     frames = make_frames(recording, predictor, every=20)
     written = write_animation(recording, frames, tmp_path / "moving", size_m=50.0, range_max_m=30.0, fps=5)
     assert [path.suffix for path in written] == [".gif", *([".mp4"] if shutil.which("ffmpeg") else [])]

@@ -56,7 +56,7 @@ def test_a_claim_of_more_needs_more_than_the_tolerance_and_its_interval(tmp_path
     assert verdict(ledger_of(tmp_path, **ABOVE), ours)["verdict"] is expected
 
 
-def test_the_verdict_at_half_and_double_the_tolerance_stands_beside_it(tmp_path):
+def test_verdicts_at_half_and_double_the_tolerance_are_listed(tmp_path):
     row = verdict(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.93, e4=0.90))
     assert [row["at_half"], row["verdict"], row["at_double"]] == [
         Verdict.reproduced,
@@ -80,7 +80,7 @@ def test_a_level_has_no_direction_but_a_difference_does(tmp_path):
     assert verdict(ledger_of(tmp_path, **drop), rows_of(e3=0.92, e4=0.9))["verdict"] is Verdict.in_direction
 
 
-def test_all_combinations_must_hold_or_most_where_it_says_so(tmp_path):
+def test_all_combinations_must_hold_or_most_if_the_claim_says_so(tmp_path):
     ours, paper = rows_of(e1=0.9, e2=0.9, e3=0.5), rows_of(e1=0.9, e2=0.9, e3=0.9)
     claim = {
         "for": {"exp": ["1", "2", "3"], "metric": ["accuracy"]},
@@ -121,7 +121,7 @@ def test_every_claim_of_the_ledger_can_be_computed():
             assert set(claim.over["metric"]) <= set(ledger.tolerances[claim.tolerance])
 
 
-def test_the_papers_slips_are_found_on_its_own_numbers():
+def test_the_papers_errors_are_found_on_its_own_numbers():
     """What DEVIATIONS lists under "The paper's slips", from its tables alone."""
     table = judge(read_claims(LEDGER), paper_rows()).set_index("id")
     slips = table.index[table["paper"] == "fails"].tolist()
@@ -154,21 +154,21 @@ def test_the_papers_tables_agree_with_themselves():
 
 
 @pytest.mark.parametrize(("metric", "column"), [("specificity", "free_agrees"), ("dice", "dice_agrees")])
-def test_a_wrong_number_is_found(metric, column):
+def test_the_audit_finds_a_wrong_number(metric, column):
     table = read_paper().copy()
     table.loc[4, metric] += 0.01
     rows = audit(table)
     assert rows.index[~rows[column]].tolist() == [4]
 
 
-def test_averages_that_are_none_are_found():
+def test_the_audit_finds_wrong_averages():
     table = read_paper().copy()
     table.loc[table.index[-1], "recall"] += 0.001
     wrong = audit_averages(table).query("not agrees")
     assert wrong[["experiment", "metric"]].to_numpy().tolist() == [["4", "recall"]]
 
 
-def test_the_papers_rows_have_what_calling_everything_free_scores():
+def test_the_papers_rows_include_the_scores_of_all_free():
     rows = Numbers(paper_rows())
     assert rows.m("accuracy", "3", model="all_free") == pytest.approx(0.9164, abs=1e-3)
     assert rows.m("accuracy", ["1", "3"]) == pytest.approx((0.9755 + 0.9487) / 2)

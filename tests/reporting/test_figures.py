@@ -38,7 +38,7 @@ def closed():
     plt.close("all")
 
 
-def test_irsim_draws_the_world_it_is_given():
+def test_irsim_draws_the_given_world():
     """The drawing is dark in the middle of every obstacle and nowhere in the emptied zone but at the robot."""
     world = sample_world(world_spec("1"), 0)
     gray = irsim_drawing(world, step=0, size_px=500)[..., :3].mean(-1)
@@ -69,11 +69,13 @@ def test_representation_and_overview_are_drawn(example, tmp_path):
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
-def test_an_example_belongs_to_one_recording_in_whatever_shard(tmp_path, monkeypatch):
+def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):
     """Its scans are those that its projection was drawn from."""
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     outputs = Outputs(tmp_path)
-    record_experiment(outputs.recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 6}, workers=1)
+    record_experiment(
+        outputs.recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 6}, workers=1, verify_every=10**9
+    )
     key = RunKey("3", "unet", PROJECTION, 0)
     run = outputs.run(key)
     run.prepare(run_config(pairs=PairCounts(2, 2, 6)))

@@ -10,6 +10,8 @@ from conftest import ROOT
 
 from repro.reporting.claims import read_claims
 
+pytestmark = pytest.mark.slow
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 TINY = (
     *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=8", "scale.max_epochs=1"),
@@ -40,7 +42,7 @@ def page(outputs):
     return (outputs / "report.html").read_text()
 
 
-def test_every_part_has_its_rows_beside_it(outputs):
+def test_the_analysis_writes_all_frames_and_figures(outputs):
     names = {path.stem for path in outputs.glob("analysis/*.csv")}
     assert names == {
         *("intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"),
@@ -74,7 +76,7 @@ class Outline(HTMLParser):
         assert self.open.pop() == tag
 
 
-def test_the_page_is_whole_and_asks_for_nothing(page):
+def test_the_page_is_well_formed_and_self_contained(page):
     outline = Outline()
     outline.feed(page)
     assert not outline.open
@@ -86,7 +88,7 @@ def test_the_page_is_whole_and_asks_for_nothing(page):
     assert len(page) < 15_000_000
 
 
-def test_the_page_has_every_claim_and_says_what_it_is_from(page):
+def test_the_page_has_every_claim_section_and_the_caption(page):
     assert "This is the smoke test" in page
     assert "<details>" not in page
     assert "#claims" not in page
@@ -119,7 +121,7 @@ def browser():
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
-def test_in_a_browser_it_works_at_any_width_and_alone(browser, outputs, width, scheme):
+def test_the_page_works_in_a_browser_at_any_width(browser, outputs, width, scheme):
     tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
     errors, requests = [], []
     tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)

@@ -25,7 +25,7 @@ def test_free_is_the_positive_class_of_the_tables():
     assert (ratio - (1 - implied_coverage(table))).abs().max() < 1e-2
 
 
-def test_targets():
+def test_targets_are_implied_by_the_tables():
     assert targets("1")["coverage"] == pytest.approx(0.100, abs=1e-3)
     assert targets("3")["coverage"] == pytest.approx(0.0834, abs=3e-4)
     assert targets("12") == {}

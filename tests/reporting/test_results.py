@@ -10,7 +10,7 @@ from repro.runs.directories import Outputs
 from repro.runs.provenance import Status
 
 
-def test_every_metric_stands_beside_the_papers(tmp_path):
+def test_every_metric_is_compared_with_the_papers(tmp_path):
     fake_study(tmp_path)
     table = compare(read_results(Outputs(tmp_path)), PROJECTION)
     expected = ["experiment", "model", "encoding", "seeds"]
@@ -67,14 +67,14 @@ def test_resolutions_do_not_mix(tmp_path):
         read_results(Outputs(tmp_path))
 
 
-def test_caption_says_what_the_table_is_from(tmp_path):
+def test_the_caption_has_scale_size_pairs_epochs_and_seeds(tmp_path):
     fake_study(tmp_path)
     text = caption(read_results(Outputs(tmp_path)))
     for fact in ("laptop", "32 x 32 px", "24 training", "8 test", " 3 epochs", "seed 0"):
         assert fact in text
 
 
-def test_caption_says_where_the_seeds_are_uneven_and_that_smoke_means_nothing(tmp_path):
+def test_the_caption_reports_uneven_seeds_and_that_smoke_numbers_mean_nothing(tmp_path):
     fake_study(tmp_path / "a")
     fake_run(tmp_path / "a", "3", "unet", 0.5, seed=1)
     assert "seeds 0, 1 (1 to 2 per cell)." in caption(read_results(Outputs(tmp_path / "a")))
@@ -83,7 +83,7 @@ def test_caption_says_where_the_seeds_are_uneven_and_that_smoke_means_nothing(tm
     assert "its numbers mean nothing" in caption(read_results(Outputs(tmp_path / "any name")))
 
 
-def test_our_best_input_has_its_row_below_the_papers(tmp_path):
+def test_our_best_input_has_a_row_below_the_papers(tmp_path):
     fake_study(tmp_path)
     fake_run(tmp_path, "3", "unet", 0.7, encoding=Encoding("stack10", {"frames": 10}))
     table = compare(read_results(Outputs(tmp_path)), PROJECTION)

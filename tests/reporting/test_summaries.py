@@ -18,7 +18,7 @@ def test_every_claim_has_its_row_and_every_verdict_its_count():
     assert "| hallucinations | cannot be tested at this scale |  |  |" in text
 
 
-def test_methods_stand_in_the_order_of_the_tables_with_their_intervals():
+def test_methods_are_in_the_order_of_the_tables_with_intervals():
     rows = [
         (experiment, model, encoding, metric, value, value - 0.01, value + 0.01, 2)
         for experiment in ("3", "4")

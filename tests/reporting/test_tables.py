@@ -31,13 +31,13 @@ def test_latex_has_thirteen_columns_in_every_row_and_the_paper_below_ours(tmp_pa
     assert text.count("{") == text.count("}")
 
 
-def test_nothing_evaluated_yet_is_said(tmp_path):
+def test_empty_tables_say_that_no_run_is_evaluated(tmp_path):
     tables = write_tables(Outputs(tmp_path))
     assert all("No run evaluated yet" in table.to_markdown() for table in tables.values())
     assert not (tmp_path / "tables" / "main.csv").exists()
 
 
-def test_costs_leave_out_what_was_measured_nowhere():
+def test_the_costs_table_leaves_out_unmeasured_columns():
     table = pd.DataFrame(
         {
             "model": ["unet", "fpn"],
@@ -53,7 +53,7 @@ def test_costs_leave_out_what_was_measured_nowhere():
     assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]
 
 
-def test_latex_has_every_experiment_also_ones_own(tmp_path):
+def test_latex_has_every_experiment_also_a_new_one(tmp_path):
     for experiment in ("1", "3", "office"):
         fake_run(tmp_path, experiment, "unet", 0.5)
     write_tables(Outputs(tmp_path))

@@ -20,6 +20,8 @@ from repro.runs.config import RunConfig
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
 
+pytestmark = pytest.mark.slow
+
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
 OVERRIDES = (
     *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
@@ -86,7 +88,7 @@ TEXT = ("cut", "empty", "a list", "a word", "missing")
 
 @pytest.mark.parametrize("how", TEXT)
 @pytest.mark.parametrize("name", SMALL)
-def test_a_damaged_run_is_named_and_the_tables_have_the_others(copy, name, how, capsys):
+def test_a_damaged_run_is_named_and_left_out_of_the_tables(copy, name, how, capsys):
     damage(run_of(copy) / name, how)
     assert "left out" in call(copy, "report")
     message = capsys.readouterr()

@@ -20,6 +20,8 @@ from repro.learning.training import train
 from repro.runs.provenance import Status
 from repro.system.files import replacing
 
+pytestmark = pytest.mark.slow
+
 TINY = (
     *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
     *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
@@ -89,7 +91,7 @@ def kill_at_random(code, rng, longest_s):
     kill(process)
 
 
-def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
+def test_a_killed_recording_ends_with_the_same_bytes(tmp_path):
     code = (
         "from pathlib import Path; from repro.config import read_world, world_spec\n"
         "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
@@ -108,7 +110,7 @@ def test_killed_while_recording_it_ends_with_the_same_bytes(tmp_path):
     assert killed == whole
 
 
-def test_killed_while_training_it_ends_with_the_same_bytes(recorded, tmp_path):
+def test_a_killed_training_ends_with_the_same_bytes(recorded, tmp_path):
     code = (
         "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
         f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
@@ -301,7 +303,7 @@ def test_an_internal_error_shows_its_traceback(tmp_path):
     code = (
         "import runpy, repro.simulation.recorder as recorder\n"
         "recorder.record_experiment = lambda *_, **__: 1 / 0\n"
-        "runpy.run_path('run.py', run_name='__main__')\n"
+        f"runpy.run_path({str(ROOT / 'run.py')!r}, run_name='__main__')\n"
     )
     command = [sys.executable, "-c", code, *TINY, "task=record", f"outputs={tmp_path / 'out'}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 from conftest import ROOT
 from hypothesis import HealthCheck, given, settings
@@ -25,9 +26,10 @@ from repro.recordings.reader import recordings_hash
 from repro.simulation.recorder import record_experiment, write_shard
 from repro.simulation.schema import world_errors
 
+pytestmark = pytest.mark.slow
 EXAMPLES = int(os.environ.get("REPRO_EXAMPLES", "12"))
 WORLD = read_world(ROOT / "conf" / "world" / "paper.yaml")
-SLOW = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
+GENERATED = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def pairs(low, high, whole=False):
@@ -69,7 +71,7 @@ def changed(values):
     return world
 
 
-@SLOW
+@GENERATED
 @given(st.sets(st.sampled_from(list(WORLDS)), max_size=3), st.data())
 def test_accepted_worlds_can_be_recorded_and_learned_from(keys, data):
     world = changed({key: data.draw(WORLDS[key]) for key in keys})
@@ -153,7 +155,7 @@ def test_the_usual_settings_are_accepted():
     assert all_errors(configuration(USUAL)) == []
 
 
-@SLOW
+@GENERATED
 @given(st.sets(st.sampled_from(list(SETTINGS)), max_size=3), st.data())
 def test_accepted_settings_train_a_step(keys, data):
     values = configuration(USUAL | {key: data.draw(SETTINGS[key]) for key in keys})

@@ -3,11 +3,10 @@
 import os
 import subprocess
 import sys
-import time
 
 import pytest
 import run  # noqa: F401  registers schema and resolvers
-from conftest import ROOT
+from conftest import ROOT, cpu_seconds
 from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
@@ -173,15 +172,16 @@ COMMANDS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("overrides", "expected"), COMMANDS)
 def test_an_invalid_call_ends_at_once_with_status_2(overrides, expected, tmp_path):
-    began = time.monotonic()
+    began = cpu_seconds()
     command = [sys.executable, "run.py", *overrides, "scale=smoke", f"outputs={tmp_path / 'out'}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert all(word in done.stderr for word in expected), done.stderr
     assert "Traceback" not in done.stderr
-    assert time.monotonic() - began < 15  # a bound for a busy machine; it takes about a second
+    assert cpu_seconds() - began < 15  # it takes about a second
     assert not (tmp_path / "out").exists()
 
 
@@ -193,7 +193,7 @@ def test_a_traceback_can_be_requested(tmp_path):
     assert "Traceback" in done.stderr
 
 
-def test_an_outputs_that_is_a_file_is_refused(tmp_path):
+def test_outputs_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "out").write_text("a file")
     assert errors_of(f"outputs={tmp_path / 'out'}") == [f"outputs={tmp_path / 'out'}: is a file, a directory is needed"]
 

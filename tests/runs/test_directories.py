@@ -8,7 +8,7 @@ from repro.runs.keys import RunKey
 from repro.runs.provenance import Status
 
 
-def test_directories_are_named_by_what_the_run_is(tmp_path):
+def test_directories_follow_from_the_key(tmp_path):
     outputs = Outputs(tmp_path)
     assert outputs.run(RunKey("3", "unet", "projection", 0)).path == tmp_path / "runs/exp3/unet/projection/seed0"
     assert outputs.run(RunKey("3", "tracker")).path == tmp_path / "baselines/exp3/tracker"
@@ -37,13 +37,13 @@ def test_another_configuration_is_refused_naming_the_difference(tmp_path):
     assert run.config() == run_config()
 
 
-def test_no_run_directory_is_named(tmp_path):
+def test_another_directory_is_not_read_as_a_run(tmp_path):
     with pytest.raises(ValueError, match=r"not a run directory: it has no config\.yaml"):
         Run(tmp_path).config()
 
 
 @pytest.mark.parametrize("content", ["", "experiment: '3'\n", "experiment: [", "- 1\n", "seed: many\n"])
-def test_a_broken_configuration_is_named_with_its_mend(tmp_path, content):
+def test_a_damaged_configuration_is_named_with_a_fix(tmp_path, content):
     run = prepared(tmp_path)
     (tmp_path / "config.yaml").write_text(content)
     for call in (run.config, lambda: run.prepare(run_config())):
@@ -51,7 +51,7 @@ def test_a_broken_configuration_is_named_with_its_mend(tmp_path, content):
             call()
 
 
-def test_a_lost_configuration_does_not_take_on_another(tmp_path):
+def test_a_missing_configuration_is_not_replaced_by_another(tmp_path):
     run = prepared(tmp_path)
     run.use_recordings("hash")
     (tmp_path / "config.yaml").unlink()
@@ -60,14 +60,14 @@ def test_a_lost_configuration_does_not_take_on_another(tmp_path):
     assert not (tmp_path / "config.yaml").exists()
 
 
-def test_lost_provenance_is_not_a_run_that_never_was(tmp_path):
+def test_a_model_without_provenance_is_refused(tmp_path):
     run = prepared(tmp_path)
     run.model.mkdir()
     with pytest.raises(ValueError, match=r"provenance\.json cannot be read"):
         _ = run.status
 
 
-def test_every_step_says_where_it_was_done_and_none_is_overwritten(tmp_path, monkeypatch):
+def test_every_step_is_recorded_with_its_environment_and_never_overwritten(tmp_path, monkeypatch):
     def on(machine):
         monkeypatch.setattr("repro.runs.directories.environment", lambda: {"commit": machine, "hardware": machine})
 
@@ -97,7 +97,7 @@ def test_every_step_says_where_it_was_done_and_none_is_overwritten(tmp_path, mon
     assert (found.fact("epochs"), found.fact("test_pairs"), found.fact("recordings")) == (3, 8, "abc")
 
 
-def test_surroundings_are_noted(tmp_path):
+def test_the_environment_of_a_step_is_recorded(tmp_path):
     run = prepared(tmp_path)
     run.use_recordings("abc")
     step = json.loads((tmp_path / "provenance.json").read_text())["steps"][0]
@@ -114,7 +114,7 @@ def test_other_recordings_are_refused(tmp_path):
         run.use_recordings("def")
 
 
-def test_lost_metrics_are_to_be_evaluated_again(tmp_path):
+def test_a_run_with_missing_metrics_is_not_evaluated(tmp_path):
     run = prepared(tmp_path)
     run.begin_step("evaluated", Status.evaluated)
     assert not run.is_evaluated

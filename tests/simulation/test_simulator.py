@@ -10,7 +10,7 @@ from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 
 @pytest.mark.parametrize("seed", [0, 7])
-def test_plain_irsim_replays_to_the_same_run(spec, seed, tmp_path):
+def test_a_replay_by_plain_irsim_agrees(spec, seed, tmp_path):
     for world in (sample_world(spec, seed), reverse_direction(sample_world(spec, seed))):
         write_world(world, tmp_path / "world.yaml")
         truth, found = replay(tmp_path / "world.yaml"), simulate(world)
@@ -49,7 +49,7 @@ def test_ranges_agree_with_rays_against_discs():
     assert np.isinf(recording.scans.ranges[np.isinf(oracle)]).all()
 
 
-def test_a_wall_ahead_is_seen_at_its_distance():
+def test_a_wall_ahead_is_measured_at_its_distance():
     wall = np.array([[[10.0, -5.0], [11.0, -5.0], [11.0, 5.0], [10.0, 5.0]]])
     angles = np.array([-math.pi / 4, 0.0, math.pi / 6, math.pi / 4])
     poses, states = np.array([[-5.0, 0.0, 0.0]]), np.array([[[10.5, 0.0, 0.0]]])

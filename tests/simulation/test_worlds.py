@@ -15,12 +15,12 @@ def test_same_seed_same_world_other_seed_other_world(spec):
     assert sample_world(spec, 5) != sample_world(spec, 6)
 
 
-def test_experiments_with_one_seed_differ():
+def test_experiments_with_the_same_seed_differ():
     assert sample_world(world_spec("1"), 5)["obstacle"] != sample_world(world_spec("2"), 5)["obstacle"]
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_obstacles_lie_apart_inside_the_map_and_clear_of_the_zone(spec, seed):
+def test_obstacles_are_apart_inside_the_map_and_outside_the_zone(spec, seed):
     obstacles = sample_world(spec, seed)["obstacle"]
     low, high = spec["obstacles"]["count"]
     assert low <= len(obstacles) <= high
@@ -40,7 +40,7 @@ def test_twins_share_obstacles_and_differ_in_direction_only(spec):
     assert reverse_direction(twin) == world
 
 
-def test_the_robot_comes_back_as_it_began(spec):
+def test_the_robot_returns_to_its_first_pose(spec):
     for world in (sample_world(spec, 0), reverse_direction(sample_world(spec, 0))):
         x, y, heading = drive_robot(world)[-1]
         start_x, start_y, start_heading = world["robot"]["state"]
@@ -48,7 +48,7 @@ def test_the_robot_comes_back_as_it_began(spec):
         assert math.cos(heading - start_heading) == pytest.approx(1)
 
 
-def test_the_twin_takes_the_mirror_image_of_the_path(spec):
+def test_the_twin_drives_the_mirrored_path(spec):
     (there, back) = (drive_robot(w)[:, :2] for w in (sample_world(spec, 0), reverse_direction(sample_world(spec, 0))))
     assert np.allclose(there * [1, -1] + [0, 50], back, atol=1e-9)
 
@@ -66,7 +66,7 @@ def test_written_world_is_plain_yaml(spec, tmp_path):
     assert yaml.safe_load((tmp_path / "world.yaml").read_text()) == world
 
 
-def test_sampling_leaves_the_spec_alone(spec):
+def test_sampling_does_not_change_the_spec(spec):
     before = copy.deepcopy(spec)
     sample_world(spec, 0)
     assert spec == before

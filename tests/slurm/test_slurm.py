@@ -14,7 +14,10 @@ from conftest import ROOT
 from repro.config import NETWORKS
 from repro.runs.directories import Outputs
 
-pytestmark = pytest.mark.skipif("REPRO_SLURM" not in os.environ, reason="make test-slurm starts a Slurm for it")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif("REPRO_SLURM" not in os.environ, reason="make test-slurm starts a Slurm for it"),
+]
 SMALL = ["scale=smoke", "scale.max_epochs=6", "hydra/launcher=slurm", "hydra.launcher.cpus_per_task=1"]
 
 
@@ -34,16 +37,16 @@ def slurm(tmp_path_factory):
 def outputs(slurm, tmp_path_factory):
     """Two experiments recorded by an array of four jobs, two to each."""
     found = Outputs(tmp_path_factory.mktemp("outputs") / "smoke")
-    words = ["-m", "task=record", "exp=3,4", "runtime.part=0,1", "runtime.parts=2", *SMALL, f"outputs={found.path}"]
-    done = subprocess.run([sys.executable, "run.py", *words], cwd=ROOT, env=slurm, timeout=600)
+    overrides = ["-m", "task=record", "exp=3,4", "runtime.part=0,1", "runtime.parts=2", *SMALL, f"outputs={found.path}"]
+    done = subprocess.run([sys.executable, "run.py", *overrides], cwd=ROOT, env=slurm, timeout=600)
     assert done.returncode == 0
     assert sorted(found.recorded()) == ["3", "4"]
     return found
 
 
 def test_an_array_of_trainings_survives_the_loss_of_a_job(slurm, outputs):
-    words = ["-m", "model=unet,fpn,upernet,segformer", "exp=3,4", *SMALL, f"outputs={outputs.path}"]
-    with subprocess.Popen([sys.executable, "run.py", *words], cwd=ROOT, env=slurm, stdout=subprocess.PIPE) as sweep:
+    overrides = ["-m", "model=unet,fpn,upernet,segformer", "exp=3,4", *SMALL, f"outputs={outputs.path}"]
+    with subprocess.Popen([sys.executable, "run.py", *overrides], cwd=ROOT, env=slurm, stdout=subprocess.PIPE) as sweep:
         run, job = _first_in_training(outputs, slurm)
         _control(slurm, "requeue", job)
         _control(slurm, "update", f"JobId={job}", "StartTime=now")  # else Slurm lets it wait for two minutes
@@ -56,10 +59,10 @@ def test_an_array_of_trainings_survives_the_loss_of_a_job(slurm, outputs):
     assert sum(step["step"] == "trained" for step in run.provenance().steps) == 2, "it was to be cut off in training"
     elsewhere = outputs.path.parent / "alone"
     config = run.config()
-    alone = ["task=train", f"model={config.model.name}", f"exp={config.experiment}", "scale=smoke"]
-    places = [f"outputs={elsewhere}", f"recordings={outputs.path / 'recordings'}", "scale.max_epochs=6"]
-    subprocess.run([sys.executable, "run.py", *alone, *places], cwd=ROOT, env=slurm, check=True, timeout=300)
-    same = Outputs(elsewhere).run(config.experiment, config.model.name, "decay", 0).provenance()
+    task = ["task=train", f"model={config.model.name}", f"exp={config.experiment}", "scale=smoke"]
+    directories = [f"outputs={elsewhere}", f"recordings={outputs.path / 'recordings'}", "scale.max_epochs=6"]
+    subprocess.run([sys.executable, "run.py", *task, *directories], cwd=ROOT, env=slurm, check=True, timeout=300)
+    same = Outputs(elsewhere).run(config.key).provenance()
     assert same.fact("weights_sha256") == run.provenance().fact("weights_sha256")
 
 
@@ -80,5 +83,5 @@ def _job_of(run, outputs, slurm) -> str:
     raise AssertionError(f"no job says that it trains {run}")
 
 
-def _control(slurm, *words: str) -> None:
-    subprocess.run(["scontrol", *words], env=slurm, check=True)
+def _control(slurm, *overrides: str) -> None:
+    subprocess.run(["scontrol", *overrides], env=slurm, check=True)

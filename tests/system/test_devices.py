@@ -10,7 +10,7 @@ from repro.system import devices
 from repro.system.devices import compiles, resolve_device, resolve_precision
 
 
-def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
+def test_a_failed_compilation_is_reported_and_skipped(monkeypatch, capsys):
     def fail(self, *_, **__):
         self.forward = None  # the compiler's failure shows at the first call
 
@@ -22,14 +22,14 @@ def test_where_compiling_fails_it_says_so_and_is_left_out(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(("native", "auto"), [(True, "bf16-mixed"), (False, "32-true")])
-def test_precision_follows_the_device_only_when_it_is_auto(native, auto, monkeypatch):
+def test_automatic_precision_follows_the_device(native, auto, monkeypatch):
     monkeypatch.setattr(devices, "has_bfloat16", lambda device: native)
     assert resolve_precision("auto", "cpu") == auto
     assert resolve_precision("bf16-mixed", "cpu") == "bf16-mixed"
     assert resolve_precision("32-true", "cpu") == "32-true"
 
 
-def test_a_device_that_is_not_there_is_refused(monkeypatch):
+def test_a_missing_device_is_refused(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert resolve_device("auto") == resolve_device("cpu") == "cpu"
     with pytest.raises(ValueError, match=r"accelerator=gpu, but no CUDA GPU is visible"):
@@ -52,7 +52,8 @@ print(before, with_block, peak_memory_gb())
 """
 
 
-def test_peak_memory_is_that_since_it_was_forgotten():
+@pytest.mark.slow
+def test_peak_memory_is_measured_since_its_reset():
     """Measure in a new process, because one with free resident memory shows no new peak."""
     done = subprocess.run([sys.executable, "-c", PEAK], capture_output=True, text=True, check=True, timeout=120)
     before, with_block, after = map(float, done.stdout.split())

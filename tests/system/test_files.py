@@ -31,7 +31,7 @@ def test_processes_that_replace_one_file_do_not_collide(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_write_that_fails_leaves_what_was_there(tmp_path):
+def test_a_failed_write_leaves_the_previous_file(tmp_path):
     write_text(tmp_path / "file", "whole")
 
     def write_half():
@@ -74,7 +74,7 @@ def test_a_lock_lets_in_one_process_at_a_time_with_and_without_flock(tmp_path, w
 
 @pytest.mark.parametrize("name", ["a.json", "a.yaml"])
 @pytest.mark.parametrize("content", [None, "", "[1]", "{", "7", "\x00"])
-def test_a_mapping_that_cannot_be_read_names_file_and_mend(tmp_path, name, content):
+def test_an_unreadable_mapping_is_named_with_a_fix(tmp_path, name, content):
     if content is not None:
         (tmp_path / name).write_text(content)
     with pytest.raises(ValueError, match=rf"{name} cannot be read \(.*\): do this"):
@@ -82,14 +82,14 @@ def test_a_mapping_that_cannot_be_read_names_file_and_mend(tmp_path, name, conte
 
 
 @pytest.mark.parametrize("content", [None, "", "a,b\n", "a,c\n1,2\n", "a,b\n1\n"])
-def test_a_table_that_cannot_be_read_names_file_and_mend(tmp_path, content):
+def test_an_unreadable_table_is_named_with_a_fix(tmp_path, content):
     if content is not None:
         (tmp_path / "t.csv").write_text(content)
     with pytest.raises(ValueError, match=r"t\.csv cannot be read \(.*\): do this"):
         read_table(tmp_path / "t.csv", ("a", "b"), "do this")
 
 
-def test_what_is_whole_is_read(tmp_path):
+def test_complete_files_are_read(tmp_path):
     write_json(tmp_path / "a.json", {"b": 1})
     assert read_mapping(tmp_path / "a.json", "") == {"b": 1}
     write_text(tmp_path / "t.csv", "a,b\n1,2\n")

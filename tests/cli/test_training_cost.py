@@ -1,8 +1,8 @@
 import run  # noqa: F401  registers schema and resolvers
-import torch
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
+from repro.cli import cost
 from repro.cli.config import to_typed
 from repro.cli.cost import print_cost
 from repro.cli.jobs import Job, resolve
@@ -11,19 +11,19 @@ from repro.runs.provenance import Status
 
 
 def jobs_of(outputs, seeds) -> list[Job]:
-    """Return trainings of U-Net at paper scale, with images of 64 px to measure quickly."""
-    overrides = ["scale=paper", "scale.size_px=64", f"outputs={outputs}"]
+    """Return trainings of U-Net at paper scale."""
+    overrides = ["scale=paper", f"outputs={outputs}"]
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         configs = [to_typed(plain(compose("config", overrides=[*overrides, f"seed={seed}"]))) for seed in seeds]
     return [resolve(config) for config in configs]
 
 
 def test_without_gpu_the_cost_of_paper_scale_and_an_alternative_are_printed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(cost, "training_seconds", lambda *_: 3600.0)
     print_cost(jobs_of(tmp_path, range(8)))
     warning = capsys.readouterr().err
     assert "no CUDA GPU" in warning
-    assert "these 8 trainings take" in warning
+    assert "these 8 trainings take about 8 h" in warning
     assert "scale=laptop" in warning
 
 

@@ -1,0 +1,173 @@
+"""Files from someone else: nothing that is read may run code."""
+
+import io
+import json
+import os
+import pickle
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from conftest import prepared, spent_budget
+
+from repro.evaluation.evaluate import evaluate, read_quantized, read_ssim
+from repro.learning.training import train
+from repro.networks.predictor import load_predictor
+from repro.recordings.reader import read_manifest, read_shards
+from repro.reporting.claims import read_claims
+from repro.reporting.verification import verify
+from repro.runs.directories import Outputs, Run
+from repro.runs.provenance import Status
+from repro.system.files import sha256
+
+pytestmark = pytest.mark.slow
+
+
+class Planted:
+    """An object that creates a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.path),)
+
+
+@pytest.fixture
+def marker(tmp_path):
+    """A directory that planted code would create."""
+    path = tmp_path / "executed"
+    yield path
+    assert not path.exists(), "planted code was executed"
+
+
+def pickled(marker: Path) -> bytes:
+    return pickle.dumps(Planted(marker))
+
+
+def yaml_with_code(marker: Path) -> str:
+    return f"experiment: !!python/object/apply:os.mkdir ['{marker}']\n"
+
+
+def npz_with_code(path: Path, name: str, marker: Path) -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([Planted(marker)], dtype=object), allow_pickle=True)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{name}.npy", buffer.getvalue())
+
+
+@pytest.fixture(scope="module")
+def evaluated(recorded, tmp_path_factory) -> Path:
+    run = prepared(tmp_path_factory.mktemp("evaluated") / "run", model="fpn", max_epochs=1)
+    train(run, recorded, accelerator="cpu")
+    evaluate(run, recorded, accelerator="cpu")
+    return run.path
+
+
+@pytest.fixture
+def run(evaluated, tmp_path) -> Run:
+    return Run(Path(shutil.copytree(evaluated, tmp_path / "run")))
+
+
+def test_the_marker_works(tmp_path):
+    pickle.loads(pickled(tmp_path / "executed"))
+    assert (tmp_path / "executed").is_dir()
+
+
+@pytest.mark.parametrize("wrapped", [False, True], ids=["a pickle", "a checkpoint"])
+def test_checkpoints(recorded, tmp_path, marker, wrapped):
+    run = prepared(tmp_path / "run", model="fpn", max_epochs=3)
+    assert train(run, recorded, accelerator="cpu", budget=spent_budget()) is Status.paused
+    for path in (run.path / "checkpoints").iterdir():
+        if wrapped:
+            torch.save(torch.load(path, weights_only=True) | {"planted": Planted(marker)}, path)
+        else:
+            path.write_bytes(pickled(marker))
+    assert train(run, recorded, accelerator="cpu") is Status.trained  # from the beginning
+
+
+def test_weights(run, marker):
+    (run.model / "model.safetensors").write_bytes(pickled(marker))
+    (run.model / "pytorch_model.bin").write_bytes(pickled(marker))
+    with pytest.raises(ValueError, match=r"differs from its checksum"):
+        load_predictor(run.model)
+    (run.model / "model.safetensors").unlink()
+    with pytest.raises(ValueError, match=r"lacks model\.safetensors"):
+        load_predictor(run.model)
+
+
+@pytest.mark.parametrize("name", ["config.json", "predictor.json"])
+def test_descriptions_of_predictors(run, marker, name):
+    (run.model / name).write_bytes(pickled(marker))
+    with pytest.raises(ValueError, match=r"restore|must be written by"):
+        load_predictor(run.model)
+
+
+def test_predictions(run, marker):
+    npz_with_code(run.path / "predictions.npz", "free", marker)
+    with pytest.raises(ValueError, match="is not what was evaluated"):
+        read_quantized(run)
+    provenance = json.loads((run.path / "provenance.json").read_text())
+    provenance["steps"][-1]["files"]["predictions.npz"] = sha256(run.path / "predictions.npz")
+    (run.path / "provenance.json").write_text(json.dumps(provenance))
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_quantized(run)
+
+
+def test_rows(run, marker):
+    (run.path / "per_image.csv").write_bytes(pickled(marker))
+    with pytest.raises(ValueError, match="is not what was evaluated"):
+        read_ssim(run)
+
+
+def test_configurations(run, marker):
+    (run.path / "config.yaml").write_text(yaml_with_code(marker))
+    with pytest.raises(ValueError, match="cannot be read"):
+        run.config()
+    with pytest.raises(yaml.YAMLError):
+        yaml.safe_load(yaml_with_code(marker))
+
+
+def test_provenance(run, marker):
+    (run.path / "provenance.json").write_bytes(pickled(marker))
+    with pytest.raises(ValueError, match="cannot be read"):
+        run.provenance()
+
+
+def test_shards(recorded, tmp_path, marker):
+    copy = Path(shutil.copytree(recorded, tmp_path / "recordings"))
+    shard = copy / "test-0000.npz"
+    for name in ("ranges", "fingerprint"):
+        npz_with_code(shard, name, marker)
+        with pytest.raises(ValueError, match="is not what was recorded"):
+            next(read_shards(copy, "test"))
+        manifest = json.loads((copy / "manifest.json").read_text())
+        manifest["shards"][shard.name]["sha256"] = sha256(shard)
+        (copy / "manifest.json").write_text(json.dumps(manifest))
+        with pytest.raises(ValueError, match="cannot be read"):
+            next(read_shards(copy, "test"))
+
+
+def test_manifests(recorded, tmp_path, marker):
+    copy = Path(shutil.copytree(recorded, tmp_path / "recordings"))
+    (copy / "manifest.json").write_bytes(pickled(marker))
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_manifest(copy)
+
+
+@pytest.mark.parametrize("form", [yaml_with_code, lambda marker: pickled(marker).decode("latin1")])
+def test_claims(tmp_path, marker, form):
+    (tmp_path / "claims.yaml").write_text(form(marker))
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_claims(tmp_path / "claims.yaml")
+
+
+def test_published_results(tmp_path, marker):
+    (tmp_path / "laptop").mkdir()
+    (tmp_path / "laptop" / "runs.csv").write_bytes(pickled(marker))
+    with pytest.raises((ValueError, UnicodeDecodeError)):
+        verify(Outputs(tmp_path / "outputs"), tmp_path / "laptop")
