@@ -1,4 +1,5 @@
 import dataclasses
+import functools
 import os
 import resource
 import time
@@ -16,6 +17,7 @@ from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
 from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
+from repro.runs import provenance
 from repro.runs.config import Data, RunConfig
 from repro.runs.directories import Outputs, Run
 from repro.runs.provenance import Status
@@ -27,6 +29,15 @@ ROOT = Path(__file__).parents[1]
 def world_spec(experiment: str) -> dict[str, Any]:
     """Return the world spec of an experiment of the paper."""
     return repro.config.world_spec(repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
+
+
+read_commit = functools.cache(provenance._commit)
+
+
+@pytest.fixture(autouse=True)
+def commit_is_read_once(monkeypatch) -> None:
+    """Run git once per process of the tests, not for every step of every run."""
+    monkeypatch.setattr(provenance, "_commit", read_commit)
 
 
 @pytest.fixture(params=["1", "2", "3", "4"])

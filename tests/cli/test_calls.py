@@ -82,6 +82,7 @@ def test_every_job_of_a_sweep_is_composed():
     assert sorted(jobs) == sorted((model, exp, 0) for model, exp in itertools.product(("unet", "fpn"), "34"))
 
 
+@pytest.mark.slow
 def test_a_sweep_is_refused_if_one_of_its_jobs_is_invalid():
     (error,) = refuse(["-m", "model=glob(*)", "encoding=projection,stack4"])
     assert "encoding=stack10" in error

@@ -17,6 +17,7 @@ SCALE = Scale(
 )
 
 
+@pytest.mark.slow
 def test_plan_lists_recordings_trainings_evaluations_and_the_total():
     trainings = {"unet": 6, "fpn": 0, "upernet": 1, "segformer": 2}
     text = "\n".join(plan_study(SCALE, "32-true", 1000, trainings, 9))

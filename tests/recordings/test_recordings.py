@@ -15,13 +15,21 @@ from conftest import ROOT, world_spec
 from repro.recordings import format
 from repro.recordings.format import SPLITS, read_shard, spec_fingerprint
 from repro.recordings.reader import read_manifest, read_scans, read_shards, recordings_hash
-from repro.simulation.recorder import record_experiment, record_part
+from repro.simulation import recorder
+from repro.simulation.recorder import record_experiment, record_part, write_shard
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.files import lock
 
 PAIRS = {"train": 8, "val": 4, "test": 4}
-NEVER = 10**9  # worlds until plain IR-SIM, which is slow, replays one; the fixture `recorded` and test_simulator do so
+
+
+@pytest.fixture(autouse=True)
+def replayed(monkeypatch) -> list[dict]:
+    """Replace the comparison with plain IR-SIM, which is slow and tested elsewhere; return the compared worlds."""
+    worlds: list[dict] = []
+    monkeypatch.setattr(recorder, "check_replay", lambda world, recording: worlds.append(world))
+    return worlds
 
 
 @pytest.fixture
@@ -47,7 +55,7 @@ def test_recordings_are_those_of_the_simulation(recorded):
 
 def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
-    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1, verify_every=NEVER)
+    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
     world = sample_world(world_spec("3"), SPLITS["train"] + 3)
     for index, item in ((6, world), (7, reverse_direction(world))):
         scans = read_scans(tmp_path, "train", index)
@@ -61,8 +69,7 @@ def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
 def test_recordings_do_not_depend_on_the_number_of_workers(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     manifests = [
-        record_experiment(tmp_path / str(workers), world_spec("4"), PAIRS, workers=workers, verify_every=NEVER)
-        for workers in (1, 2)
+        record_experiment(tmp_path / str(workers), world_spec("4"), PAIRS, workers=workers) for workers in (1, 2)
     ]
     assert len(manifests[0].shards) == 8
     assert manifests[0] == manifests[1]
@@ -82,9 +89,9 @@ def test_splits_have_disjoint_seeds_and_twins_stay_together(recorded):
 
 def test_recording_again_changes_nothing(copy):
     before = {path.name: path.stat().st_mtime_ns for path in copy.glob("*.npz")}
-    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
+    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
     (copy / "manifest.json").unlink()
-    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
+    record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
     assert {path.name: path.stat().st_mtime_ns for path in copy.glob("*.npz")} == before
 
 
@@ -92,7 +99,7 @@ def test_a_missing_shard_is_recorded_again_to_the_same_bytes(copy):
     manifest = read_manifest(copy)
     (copy / "manifest.json").unlink()
     (copy / "val-0000.npz").unlink()
-    assert record_experiment(copy, world_spec("3"), manifest.pairs, workers=1, verify_every=NEVER) == manifest
+    assert record_experiment(copy, world_spec("3"), manifest.pairs, workers=1) == manifest
 
 
 @pytest.mark.parametrize("damage", ["truncated", "altered", "missing"])
@@ -124,10 +131,7 @@ def test_recording_repairs_damaged_shards_and_no_others(copy, damage, manifest, 
     path.unlink() if damage == "missing" else path.write_bytes(damaged[damage])
     if manifest == "not yet there":
         (copy / "manifest.json").unlink()
-    assert (
-        record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
-        == before
-    )
+    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1) == before
     assert path.read_bytes() == content
     assert other.stat().st_mtime_ns == untouched
     assert ("recording again: shard" in capsys.readouterr().out) == (damage != "missing")
@@ -152,7 +156,7 @@ def test_a_damaged_manifest_is_named_with_a_fix(copy, damage):
     with pytest.raises(ValueError, match=r"manifest\.json cannot be read .*task=record"):
         read_manifest(copy)
     path.unlink()
-    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
+    assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
     assert path.read_text() == text
 
 
@@ -161,16 +165,16 @@ def test_another_configuration_is_refused(copy, stage):
     if stage == "unfinished":
         (copy / "manifest.json").unlink()
     with pytest.raises(ValueError, match="another configuration"):
-        record_experiment(copy, world_spec("1"), {"train": 24, "val": 8, "test": 8}, workers=1, verify_every=NEVER)
+        record_experiment(copy, world_spec("1"), {"train": 24, "val": 8, "test": 8}, workers=1)
 
 
 def test_recordings_with_more_training_pairs_can_be_used_for_fewer(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     fewer = PAIRS | {"train": 4}
     for pairs, name in ((PAIRS, "more"), (fewer, "fewer")):
-        record_experiment(tmp_path / name, world_spec("3"), pairs, workers=1, verify_every=NEVER)
+        record_experiment(tmp_path / name, world_spec("3"), pairs, workers=1)
     kept = (tmp_path / "more" / "manifest.json").read_text()
-    assert record_experiment(tmp_path / "more", world_spec("3"), fewer, workers=1, verify_every=NEVER).pairs == PAIRS
+    assert record_experiment(tmp_path / "more", world_spec("3"), fewer, workers=1).pairs == PAIRS
     assert (tmp_path / "more" / "manifest.json").read_text() == kept
     assert recordings_hash(tmp_path / "more", fewer) == recordings_hash(tmp_path / "fewer")
     assert recordings_hash(tmp_path / "more", PAIRS) == recordings_hash(tmp_path / "more")
@@ -187,23 +191,23 @@ def test_recordings_with_more_training_pairs_can_be_used_for_fewer(tmp_path, mon
 )
 def test_recordings_of_other_sizes_are_refused(tmp_path, monkeypatch, asked):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
-    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1, verify_every=NEVER)
+    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* than the requested"):
-        record_experiment(tmp_path, world_spec("3"), asked, workers=1, verify_every=NEVER)
+        record_experiment(tmp_path, world_spec("3"), asked, workers=1)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not cover the requested"):
         recordings_hash(tmp_path, asked)
 
 
 def test_parts_recorded_separately_give_the_same_recordings(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
-    whole = record_experiment(tmp_path / "whole", world_spec("3"), PAIRS, workers=1, verify_every=NEVER)
+    whole = record_experiment(tmp_path / "whole", world_spec("3"), PAIRS, workers=1)
     directory = tmp_path / "parts"
     for part in (2, 0):
-        assert not record_part(directory, world_spec("3"), PAIRS, part, 3, workers=1, verify_every=NEVER)
+        assert not record_part(directory, world_spec("3"), PAIRS, part, 3, workers=1)
         assert not (directory / "manifest.json").exists()
-    assert record_part(directory, world_spec("3"), PAIRS, 1, 3, workers=1, verify_every=NEVER)
+    assert record_part(directory, world_spec("3"), PAIRS, 1, 3, workers=1)
     before = {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")}
-    assert record_experiment(directory, world_spec("3"), PAIRS, workers=1, verify_every=NEVER) == whole
+    assert record_experiment(directory, world_spec("3"), PAIRS, workers=1) == whole
     assert {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")} == before
 
 
@@ -216,7 +220,7 @@ def test_recording_waits_for_a_part_in_progress(tmp_path, capsys):
         waiting = threading.Thread(
             target=record_experiment,
             args=(directory, world_spec("3"), PAIRS),
-            kwargs={"workers": 1, "verify_every": NEVER},
+            kwargs={"workers": 1},
         )
         waiting.start()
         while "waiting" not in capsys.readouterr().out:
@@ -235,7 +239,7 @@ def test_missing_recordings_name_the_command(tmp_path):
 
 def test_odd_counts_are_refused(tmp_path):
     with pytest.raises(ValueError, match="even"):
-        record_experiment(tmp_path, world_spec("1"), {"train": 3}, workers=1, verify_every=NEVER)
+        record_experiment(tmp_path, world_spec("1"), {"train": 3}, workers=1)
 
 
 def test_the_fingerprint_depends_on_every_parameter():
@@ -259,15 +263,15 @@ def test_a_full_disk_leaves_complete_shards_only(tmp_path, monkeypatch):
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     monkeypatch.setattr(np, "savez_compressed", save_until_full)
     with pytest.raises(OSError, match="No space left"):
-        record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1, verify_every=NEVER)
+        record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
     assert {path.name for path in tmp_path.iterdir()} == {"train-0000.npz", "train-0001.npz", ".lock"}
     monkeypatch.setattr(np, "savez_compressed", save)
-    record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1, verify_every=NEVER)
+    record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
     assert sum(len(shard.scans) for shard in read_shards(tmp_path, "train")) == 8
 
 
 def _record(directory, results):
-    results.put(record_experiment(directory, world_spec("1"), PAIRS, workers=1, verify_every=NEVER))
+    results.put(record_experiment(directory, world_spec("1"), PAIRS, workers=1))
 
 
 @pytest.mark.slow
@@ -293,8 +297,7 @@ def test_a_killed_recording_leaves_complete_shards_and_the_next_call_resumes(tmp
         "from pathlib import Path; from conftest import world_spec\n"
         "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
         "format.SHARD_WORLDS = 2\n"
-        f"record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1, "
-        f"verify_every={NEVER})\n"
+        f"record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True)
     deadline = time.monotonic() + 60
@@ -309,6 +312,13 @@ def test_a_killed_recording_leaves_complete_shards_and_the_next_call_resumes(tmp
         read_shard(path, spec_fingerprint(world_spec("2")))
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     (directory / f"half.{'0' * 32}.tmp").write_bytes(b"half of a shard")
-    record_experiment(directory, world_spec("2"), {"train": 400}, workers=2, verify_every=NEVER)
+    record_experiment(directory, world_spec("2"), {"train": 400}, workers=2)
     assert sum(len(shard.scans) for shard in read_shards(directory, "train")) == 400
     assert not list(directory.glob("*.tmp"))
+
+
+def test_every_second_world_is_compared_with_its_replay(tmp_path, replayed):
+    spec = world_spec("3")
+    write_shard(tmp_path, format.Shard("train", 0, first_seed=1, worlds=4), spec, verify_every=2)
+    worlds = [sample_world(spec, seed) for seed in (2, 4)]
+    assert replayed == [item for world in worlds for item in (world, reverse_direction(world))]
