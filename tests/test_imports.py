@@ -1,4 +1,4 @@
-"""The module graph, from the source: which package imports which, and where configuration and simulator are visible."""
+"""The module graph, from the source: import order, cycles, and modules that see the configuration or the simulator."""
 
 import ast
 import subprocess

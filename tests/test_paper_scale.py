@@ -19,7 +19,7 @@ if [[ $* == *"$STOPS"* ]]; then exit "$STATUS"; fi
 
 @pytest.fixture
 def call(tmp_path):
-    """Calls the script in a tree of its own; gives its status, what it said and the calls of run.py."""
+    """Return a function that calls the script in a separate tree; it returns status, output and calls of run.py."""
     (tmp_path / "reproduce").mkdir()
     script = tmp_path / "reproduce" / "paper_scale.sh"
     script.write_text((ROOT / "reproduce" / "paper_scale.sh").read_text())

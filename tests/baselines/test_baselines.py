@@ -19,7 +19,7 @@ ANGLES = torch.linspace(-0.2, 0.2, 41)
 
 
 def one_recording(ranges, poses=None):
-    """A recording (1, T, N) of a robot at (5, 25) that looks along x, or as `poses` say."""
+    """Return a recording (1, T, N) of a robot at (5, 25) that looks along x, or with other poses (T, 3)."""
     ranges = torch.as_tensor(ranges, dtype=torch.float32)[None]
     if poses is None:
         poses = torch.tensor([5.0, 25.0, 0.0]).expand(ranges.shape[1], 3)

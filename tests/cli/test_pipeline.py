@@ -31,7 +31,7 @@ def call(*arguments):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """The sweep of the README at a tiny size."""
+    """Run the sweep of the README at a tiny size."""
     outputs = tmp_path_factory.mktemp("study") / "smoke"
     status, text = call(*COMMAND, *tiny(outputs))
     assert status == 0, text[-4000:]

@@ -23,7 +23,7 @@ from repro.system.files import sha256
 
 
 def begin(path, recorded, **changes):
-    """Prepares and trains a small run to its end."""
+    """Prepare a small run and train it to its end."""
     return train(prepared(path, **changes), recorded, accelerator="cpu")
 
 
@@ -38,7 +38,7 @@ def losses(path):
 
 @pytest.fixture(scope="module")
 def finished(recorded, tmp_path_factory):
-    """A run of 6 epochs that was never interrupted."""
+    """Train a run of 6 epochs without interruption."""
     path = tmp_path_factory.mktemp("finished")
     assert begin(path, recorded, max_epochs=6) is Status.trained
     return path

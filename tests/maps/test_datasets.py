@@ -78,7 +78,7 @@ def test_flip_augmentation_flips_image_and_map_together(recorded):
 
 @pytest.mark.parametrize("experiment", ["3", "4"])
 def test_a_flipped_recording_is_that_of_the_mirrored_world_seen_by_the_twin(experiment):
-    """The world turned top to bottom, seen along the twin's path, gives the mirrored image."""
+    """The image of the mirrored world along the path of the twin is the mirrored image."""
     world = sample_world(world_spec(experiment), 5)
     recording, twin = simulate(world), simulate(reverse_direction(world))
     mirrored = recording.states * [1, -1, -1] + [0, 50, 0]

@@ -11,7 +11,7 @@ from repro.scans import Scans
 
 
 def slow_projection(ranges, angles, poses, size_px, decay, oldest_gray):
-    """The projection as one would explain it: oldest scan first, every hit painted over what is there."""
+    """Compute the projection step by step: oldest scan first, every hit painted over older ones."""
     image = np.full((size_px, size_px), 255, dtype=np.uint8)
     steps = len(ranges)
     for step in range(steps):
@@ -33,7 +33,7 @@ def shard(recorded):
 
 
 def project(scans, grid, **parameters):
-    """The projection (B, H, W) of scans."""
+    """Compute the projection (B, H, W) of scans."""
     return Projection(**parameters).encode(scans, grid)[:, 0]
 
 

@@ -27,7 +27,7 @@ def check(ranges=RANGES, angles=ANGLES, poses=POSES, **options):
         {},
         {"ranges": with_value(RANGES, np.inf)},
         {"ranges": with_value(RANGES, 0.0)},
-        {"poses": [*POSES, 0, 0, 5 * np.pi]},
+        {"poses": POSES + np.array([0, 0, 5 * np.pi])},
         {"ranges": RANGES.astype(np.float32)},
         {"ranges": np.where(np.arange(30) == 7, RANGES, np.inf)},
         {"ranges": np.stack([RANGES, RANGES - 1]), "poses": np.stack([POSES, POSES])},
@@ -48,7 +48,7 @@ def test_scans_of_a_lidar_on_the_map_are_accepted(scans):
         ({"angles": ANGLES * np.nan}, "30 of 30 angles are not finite"),
         ({"poses": with_value(POSES, np.inf)}, "1 of 60 poses are not finite"),
         ({"poses": with_value(POSES, np.nan)}, "1 of 60 poses are not finite"),
-        ({"poses": [*POSES, 0, 0, 270]}, "headings are beyond ten turns: expected radians"),
+        ({"poses": POSES + np.array([0, 0, 270])}, "headings are beyond ten turns: expected radians"),
     ],
 )
 @pytest.mark.parametrize("allow_empty", [False, True])

@@ -13,7 +13,7 @@ from repro.scans import Scans
 
 
 def march(shard, recording, step, grid):
-    """Looks from the robot to every pixel centre past the true obstacles: visible where nothing is on the way."""
+    """Trace a ray from the robot to every pixel center; a pixel is visible if no obstacle is in between."""
     world = recording // 2
     cos = [(math.cos(h), math.sin(h)) for h in shard.states[:, step, 2]]
     outlines = [

@@ -21,7 +21,7 @@ PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
-    """A predictor of an unusual encoding and map, and where it was saved."""
+    """Save a predictor with an unusual encoding and map; return it and its directory."""
     torch.manual_seed(0)
     predictor = Predictor(
         create_network(paper_model("fpn")).eval(), Projection(decay=False, oldest_gray=0.5), Grid(64, 80.0)

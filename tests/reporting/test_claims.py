@@ -101,7 +101,7 @@ def test_a_claim_needs_a_test_or_a_reason(tmp_path):
 
 
 def test_every_claim_of_the_ledger_can_be_computed():
-    """Whatever numbers there are: each test of the ledger finds its names and gives a number."""
+    """Evaluate each test of the ledger with all names defined."""
 
     class Anything(dict):
         def __missing__(self, key):
@@ -122,7 +122,7 @@ def test_every_claim_of_the_ledger_can_be_computed():
 
 
 def test_the_papers_errors_are_found_on_its_own_numbers():
-    """What DEVIATIONS lists under "The paper's slips", from its tables alone."""
+    """Compare with the errors of the paper that DEVIATIONS lists, from its tables only."""
     table = judge(read_claims(LEDGER), paper_rows()).set_index("id")
     slips = table.index[table["paper"] == "fails"].tolist()
     assert slips == [

@@ -39,7 +39,7 @@ def closed():
 
 
 def test_irsim_draws_the_given_world():
-    """The drawing is dark in the middle of every obstacle and nowhere in the emptied zone but at the robot."""
+    """The drawing is dark in the center of every obstacle."""
     world = sample_world(world_spec("1"), 0)
     gray = irsim_drawing(world, step=0, size_px=500)[..., :3].mean(-1)
     assert gray.shape == (500, 500)
@@ -70,7 +70,7 @@ def test_representation_and_overview_are_drawn(example, tmp_path):
 
 
 def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):
-    """Its scans are those that its projection was drawn from."""
+    """The projection of its scans is its image."""
     monkeypatch.setattr(format, "SHARD_WORLDS", 1)
     outputs = Outputs(tmp_path)
     record_experiment(

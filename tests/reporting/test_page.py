@@ -28,7 +28,7 @@ def call(outputs, *words):
 
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory):
-    """A small study with its analysis: U-Net with and without decay and with another input."""
+    """Run a small study with its analysis: U-Net with and without decay and with another input."""
     outputs = tmp_path_factory.mktemp("page") / "smoke"
     call(outputs, "decay=true,false", "-m")
     call(outputs, "encoding=observed_free")
@@ -58,7 +58,7 @@ def test_the_analysis_writes_all_frames_and_figures(outputs):
 
 
 class Outline(HTMLParser):
-    """Collects what a page is made of."""
+    """The ids, links, sources and open tags of a page."""
 
     def __init__(self):
         super().__init__()

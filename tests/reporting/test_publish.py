@@ -100,7 +100,7 @@ def listing(directory):
     ],
 )
 def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
-    """A result in its place is not given up for less, unless that is asked for."""
+    """Results are not replaced by fewer or coarser ones, except with force."""
     results = tmp_path / "results"
     fake_study(tmp_path / "first" / "laptop")
     fake_run(tmp_path / "first" / "laptop", "3", "unet", 0.4, decay=False)
@@ -241,7 +241,7 @@ def test_the_published_readme_lists_the_hardware_of_each_step(tmp_path, monkeypa
 
 
 def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
-    """A fifth experiment has no set-up of the paper's to be named by."""
+    """A fifth experiment has no title in the paper."""
     run = fake_run(tmp_path / "laptop", "office", "unet", 0.4)
     network = create_network(paper_model("unet"))
     Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)

@@ -92,7 +92,8 @@ def test_a_damaged_run_is_named_and_left_out_of_the_tables(copy, name, how, caps
     damage(run_of(copy) / name, how)
     assert "left out" in call(copy, "report")
     message = capsys.readouterr()
-    assert f"left out of the tables: {run_of(copy) / name} cannot be read (" in message.err
+    problem = "is not what was evaluated" if name == "metrics.csv" and how != "missing" else "cannot be read ("
+    assert f"left out of the tables: {run_of(copy) / name} {problem}" in message.err
     assert "| 3 | U-Net |" in table_of(copy)
     assert "| 4 | FPN |" in table_of(copy)
     assert "| 3 | FPN |" not in table_of(copy)
@@ -128,7 +129,7 @@ def test_damaged_predictions_leave_out_one_figure(copy, how, capsys):
     damage(run_of(copy, model="unet") / "predictions.npz", how)
     assert "left out" in call(copy, "report")
     message = capsys.readouterr()
-    assert "predictions.npz cannot be read (" in message.err
+    assert f"predictions.npz {'cannot be read (' if how == 'missing' else 'is not what was evaluated'}" in message.err
     assert "task=evaluate" in message.err
     assert "| 3 | U-Net |" in table_of(copy)
     assert "data_collection.png" in message.out
@@ -220,7 +221,7 @@ def test_exchanged_splits_are_refused(copy):
 
 
 def test_a_wrong_size_is_refused_before_a_baseline_is_evaluated(tmp_path):
-    """A wrong size is named once, before anything is evaluated with it."""
+    """The baselines are not evaluated with the wrong size."""
     outputs = tmp_path / "smoke"
     assert call(outputs, "all", "exp=3", "model=fpn") is None
     message = call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32")

@@ -25,7 +25,7 @@ def test_a_replay_by_plain_irsim_agrees(spec, seed, tmp_path):
 
 
 def test_ranges_agree_with_rays_against_discs():
-    """Distance to a disc in closed form; IR-SIM's discs are 64-gons, within 9 mm and blurred at grazing beams."""
+    """Compare with the distance to a disc; IR-SIM's discs are 64-gons, within 9 mm except at grazing beams."""
     spec = world_spec("3")
     spec["obstacles"] = {**spec["obstacles"], "disc_share": 1.0}
     world = sample_world(spec, 11)

@@ -1,4 +1,4 @@
-"""The sweep as jobs of a Slurm array, on a real Slurm of one node: make test-slurm."""
+"""A sweep as jobs of a Slurm array, on a Slurm of one node: make test-slurm."""
 
 import os
 import shutil
@@ -23,7 +23,7 @@ SMALL = ["scale=smoke", "scale.max_epochs=6", "hydra/launcher=slurm", "hydra.lau
 
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory):
-    """The environment of a running Slurm."""
+    """Start Slurm and return its environment."""
     if shutil.which("slurmctld") is None or os.getuid() != 0:
         pytest.fail("a Slurm of one node needs root and Debian's packages slurm-wlm and munge")
     directory = tmp_path_factory.mktemp("slurm")
@@ -67,7 +67,7 @@ def test_an_array_of_trainings_survives_the_loss_of_a_job(slurm, outputs):
 
 
 def _first_in_training(outputs, slurm):
-    """Waits for a run that has an epoch behind it; returns it with its Slurm job, the only one that trains it."""
+    """Wait for a run with a finished epoch; return it with the Slurm job that trains it."""
     for _ in range(600):
         for run in outputs.runs():
             if (run.path / "history.csv").is_file() and not run.is_trained:

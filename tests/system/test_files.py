@@ -9,24 +9,24 @@ import pytest
 from repro.system.files import lock, read_mapping, read_table, replacing, sha256, write_json, write_text
 
 
-def _write_often(path: Path, word: str, faults) -> None:
+def _write_often(path: Path, word: str, errors) -> None:
     try:
         for _ in range(200):
             write_text(path, word * 1000)
     except OSError as error:
-        faults.put(str(error))
+        errors.put(str(error))
 
 
 def test_processes_that_replace_one_file_do_not_collide(tmp_path):
     context = multiprocessing.get_context("spawn")
-    faults = context.Queue()
-    processes = [context.Process(target=_write_often, args=(tmp_path / "file", word, faults)) for word in "abcd"]
+    errors = context.Queue()
+    processes = [context.Process(target=_write_often, args=(tmp_path / "file", word, errors)) for word in "abcd"]
     for process in processes:
         process.start()
     for process in processes:
         process.join()
         assert process.exitcode == 0
-    assert faults.empty()
+    assert errors.empty()
     assert (tmp_path / "file").read_text() in {word * 1000 for word in "abcd"}
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 

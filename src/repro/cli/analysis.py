@@ -7,8 +7,8 @@ from contextlib import suppress
 import pandas as pd
 
 from repro.baselines.names import BASELINES
+from repro.cli.inputs import CLAIMS, analysis_inputs
 from repro.cli.jobs import Job
-from repro.cli.tasks.analysis import CLAIMS, analysis_inputs
 from repro.evaluation.analysis import gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.evaluation.samples import load_samples

@@ -1,10 +1,8 @@
 """task=analysis: intervals, recency, calibration, baselines, the verdicts on the paper's claims, and the page."""
 
-from repro.cli.jobs import ROOT, Job
-from repro.reporting.uptodate import inputs_hash, is_up_to_date
-from repro.runs.directories import Outputs
-
-CLAIMS = ROOT / "reproduce" / "claims.yaml"
+from repro.cli.inputs import analysis_inputs
+from repro.cli.jobs import Job
+from repro.reporting.uptodate import is_up_to_date
 
 
 def run(job: Job) -> None:
@@ -20,9 +18,3 @@ def run(job: Job) -> None:
     from repro.cli.analysis import analyze  # imports everything, some seconds
 
     analyze(job)
-
-
-def analysis_inputs(outputs: Outputs) -> str:
-    """Return a hash of everything that the analysis depends on."""
-    others = [*outputs.curves.glob("*.csv"), outputs.analysis / "generalization.csv", CLAIMS]
-    return inputs_hash(outputs, [*others, *sorted(outputs.figures.glob("*.png"))])

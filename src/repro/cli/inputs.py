@@ -1,0 +1,13 @@
+"""What the analysis of an outputs directory depends on."""
+
+from repro.cli.jobs import ROOT
+from repro.reporting.uptodate import inputs_hash
+from repro.runs.directories import Outputs
+
+CLAIMS = ROOT / "reproduce" / "claims.yaml"
+
+
+def analysis_inputs(outputs: Outputs) -> str:
+    """Return a hash of everything that the analysis depends on."""
+    others = [*outputs.curves.glob("*.csv"), outputs.analysis / "generalization.csv", CLAIMS]
+    return inputs_hash(outputs, [*others, *sorted(outputs.figures.glob("*.png"))])
