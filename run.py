@@ -22,8 +22,8 @@ from hydra._internal.utils import get_args_parser
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import QuotedString
-from hydra.errors import HydraException
+from hydra.core.override_parser.types import Override, QuotedString
+from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -31,14 +31,16 @@ from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
 from repro.cli.errors import explain
 from repro.cli.jobs import resolve
 from repro.cli.tasks import run_task
-from repro.cli.validation import all_errors, has_gpu, renamed_errors, warnings_of
+from repro.cli.validation import all_errors, has_gpu, one_of, renamed_errors, unknown_key, warnings_of
 from repro.config import NO_DECAY, plain
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.system.resources import parallel_trainings, use_one_thread
 
-CONF = Path(__file__).parent / "conf"
+CONF = Path(__file__).resolve().parent / "conf"
 GROUPS = ("world", "encoding", "model", "scale", "train")
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
+MANY_JOBS = 40  # composing them takes ten seconds
 FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a call, in whatever process, note their failures
 
 
@@ -55,7 +57,10 @@ def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, s
 
 OmegaConf.register_new_resolver("job_directory", job_directory, replace=True)
 OmegaConf.register_new_resolver("default_scale", lambda: "paper" if has_gpu() else "laptop", replace=True)
-OmegaConf.register_new_resolver("first_key", lambda mapping: next(iter(mapping), ""), replace=True)
+OmegaConf.register_new_resolver("default_launcher", lambda: "basic" if has_gpu() else "cores", replace=True)
+OmegaConf.register_new_resolver("home", os.path.expanduser, replace=True)  # Hydra does not expand ~
+OmegaConf.register_new_resolver("parallel_trainings", parallel_trainings, replace=True)
+OmegaConf.register_new_resolver("first_key", lambda mapping: next(iter(mapping or {}), ""), replace=True)
 ConfigStore.instance().store(name="schema", node=schema())
 
 
@@ -86,37 +91,7 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
     Raises:
         Refused: a job cannot be run.
     """
-    if arguments.config_name or arguments.config_path:
-        raise Refused("--config-name and --config-path are not supported: use overrides, or --config-dir for groups")
-    if arguments.experimental_rerun:  # what argparse makes of --exp
-        raise Refused(
-            f"--exp={arguments.experimental_rerun}: overrides have no dashes: exp={arguments.experimental_rerun}"
-        )
-    overrides = list(arguments.overrides)
-    if arguments.config_dir:
-        overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
-    try:
-        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-            parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
-            parsed = parser.parse_overrides(overrides)
-            given = [(override.key_or_group, (override.input_line or "").partition("=")[2]) for override in parsed]
-            wrong = renamed_errors(given) + [
-                f"{override.input_line}: takes one name; to sweep over several, use -m {override.key_or_group}=a,b"
-                for override in parsed
-                if override.key_or_group in GROUPS and not (override.is_sweep_override() or _is_name(override.value()))
-            ]
-            if wrong:
-                raise Refused(*wrong)
-            batches = BasicSweeper.split_arguments(parsed, None) if arguments.multirun else [[overrides]]
-            jobs = [job for batch in batches for job in batch]
-            if not jobs:
-                raise Refused("the sweep has no jobs: a pattern matches nothing")
-            values = [plain(hydra.compose("config", overrides=job)) for job in jobs]
-    except (HydraException, OmegaConfBaseException) as error:
-        if WANTS_TRACEBACKS:
-            raise
-        reasons = [str(error).split("\nConfig search path")[0], str(error.__cause__ or "")]
-        raise Refused(*filter(None, reasons)) from error
+    values = compose_values(arguments)
     errors = dict.fromkeys(str(error) for each in values for error in all_errors(each))
     if errors:
         raise Refused(*errors)
@@ -126,9 +101,85 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
     return configs
 
 
-def _is_name(value: object) -> bool:
-    """Return whether the value of a group override is the name of a file, plain or quoted."""
-    return isinstance(value, str | QuotedString)
+def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Compose the values of every job of a call.
+
+    Raises:
+        Refused: a job cannot be composed.
+    """
+    if arguments.config_name or arguments.config_path:
+        raise Refused("--config-name and --config-path are not supported: use overrides, or --config-dir for groups")
+    if arguments.experimental_rerun:  # what argparse makes of --exp
+        raise Refused(
+            f"--exp={arguments.experimental_rerun}: overrides have no dashes: exp={arguments.experimental_rerun}"
+        )
+    overrides = list(arguments.overrides)
+    if arguments.config_dir and not Path(arguments.config_dir).is_dir():
+        raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
+    if arguments.config_dir:
+        overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
+    try:
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+            parsed = parser.parse_overrides(overrides)
+            wrong = [error for each in parsed for error in override_errors(each, arguments.multirun)]
+            if wrong:
+                raise Refused(*wrong)
+            batches = BasicSweeper.split_arguments(parsed, None) if arguments.multirun else [[overrides]]
+            jobs = [job for batch in batches for job in batch]
+            if not jobs:
+                raise Refused("the sweep has no jobs: a pattern matches nothing")
+            if len(jobs) > MANY_JOBS:
+                print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
+            return [plain(hydra.compose("config", overrides=job)) for job in jobs]
+    except (HydraException, OmegaConfBaseException) as error:
+        if WANTS_TRACEBACKS:
+            raise
+        raise Refused(*composition_errors(error)) from error
+
+
+def override_errors(override: Override, multirun: bool) -> list[str]:
+    """Return what is wrong with an override as far as it shows without composing."""
+    key, written = override.key_or_group, override.input_line or ""
+    renamed = renamed_errors([(key, written.partition("=")[2])])
+    if renamed:
+        return renamed
+    if not key:
+        return [f"{written}: an override is key=value"]
+    if override.is_delete() and "." not in key:
+        return [f"{written}: {key} cannot be left out"]
+    if override.is_sweep_override() and not multirun:
+        return [f"{written}: takes one value; for a sweep, add -m"]
+    if key not in GROUPS or override.is_sweep_override():
+        return []
+    if not isinstance(override.value(), str | QuotedString):
+        return [f"{written}: takes one name; for a sweep over several, use -m {key}=a,b"]
+    if override.is_add():
+        return [f"{written}: {key} is set already; write it without +"]
+    return []
+
+
+def composition_errors(error: Exception) -> list[str]:
+    """Explain why a call cannot be parsed or composed, each reason in one line where it is known."""
+    first, *rest = (line.strip() for line in str(error).split("\nConfig search path")[0].splitlines())
+    if isinstance(error, OverrideParseException):
+        key, equals, value = error.override.partition("=")
+        if not (key and equals):
+            return [f"{error.override}: an override is key=value"]
+        return [f"{error.override}: cannot be read; quote the value for Hydra and for the shell: '{key}=\"{value}\"'"]
+    if first.startswith("Could not override 'hydra."):
+        return [f"{first.split(chr(39))[1]}: is not a known key of Hydra"]
+    if first.startswith("Could not override"):
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            values = plain(hydra.compose("config"))
+        return [str(unknown_key(first.split("'")[1], None, values))]
+    if first.startswith("Error merging override "):
+        return [f"{first.removeprefix('Error merging override ')}: {str(error.__cause__).splitlines()[0]}"]
+    if "Could not find '" in first:
+        group, _, name = first.split("'")[-2].rpartition("/")
+        options = [line for line in rest if line and not line.startswith("Available")]
+        return [f"{group}={name}: {one_of(name, options)}"]
+    return [first]
 
 
 def print_notes(configs: list[Config], arguments: argparse.Namespace) -> None:
@@ -155,6 +206,8 @@ def run_jobs(configs: list[Config], multirun: bool) -> int:
     failures = min(outputs).absolute() / f".failures-{uuid.uuid4().hex}"
     failures.parent.mkdir(parents=True, exist_ok=True)
     os.environ[FAILURES] = str(failures)
+    if multirun and not has_gpu():
+        use_one_thread()
     try:
         main()
         left_out: list[str] = []

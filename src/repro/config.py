@@ -9,18 +9,22 @@ from typing import Annotated, Any
 
 from omegaconf import DictConfig, OmegaConf
 from pydantic import AfterValidator, ConfigDict, Field, ValidationError
+from typing_extensions import TypedDict
 
 NETWORKS = ("unet", "fpn", "upernet", "segformer")  # the paper's four, in its order
 PAPER_ENCODER = "mit_b0"
+LONGEST = 200  # characters of a value in a message
 UNKNOWN_KEY = "is not a known key"
 
 STRICT = ConfigDict(extra="forbid")  # unknown keys are errors
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
+Epochs = Annotated[int, Field(ge=1, le=100_000)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
+Gray = Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)]  # 0 is black, 1 is white
+Frames = Annotated[int, Field(ge=1, le=100)]
 
 
 def choice(*allowed: str) -> AfterValidator:
@@ -78,6 +82,18 @@ class Encoding:
         return self.parameters.get("decay", True)
 
 
+class EncodingParameters(TypedDict, total=False):
+    """Types and ranges of the parameters of the encodings in `maps.encodings`; those of other encodings are theirs."""
+
+    __pydantic_config__ = ConfigDict(extra="allow", strict=True)  # type: ignore[misc]
+
+    decay: bool
+    oldest_gray: Gray
+    half_life: Positive
+    range_max_m: Positive
+    frames: Frames
+
+
 NO_DECAY = "-no-decay"
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
@@ -110,7 +126,7 @@ class Scale:
     pairs: PairCounts
     learning_rate: Positive
     batch_size: Annotated[int, Field(ge=2)]
-    max_epochs: Count
+    max_epochs: Epochs
     flip_augmentation: bool
     ema_decay: Share | None
 
@@ -125,7 +141,7 @@ class Training:
     min_delta: NotNegative
     patience: Annotated[int, Field(ge=0)]
     batch_size: Annotated[int, Field(ge=2)]  # batch normalization needs two
-    max_epochs: Count
+    max_epochs: Epochs
     dice_eps: Positive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
@@ -140,13 +156,17 @@ class ConfigError:
     expected: str
 
     def __str__(self) -> str:
-        return f"{self.key}: {self.expected}" if self.value is None else f"{self.key}={self.value}: {self.expected}"
+        if self.value is None:
+            return f"{self.key}: {self.expected}"
+        value = str(self.value)
+        return f"{self.key}={value if len(value) <= LONGEST else value[:LONGEST] + '...'}: {self.expected}"
 
 
 def config_errors_of(error: ValidationError, prefix: str = "") -> list[ConfigError]:
     """Convert the errors of pydantic, with keys written as on the command line after `prefix`."""
     errors = []
-    known = dict.fromkeys(("extra_forbidden", "unexpected_keyword_argument"), UNKNOWN_KEY) | {"missing": "is missing"}
+    known = dict.fromkeys(("extra_forbidden", "unexpected_keyword_argument"), UNKNOWN_KEY)
+    known |= {"missing": "is missing", "string_pattern_mismatch": "must be letters, digits, _ and - only"}
     for found in error.errors():
         key = prefix + ".".join(str(part) for part in found["loc"])
         message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))

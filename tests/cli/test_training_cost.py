@@ -20,10 +20,11 @@ def jobs_of(outputs, seeds) -> list[Job]:
 
 def test_without_gpu_the_cost_of_paper_scale_and_an_alternative_are_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(cost, "training_seconds", lambda *_: 3600.0)
+    monkeypatch.setattr(cost, "trainings_at_once", lambda _: 2)
     print_cost(jobs_of(tmp_path, range(8)))
     warning = capsys.readouterr().err
     assert "no CUDA GPU" in warning
-    assert "these 8 trainings take about 8 h" in warning
+    assert "these 8 trainings take about 4 h" in warning
     assert "scale=laptop" in warning
 
 

@@ -1,3 +1,4 @@
+import math
 from pathlib import Path
 
 import pytest
@@ -106,10 +107,17 @@ def test_an_encoding_is_created_from_its_name_and_parameters():
 @pytest.mark.parametrize(
     ("name", "parameters", "message"),
     [
-        ("exponential", {"half_life": 0}, "half_life must be positive, got 0"),
-        ("observed_free", {"range_max_m": -1}, "range_max_m must be positive, got -1"),
-        ("stack4", {"frames": 0}, "frames must be at least 1, got 0"),
-        ("ages", {"oldest_gray": 1}, "oldest_gray must be in"),
+        ("exponential", {"half_life": 0}, "half_life=0: must be greater than 0"),
+        ("observed_free", {"range_max_m": -1}, "range_max_m=-1: must be greater than 0"),
+        ("stack4", {"frames": 0}, "frames=0: must be greater than or equal to 1"),
+        ("exponential", {"half_life": math.nan}, "half_life=nan: must be a finite number"),
+        ("observed_free", {"range_max_m": math.inf}, "range_max_m=inf: must be a finite number"),
+        ("stack4", {"frames": "x"}, "frames=x: must be a valid integer"),
+        ("stack4", {"frames": True}, "frames=True: must be a valid integer"),
+        ("stack4", {}, "frames: is missing"),
+        ("projection", {"decay": "foo"}, "decay=foo: must be a valid boolean"),
+        ("projection", {"oldest_gray": math.nan}, "oldest_gray=nan: must be"),
+        ("ages", {"oldest_gray": 1}, "oldest_gray=1: must be less than 1"),
     ],
 )
 def test_invalid_parameters_are_refused(name, parameters, message):

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints
 
 from omegaconf import MISSING
-from pydantic import Field, TypeAdapter
+from pydantic import AfterValidator, Field, TypeAdapter
 
-from repro.config import STRICT, Count, Encoding, Model, NotNegative, Scale, Training, choice
+from repro.config import STRICT, Encoding, Gray, Model, NotNegative, Scale, Training, choice
 
 RUN_TASKS = ("all", "record", "train", "evaluate", "world", "animate", "generalization", "export")
 STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs")  # once for all runs
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
+Directory = Annotated[str, Field(min_length=1), AfterValidator(os.path.expanduser)]
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
 
 
@@ -29,7 +30,7 @@ class Runtime:
     compile: bool
     max_minutes: NotNegative | None
     part: Annotated[int, Field(ge=0)]
-    parts: Count
+    parts: Annotated[int, Field(ge=1, le=10_000)]
 
 
 @dataclass(frozen=True)
@@ -50,10 +51,10 @@ class Config:
     task: Annotated[str, choice(*RUN_TASKS, *STUDY_TASKS)]
     exp: str
     decay: bool
-    oldest_gray: Annotated[float, Field(ge=0, lt=1)]
+    oldest_gray: Gray
     seed: Annotated[int, Field(ge=0, lt=2**32)]
-    outputs: Annotated[str, Field(min_length=1)]
-    recordings: Annotated[str, Field(min_length=1)]
+    outputs: Directory
+    recordings: Directory
     world: dict[str, Any]
     encoding: Encoding
     model: Model

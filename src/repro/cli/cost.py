@@ -3,7 +3,7 @@
 import sys
 
 from repro.cli.jobs import Job
-from repro.learning.cost import readable, training_seconds
+from repro.learning.cost import readable, training_seconds, trainings_at_once
 
 
 def print_cost(jobs: list[Job]) -> None:
@@ -14,7 +14,7 @@ def print_cost(jobs: list[Job]) -> None:
     print("measuring what paper scale costs on this machine", flush=True)
     models = {job.config.model: 0.0 for job in left}
     seconds = {model: training_seconds(model, left[0].scale, left[0].runtime.precision) for model in models}
-    total = sum(seconds[job.config.model] for job in left)
+    total = sum(seconds[job.config.model] for job in left) / min(len(left), trainings_at_once(left[0].scale))
     trainings = "this training takes" if len(left) == 1 else f"these {len(left)} trainings take"
     print(
         f"warning: no CUDA GPU is visible: {trainings} about {readable(total)}. For less, use scale=laptop.",

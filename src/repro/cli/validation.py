@@ -1,19 +1,34 @@
 """Validation of a configuration as a whole, before anything slow is imported and anything is written."""
 
 import difflib
+import os
+import stat
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from repro.cli.config import Config, to_typed
-from repro.config import NETWORKS, PAPER_ENCODER, UNKNOWN_KEY, ConfigError, Model, config_errors_of
+from repro.config import (
+    NETWORKS,
+    PAPER_ENCODER,
+    UNKNOWN_KEY,
+    ConfigError,
+    Encoding,
+    EncodingParameters,
+    Model,
+    config_errors_of,
+)
+from repro.simulation.motions import robot_commands
 from repro.simulation.schema import world_errors
+from repro.system.resources import total_memory_gb, training_memory_gb
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
+SECONDS_PER_READING = 2e-6  # of the recorder on one core
+LONG_RECORDING_MINUTES = 30
 RENAMED_KEYS = {
     "lightest": "oldest_gray",
     "scale.mirror": "scale.flip_augmentation",
@@ -72,7 +87,7 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         keys = {found.key for found in errors}  # conf/train takes some of its values from the scale
         return [e for e in errors if not (e.key.startswith("train.") and e.key.replace("train", "scale") in keys)]
     errors = []
-    experiments = config.world.get("experiments", {})
+    experiments = config.world.get("experiments") or {}
     if config.exp not in experiments:
         errors.append(ConfigError("exp", config.exp, f"must be one of {', '.join(experiments)}"))
     if config.train.batch_size > config.scale.pairs.train:
@@ -80,6 +95,13 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         errors.append(ConfigError("train.batch_size", config.train.batch_size, expected))
     if not config.decay and "decay" not in config.encoding.parameters:
         errors.append(ConfigError("decay", "false", f"the encoding {config.encoding.name} has no decay"))
+    needed, there = _training_memory_gb(config), total_memory_gb()
+    if config.task in ("all", "train") and not has_gpu() and needed > there:
+        expected = (
+            f"at {config.scale.size_px} px and batches of {config.scale.batch_size} a training takes about "
+            f"{needed:.0f} GB of memory, this machine has {there:.0f} GB"
+        )
+        errors.append(ConfigError("scale.pairs.train", config.scale.pairs.train, expected))
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
@@ -100,9 +122,25 @@ def warnings_of(config: Config) -> list[str]:
         found.append(
             f"model.encoder_weights={config.model.encoder_weights} are downloaded from the internet the first time"
         )
+    minutes = _recording_minutes(config)
+    if config.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
+        found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
     if not config.world["experiments"][config.exp]["clear_radius_m"]:
         found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
     return found
+
+
+def _training_memory_gb(config: Config) -> float:
+    scale, channels = config.scale, config.encoding.parameters.get("frames", 2)
+    pairs = scale.pairs.train + scale.pairs.val
+    return training_memory_gb(scale.size_px, scale.batch_size, pairs, channels if isinstance(channels, int) else 2)
+
+
+def _recording_minutes(config: Config) -> float:
+    """Estimate the time to record an experiment from nothing on one core [min]."""
+    motion, pairs = config.world["experiments"][config.exp]["motion"], config.scale.pairs
+    readings = len(robot_commands({**motion, "direction": 1}, 1.0)) * config.world["robot"]["sensors"][0]["number"]
+    return (pairs.train + pairs.val + pairs.test) * readings * SECONDS_PER_READING / 60
 
 
 def has_gpu() -> bool:
@@ -114,25 +152,55 @@ def has_gpu() -> bool:
     return torch.cuda.is_available()
 
 
-def _with_suggestion(error: ConfigError, values: dict[str, Any]) -> ConfigError:
-    """Add the nearest known key, or all of them, to the error of an unknown one."""
-    if error.expected != UNKNOWN_KEY:
-        return error
-    *parents, name = error.key.split(".")
+def unknown_key(key: str, value: Any, values: dict[str, Any]) -> ConfigError:
+    """Return the error of a key that does not exist, with the nearest key beside it, or one of the same name.
+
+    Args:
+        key: the unknown key, as written on the command line.
+        value: its value, if it has one.
+        values: the whole configuration as plain values.
+    """
+    *parents, name = key.split(".")
     siblings: Any = values
-    for parent in parents:
-        siblings = siblings[int(parent)] if isinstance(siblings, list) else siblings[parent]
-    known = [key for key in siblings if key != name]
-    close = difflib.get_close_matches(name, known, 1)
-    hint = f"did you mean {'.'.join([*parents, close[0]])}?" if close else f"known are {', '.join(known)}"
-    return ConfigError(error.key, error.value, f"{UNKNOWN_KEY}; {hint}")
+    for number, parent in enumerate(parents):
+        found = siblings.get(parent) if isinstance(siblings, dict) else dict(enumerate(siblings)).get(int(parent))
+        if not isinstance(found, dict | list):
+            return unknown_key(".".join(parents[: number + 1]), None, values)
+        siblings = found
+    known = [each for each in siblings if each != name] if isinstance(siblings, dict) else []
+    near = [".".join([*parents, each]) for each in difflib.get_close_matches(name, known, 1)]
+    near = near or [each for each in _keys(values) if each.split(".")[-1] == name and each != key]
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
+    return ConfigError(key, value, f"{UNKNOWN_KEY}; {hint}")
+
+
+def one_of(name: str, options: list[str]) -> str:
+    """Say that a name must be one of several, and which one is near."""
+    close = difflib.get_close_matches(name, options, 1)
+    return f"must be one of {', '.join(options)}" + (f"; did you mean {close[0]}?" if close else "")
+
+
+def _with_suggestion(error: ConfigError, values: dict[str, Any]) -> ConfigError:
+    """Add the nearest known key to the error of an unknown one."""
+    return unknown_key(error.key, error.value, values) if error.expected == UNKNOWN_KEY else error
+
+
+def _keys(values: dict[str, Any], prefix: str = "") -> list[str]:
+    """Return all keys of a nested mapping, with dots."""
+    return [
+        name
+        for key, value in values.items()
+        for name in [f"{prefix}{key}", *(_keys(value, f"{prefix}{key}.") if isinstance(value, dict) else [])]
+    ]
 
 
 def _library_errors(config: Config) -> list[ConfigError]:
     errors = _model_errors(config.model)
     for key, directory in {"outputs": config.outputs, "recordings": config.recordings}.items():
-        if Path(directory).exists() and not Path(directory).is_dir():
-            errors.append(ConfigError(key, directory, "is a file, a directory is needed"))
+        errors += _directory_errors(key, Path(directory).absolute())
+    errors += _parameter_errors(config.encoding)
+    if errors:
+        return errors
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:
         from repro.maps.encodings import ENCODINGS, create_encoding
 
@@ -144,6 +212,29 @@ def _library_errors(config: Config) -> list[ConfigError]:
     if config.runtime.accelerator == "gpu" and not has_gpu():
         errors.append(ConfigError("runtime.accelerator", "gpu", "no CUDA GPU is visible; use auto or cpu"))
     return errors
+
+
+def _directory_errors(key: str, directory: Path) -> list[ConfigError]:
+    """Return why a directory can neither exist nor be created; whether it can be written shows when it is."""
+    try:
+        if os.path.lexists(directory) and not stat.S_ISDIR(os.stat(directory).st_mode):
+            return [ConfigError(key, directory, "is a file, a directory is needed")]
+        os.stat(directory)
+    except FileNotFoundError:
+        pass
+    except OSError as error:  # a loop of links, a name that is too long, a file on the way
+        return [ConfigError(key, directory, str(error.strerror))]
+    if directory.is_relative_to("/proc") or directory.is_relative_to("/sys"):
+        return [ConfigError(key, directory, "holds no files of users")]
+    return []
+
+
+def _parameter_errors(encoding: Encoding) -> list[ConfigError]:
+    try:
+        TypeAdapter(EncodingParameters).validate_python(encoding.parameters)
+    except ValidationError as error:
+        return config_errors_of(error, "encoding.parameters.")
+    return []
 
 
 def _model_errors(model: Model) -> list[ConfigError]:

@@ -21,6 +21,7 @@ class History(Callback):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.label = "/".join(path.parent.parts[-4:])  # several trainings of a sweep print to the same terminal
         self.since = time.monotonic()
         self.rows: list[dict[str, float]] = []
 
@@ -36,7 +37,7 @@ class History(Callback):
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
         write_text(self.path, pd.DataFrame(self.rows).to_csv(index=False))
         print(
-            f"epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
+            f"{self.label}  epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
             f"val {values['val_loss']:.4f}  {seconds:.1f} s",
             flush=True,
         )

@@ -9,6 +9,7 @@ from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.networks.create import create_network
 from repro.system.devices import clock, resolve_device, resolve_precision
+from repro.system.resources import parallel_trainings
 
 USUAL_EPOCHS = 20  # early stopping usually ends a training by then
 RECORDING_SECONDS = 0.012  # per recording with two workers, start-up included
@@ -46,15 +47,17 @@ def plan_study(
         trainings: number of remaining trainings of each of the paper's networks.
         evaluations: number of remaining runs to evaluate.
     """
-    total = recordings * RECORDING_SECONDS
+    total, at_once = recordings * RECORDING_SECONDS, trainings_at_once(scale)
     yield f"  {recordings} recordings: {readable(total)}" if recordings else "  recordings: done"
     for name, count in trainings.items():
         if count:
             seconds = count * training_seconds(paper_model(name), scale, precision)
-            total += seconds
+            total += seconds / at_once
             yield f"  {count} x {name}: {readable(seconds)}"
         else:
             yield f"  {name}: done"
+    if at_once > 1 and any(trainings.values()):
+        yield f"  {at_once} trainings run at the same time, one per core"
     if evaluations:
         per_run = EVALUATION_SECONDS[min(EVALUATION_SECONDS, key=lambda px: abs(px - scale.size_px))]
         seconds = evaluations * (per_run * scale.pairs.test / 500 + ANALYSIS_SECONDS)
@@ -66,12 +69,25 @@ def plan_study(
 
 
 def training_seconds(model: Model, scale: Scale, precision: str) -> float:
-    """Estimate the duration of a training on this machine from a few steps [s]."""
+    """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread."""
     device = resolve_device()
     quick = device == "cuda" or scale.size_px <= 64  # a smaller batch suffices on a CPU at high resolution
     batch_size, steps = (scale.batch_size, 8) if quick else (4, 2)
     precision = resolve_precision(precision, device)
-    return seconds_per_image(model, scale.size_px, batch_size, precision, steps) * scale.pairs.train * _epochs(scale)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1 if device == "cpu" else threads)
+    try:
+        seconds = seconds_per_image(model, scale.size_px, batch_size, precision, steps)
+    finally:
+        torch.set_num_threads(threads)
+    return seconds * scale.pairs.train * _epochs(scale)
+
+
+def trainings_at_once(scale: Scale) -> int:
+    """Return how many trainings a sweep runs at the same time with the default launcher."""
+    if resolve_device() == "cuda":
+        return 1
+    return parallel_trainings(scale.size_px, scale.batch_size, scale.pairs.train)
 
 
 def readable(seconds: float) -> str:

@@ -8,6 +8,7 @@ Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and 
 """
 
 import logging
+import multiprocessing
 import shutil
 import sys
 import warnings
@@ -209,7 +210,7 @@ def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Cal
         logger=False,
         reload_dataloaders_every_n_epochs=1,
         num_sanity_val_steps=0,
-        enable_progress_bar=sys.stderr.isatty(),
+        enable_progress_bar=sys.stderr.isatty() and multiprocessing.parent_process() is None,  # no bars of workers
         enable_model_summary=False,
     )
 

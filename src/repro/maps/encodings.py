@@ -7,14 +7,16 @@ file in conf/encoding.
 """
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import torch
+from pydantic import ValidationError
+from pydantic.dataclasses import dataclass
 from torch import Tensor
 
+from repro.config import Frames, Positive, config_errors_of
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection, newest_hits
+from repro.maps.projection import CHECKED, Projection, newest_hits
 from repro.maps.visibility import newest_visible
 from repro.scans import Scans
 
@@ -37,7 +39,7 @@ class Encoding(Protocol):
         """Convert images to the input of a network, float32 in [0, 1], of the same shape."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class Negative(Projection):
     """The projection with inverted intensities as the input: hits are bright and the background is zero."""
 
@@ -47,7 +49,7 @@ class Negative(Projection):
         return 1 - images.float() / 255
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class Exponential(Projection):
     """The projection with an exponential decay: a hit of age `half_life` is halfway from black to `oldest_gray`.
 
@@ -55,23 +57,18 @@ class Exponential(Projection):
         half_life: age at which half of the decay is reached [steps].
 
     Raises:
-        ValueError: `half_life` is not positive, or `oldest_gray` is not in [0, 1).
+        ValueError: a parameter has another type, `half_life` is not positive, or `oldest_gray` is not in [0, 1).
     """
 
     name: ClassVar[str] = "exponential"
 
-    half_life: float = 15.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.half_life <= 0:
-            raise ValueError(f"half_life must be positive, got {self.half_life}")
+    half_life: Positive = 15.0
 
     def _law(self, steps: int) -> Tensor:
         return self.oldest_gray * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class Ages(Negative):
     """The position of the hits and their age as separate images.
 
@@ -87,7 +84,7 @@ class Ages(Negative):
         return torch.cat([torch.where(faded < 255, 0, 255).to(torch.uint8), faded], dim=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class ObservedFree(Negative):
     """The projection, and a second image of when each pixel was last observed to be free.
 
@@ -99,25 +96,20 @@ class ObservedFree(Negative):
         range_max_m: maximum range of the lidar [m].
 
     Raises:
-        ValueError: `range_max_m` is not positive, or `oldest_gray` is not in [0, 1).
+        ValueError: a parameter has another type, `range_max_m` is not positive, or `oldest_gray` is not in [0, 1).
     """
 
     name: ClassVar[str] = "observed_free"
     channels: ClassVar[int] = 2
 
-    range_max_m: float = 30.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.range_max_m <= 0:
-            raise ValueError(f"range_max_m must be positive, got {self.range_max_m}")
+    range_max_m: Positive = 30.0
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         passed = newest_visible(scans, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
         return torch.cat([super().encode(scans, grid), self._shade(passed.int(), scans.ranges.shape[1])], dim=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class Stack:
     """A series of images: the hits of each part of the window in a separate image, oldest part first, all black.
 
@@ -127,14 +119,10 @@ class Stack:
         frames: number of images and of parts of the window.
 
     Raises:
-        ValueError: `frames` is below 1.
+        ValueError: `frames` is not an integer from 1 to 100.
     """
 
-    frames: int
-
-    def __post_init__(self) -> None:
-        if self.frames < 1:
-            raise ValueError(f"frames must be at least 1, got {self.frames}")
+    frames: Frames
 
     @property
     def name(self) -> str:
@@ -176,7 +164,10 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
     unknown = sorted(set(parameters) - set(known))
     if unknown:
         raise ValueError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
-    encoding = ENCODINGS[name](**parameters)
+    try:
+        encoding = ENCODINGS[name](**parameters)
+    except ValidationError as error:
+        raise ValueError("; ".join(str(each) for each in config_errors_of(error))) from error
     if encoding.name != name:
         raise ValueError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
     return encoding

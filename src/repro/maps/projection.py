@@ -1,16 +1,20 @@
 """The paper's encoding: the cumulative dynamic sensor projection."""
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import torch
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
 from torch import Tensor
 
+from repro.config import Gray
 from repro.maps.grid import Grid
 from repro.scans import Scans
 
+CHECKED = ConfigDict(extra="forbid", strict=True)  # parameters have their types and ranges; the error is a ValueError
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, config=CHECKED)
 class Projection:
     """The cumulative dynamic sensor projection: one gray-scale image, 0 black to 255 white.
 
@@ -26,18 +30,14 @@ class Projection:
         oldest_gray: gray of the oldest hit, in [0, 1), where 1 is white.
 
     Raises:
-        ValueError: `oldest_gray` is not in [0, 1).
+        ValueError: a parameter has another type, or `oldest_gray` is not in [0, 1).
     """
 
     name: ClassVar[str] = "projection"
     channels: ClassVar[int] = 1
 
     decay: bool = True
-    oldest_gray: float = 0.8
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.oldest_gray < 1:
-            raise ValueError(f"oldest_gray must be in [0, 1), got {self.oldest_gray}")
+    oldest_gray: Gray = 0.8
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draw the projection of each window.

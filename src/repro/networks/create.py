@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import segmentation_models_pytorch as smp
+import timm
 from segmentation_models_pytorch.encoders import encoders
 
 from repro.config import ConfigError, Model
@@ -90,6 +91,8 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         return [
             ConfigError("model.encoder_name", None, f"architecture {architecture} needs an encoder, such as mit_b0")
         ]
+    if name.startswith("tu-") and not timm.is_model(name.removeprefix("tu-")):
+        return [ConfigError("model.encoder_name", name, "must be tu- and a model of timm, such as tu-resnet18")]
     if name not in encoders and not name.startswith("tu-"):
         close = ", ".join(sorted(known for known in encoders if known[:3] == name[:3])[:8]) or "mit_b0"
         return [ConfigError("model.encoder_name", name, f"must be an encoder of smp, such as {close}")]

@@ -47,7 +47,9 @@ class Study:
         )
         left = self.seconds_left()
         return title + (
-            f"; about {left / 60:.0f} min of training left, estimated from finished trainings" if left else ""
+            f"; about {left / 60:.0f} min of training left one after the other, estimated from finished trainings"
+            if left
+            else ""
         )
 
     def seconds_left(self) -> float | None:

@@ -4,7 +4,9 @@ Recording again repairs what is missing, truncated or altered, to the same bytes
 """
 
 import dataclasses
-from contextlib import ExitStack
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -46,9 +48,7 @@ def record_experiment(
     """
     fingerprint = spec_fingerprint(spec)
     directory.mkdir(parents=True, exist_ok=True)
-    with ExitStack() as exclusive:  # a second process waits here and then finds the shards complete
-        for name in (".lock", *sorted(path.name for path in directory.glob(".lock-*-of-*"))):
-            exclusive.enter_context(lock(directory, name))  # wait for processes that record a part
+    with _exclusive(directory):  # a second process waits here and then finds the shards complete
         existing = read_manifest(directory) if (directory / "manifest.json").is_file() else None
         if existing and (existing.fingerprint != fingerprint or not holds(existing.pairs, pairs)):
             raise ValueError(
@@ -57,7 +57,6 @@ def record_experiment(
             )
         pairs = existing.pairs if existing else pairs
         shards = list(shards_of(pairs))
-        clear_leftovers(directory)
         checksums = {name: entry.sha256 for name, entry in existing.shards.items()} if existing else {}
         missing = [s for s in shards if not _is_whole(directory / s.name, fingerprint, checksums.get(s.name))]
         if existing and not missing:
@@ -73,6 +72,19 @@ def record_experiment(
         )
         write_json(directory / "manifest.json", dataclasses.asdict(manifest))
     return manifest
+
+
+@contextmanager
+def _exclusive(directory: Path) -> Iterator[None]:
+    """Lock the recordings and those who record a part of them, unless they can only be read, as on a shared disk."""
+    if not os.access(directory, os.W_OK):
+        yield
+        return
+    with ExitStack() as locks:
+        for name in (".lock", *sorted(path.name for path in directory.glob(".lock-*-of-*"))):
+            locks.enter_context(lock(directory, name))
+        clear_leftovers(directory)
+        yield
 
 
 def record_part(

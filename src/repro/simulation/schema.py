@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from repro.config import ConfigError, Count, NotNegative, Positive, config_errors_of
+from repro.config import ConfigError, config_errors_of
 from repro.simulation.motions import robot_commands
 from repro.simulation.worlds import check_spec, sample_world
 
@@ -23,10 +23,21 @@ def _ordered(pair: tuple) -> tuple:
     return pair
 
 
-PositiveRange = Annotated[tuple[Positive, Positive], AfterValidator(_ordered)]
-Size = Annotated[float, Field(ge=0.001, allow_inf_nan=False)]  # [m]; IR-SIM cannot create an outline below a millimeter
-SizeRange = Annotated[tuple[Size, Size], AfterValidator(_ordered)]
-CountRange = Annotated[tuple[Count, Count], AfterValidator(_ordered)]
+MAX_READINGS = 2_000_000  # of a recording; a shard of a hundred recordings is held in memory, 4 bytes each
+
+# Ranges in which IR-SIM, the recorder and float32 compute what the value says
+Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
+LengthRange = Annotated[tuple[Length, Length], AfterValidator(_ordered)]
+Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
+Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
+SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ordered)]
+Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
+Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
+RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(_ordered)]
+Steps = Annotated[int, Field(ge=1, le=1_000_000)]
+StepsRange = Annotated[tuple[Steps, Steps], AfterValidator(_ordered)]
+Number = Annotated[int, Field(ge=1, le=10_000)]
+NumberRange = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
@@ -37,9 +48,9 @@ class _Part(BaseModel):
 class World(_Part):
     """The map; obstacles may pass through one another, as they do in the recorder."""
 
-    width: Positive
-    height: Positive
-    step_time: Positive
+    width: Length
+    height: Length
+    step_time: Duration
     collision_mode: Literal["unobstructed"]
 
 
@@ -48,9 +59,9 @@ class Lidar(_Part):
 
     type: Literal["lidar2d"]
     range_min: Literal[0] = 0
-    range_max: Positive
-    angle_range: Annotated[float, Field(gt=0, le=2 * math.pi)]
-    number: Annotated[int, Field(ge=2)]
+    range_max: Length
+    angle_range: Annotated[float, Field(ge=0.001, le=2 * math.pi, allow_inf_nan=False)]
+    number: Annotated[int, Field(ge=2, le=100_000)]
 
 
 class Kinematics(_Part):
@@ -59,7 +70,7 @@ class Kinematics(_Part):
 
 class Disc(_Part):
     name: Literal["circle"]
-    radius: Size
+    radius: Length
 
 
 class Robot(_Part):
@@ -67,21 +78,21 @@ class Robot(_Part):
 
     kinematics: Kinematics
     shape: Disc
-    vel_min: tuple[float, float]
-    vel_max: tuple[Positive, Positive]
+    vel_min: tuple[Limit, Limit]
+    vel_max: tuple[Speed, Speed]
     sensors: Annotated[list[Lidar], Field(min_length=1, max_length=1)]
 
 
 class Rotation(_Part):
     name: Literal["rotate"]
-    steps: Annotated[int, Field(ge=2)]
+    steps: Annotated[int, Field(ge=2, le=1_000_000)]
 
 
 class Square(_Part):
     name: Literal["square"]
-    side_m: Positive
-    drive_steps: Count
-    turn_steps: Count
+    side_m: Length
+    drive_steps: Annotated[int, Field(ge=1, le=100_000)]
+    turn_steps: Annotated[int, Field(ge=1, le=100_000)]
     first_steps: Annotated[int, Field(ge=0)]
 
 
@@ -90,14 +101,14 @@ Motion = Annotated[Rotation | Square, Field(discriminator="name")]
 
 class Drifting(_Part):
     name: Literal["drift"]
-    speed_m_s: PositiveRange
-    turn_steps: CountRange
+    speed_m_s: SpeedRange
+    turn_steps: StepsRange
 
 
 class Population(_Part):
-    count: CountRange
-    radius_m: SizeRange
-    aspect: PositiveRange
+    count: NumberRange
+    radius_m: LengthRange
+    aspect: RatioRange
     disc_share: Annotated[float, Field(ge=0, le=1)]
     behavior: Drifting | None = None
 
@@ -105,7 +116,7 @@ class Population(_Part):
 class Experiment(_Part):
     motion: Motion
     obstacles: Population
-    clear_radius_m: NotNegative
+    clear_radius_m: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)]
 
 
 class Worlds(_Part):
@@ -161,8 +172,11 @@ def _once(errors: list[ConfigError]) -> list[ConfigError]:
 def _error_of_spec(spec: dict[str, Any]) -> str | None:
     """Return an error in the combination of the values of an experiment; None without one."""
     step_time, behavior = spec["world"]["step_time"], spec["obstacles"].get("behavior")
+    beams = spec["robot"]["sensors"][0]["number"]
     try:
         commands = robot_commands({**spec["motion"], "direction": 1}, step_time)
+        if len(commands) * beams > MAX_READINGS:
+            return f"{len(commands)} steps of {beams} beams are more than {MAX_READINGS} readings: use fewer"
         check_spec(spec)
         if behavior and behavior["speed_m_s"][1] * step_time * len(commands) > spec["world"]["width"]:
             speed = behavior["speed_m_s"][1]

@@ -37,6 +37,7 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
         ValueError: the obstacles do not fit, or the robot would leave its zone.
     """
     check_spec(spec)
+    _check_room(spec)
     rng = np.random.default_rng([experiment_number(spec["experiment"]), seed])
     world = copy.deepcopy(spec["world"])
     population = spec["obstacles"]
@@ -45,10 +46,7 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
         if shapes is not None:
             break
     else:
-        raise ValueError(
-            f"no room for {population['count']} obstacles of radius {population['radius_m']} m outside "
-            f"{spec['clear_radius_m']} m of the center: use fewer or smaller obstacles, or a smaller clear_radius_m"
-        )
+        raise ValueError(_no_room(spec))
     obstacles = [_obstacle(rng, spec, x, y, shape) for x, y, shape in shapes]
     robot = {**copy.deepcopy(spec["robot"]), "behavior": {**spec["motion"], "direction": 1}}
     robot["state"] = _start(spec["motion"], world, direction=1)
@@ -82,6 +80,29 @@ def check_spec(spec: dict[str, Any]) -> None:
             f"the robot reaches {reach_m:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
             "make the zone larger or the motion smaller"
         )
+
+
+def _check_room(spec: dict[str, Any]) -> None:
+    """Check that the largest obstacles fit on the map, and that all of the smallest fit by their area.
+
+    Raises:
+        ValueError: they do not.
+    """
+    population, width, clear_m = spec["obstacles"], spec["world"]["width"], spec["clear_radius_m"]
+    stretch = max(math.sqrt(math.pi * (ratio + 1 / ratio)) / 2 for ratio in population["aspect"])  # of a rectangle
+    largest = population["radius_m"][1] * (stretch if population["disc_share"] < 1 else 1)
+    area = population["count"][0] * math.pi * population["radius_m"][0] ** 2
+    if 2 * largest > width or area > width**2 - math.pi * min(clear_m, width / 2) ** 2:
+        raise ValueError(_no_room(spec))
+
+
+def _no_room(spec: dict[str, Any]) -> str:
+    population = spec["obstacles"]
+    return (
+        f"no room for {population['count']} obstacles of radius {population['radius_m']} m and aspect "
+        f"{population['aspect']} outside {spec['clear_radius_m']} m of the center: use fewer or smaller obstacles, or "
+        "a smaller clear_radius_m"
+    )
 
 
 def reverse_direction(world: World) -> World:

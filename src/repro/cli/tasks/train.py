@@ -6,6 +6,8 @@ from repro.evaluation.evaluate import validate
 from repro.learning.training import train
 from repro.reporting.study import Study
 from repro.runs.provenance import Status
+from repro.system.devices import resolve_device
+from repro.system.resources import use_idle_cores
 
 
 def run(job: Job) -> None:
@@ -15,6 +17,8 @@ def run(job: Job) -> None:
     if not job.run.is_trained:
         progress = Study(job.outputs, job.experiments, job.seed).progress(job.key)
         print(f"{progress}, {job.run}" if progress else f"training {job.run}", flush=True)
+    if resolve_device(job.runtime.accelerator) == "cpu":
+        use_idle_cores()
     runtime = job.runtime
     status = train(
         job.run,
