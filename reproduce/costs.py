@@ -152,7 +152,7 @@ def main() -> None:
     minutes = table["model"].map(runs.groupby("model")["training_seconds"].mean() / 60)
     table["training_min"] = minutes.where(table["size_px"] == trained_px)
     table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g")
-    (options.results / "costs.txt").write_text(note(runs) + "\n")
+    (options.results / "costs.txt").write_text(note(runs) + "\n", encoding="utf-8")
     print(costs_to_markdown(Table(table, note(runs))))
 
 

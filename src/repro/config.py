@@ -20,6 +20,7 @@ STRICT = ConfigDict(extra="forbid")  # unknown keys are errors
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Epochs = Annotated[int, Field(ge=1, le=100_000)]
+SmallPositive = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
@@ -124,7 +125,7 @@ class Scale:
     takes: str
     size_px: Annotated[int, Field(ge=32, le=4096, multiple_of=32)]  # the encoder halves its images five times
     pairs: PairCounts
-    learning_rate: Positive
+    learning_rate: SmallPositive
     batch_size: Annotated[int, Field(ge=2)]
     max_epochs: Epochs
     flip_augmentation: bool
@@ -137,12 +138,12 @@ class Training:
 
     __pydantic_config__ = STRICT
 
-    learning_rate: Positive
-    min_delta: NotNegative
+    learning_rate: SmallPositive
+    min_delta: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
     patience: Annotated[int, Field(ge=0)]
     batch_size: Annotated[int, Field(ge=2)]  # batch normalization needs two
     max_epochs: Epochs
-    dice_eps: Positive
+    dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
 

@@ -5,12 +5,13 @@ import subprocess
 import sys
 
 import pytest
-import run as entry  # registers schema and resolvers
 from conftest import ROOT
 from hydra._internal.utils import get_args_parser
 
+from repro.cli import composition
 from repro.cli.validation import RENAMED_KEYS, RENAMED_VALUES, renamed_errors
 
+composition.register()
 RENAMED = {
     "lightest=0.5": "oldest_gray",
     "scale.mirror=true": "scale.flip_augmentation",
@@ -38,8 +39,8 @@ COMMANDS = {  # arguments, and what the message must contain
 
 def refuse(overrides: list[str]) -> list[str]:
     """Return the errors for which a call is refused."""
-    with pytest.raises(entry.Refused) as refused:
-        entry.compose_jobs(get_args_parser().parse_args(overrides))
+    with pytest.raises(composition.Refused) as refused:
+        composition.compose_jobs(get_args_parser().parse_args(overrides))
     return [str(reason) for reason in refused.value.args]
 
 
@@ -77,7 +78,7 @@ def test_an_invalid_call_exits_with_status_2_and_writes_nothing(call, expected, 
 
 def test_every_job_of_a_sweep_is_composed():
     arguments = get_args_parser().parse_args(["-m", "model=unet,fpn", "exp=3,4", "seed=0"])
-    jobs = [(job.model.name, job.exp, job.seed) for job in entry.compose_jobs(arguments)]
+    jobs = [(job.model.name, job.exp, job.seed) for job in composition.compose_jobs(arguments)]
     assert sorted(jobs) == sorted((model, exp, 0) for model, exp in itertools.product(("unet", "fpn"), "34"))
 
 

@@ -3,13 +3,15 @@ import sys
 from pathlib import Path
 
 import pytest
-import run  # noqa: F401  registers schema and resolvers
 from conftest import ROOT, cpu_seconds
 from hydra import compose, initialize_config_dir
 
+from repro.cli import composition
 from repro.cli.config import Config, to_typed
 from repro.cli.jobs import resolve
 from repro.config import NETWORKS, PAPER_ENCODER, paper_model, plain, world_spec
+
+composition.register()
 
 
 def composed(*overrides):
@@ -89,7 +91,7 @@ def test_runtime_settings_do_not_change_the_run():
         ("scale=huge", ["huge", "laptop", "paper", "smoke"]),
         ("task=fly", ["fly", "record", "train", "evaluate", "report", "all"]),
         ("decay=maybe", ["maybe", "bool"]),
-        ("train.lr=3", ["lr", "Train"]),
+        ("train.lr=3", ["train.lr: is not a known key", "learning_rate"]),
         ("train.patience=often", ["often", "train.patience"]),
     ],
 )

@@ -1,3 +1,4 @@
+import json
 import shutil
 import subprocess
 import sys
@@ -109,13 +110,17 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     assert "| 4 | U-Net |" in text
 
 
-def test_a_launcher_with_processes_gives_the_same_results(study, tmp_path):
+def test_trainings_at_the_same_time_and_one_after_the_other_give_the_same_results(study, tmp_path):
     outputs, _ = study
     copy = tmp_path / "smoke"
-    arguments = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=cores", *tiny(copy)]
+    arguments = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=basic", *tiny(copy)]
     status, text = call(*arguments)
     assert status == 0, text[-4000:]
     for experiment in ("exp3", "exp4"):
+        same = Path("runs") / experiment / "fpn/projection-no-decay/seed0/metrics.csv"
+        assert (copy / same).read_text() == (outputs / same).read_text()
+        facts = json.loads((outputs / same.with_name("provenance.json")).read_text())
+        assert {step["hardware"]["threads"] for step in facts["steps"]} == {1}
         same = Path("recordings") / experiment / "manifest.json"
         assert (copy / same).read_text() == (outputs / same).read_text()
     assert "| 4 | FPN |" in text
@@ -123,6 +128,7 @@ def test_a_launcher_with_processes_gives_the_same_results(study, tmp_path):
 
 def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
     overrides = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", *tiny("")[2:], "scale.max_epochs=2"]
+    overrides.append("hydra/launcher=basic")  # one process, with one time limit
     whole, parts = (["scale=smoke", f"outputs={tmp_path / name / 'smoke'}"] for name in ("whole", "parts"))
     status, text = call(*overrides, *whole)
     assert status == 0, text[-4000:]

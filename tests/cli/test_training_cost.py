@@ -1,13 +1,14 @@
-import run  # noqa: F401  registers schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
-from repro.cli import cost
+from repro.cli import composition, cost
 from repro.cli.config import to_typed
 from repro.cli.cost import print_cost
 from repro.cli.jobs import Job, resolve
 from repro.config import plain
 from repro.runs.provenance import Status
+
+composition.register()
 
 
 def jobs_of(outputs, seeds) -> list[Job]:

@@ -1,6 +1,8 @@
+import dataclasses
+
 import pandas as pd
 import pytest
-from conftest import fake_run, fake_study
+from conftest import fake_run, fake_study, run_config
 
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS
@@ -91,3 +93,12 @@ def test_our_best_input_has_a_row_below_the_papers(tmp_path):
     ours = table[table["encoding"] == "stack10"].iloc[0]
     assert ours["dice"] == 0.7
     assert pd.isna(ours["paper_dice"])
+
+
+def test_a_network_that_was_trained_differently_is_marked(tmp_path):
+    fake_study(tmp_path)
+    fake_run(tmp_path, "4", "unet", 0.5)
+    assert "Not trained like the others" not in caption(read_results(Outputs(tmp_path)))
+    fake_run(tmp_path, "4", "fpn", 0.5, train=dataclasses.replace(run_config().train, learning_rate=0.5))
+    text = caption(read_results(Outputs(tmp_path)))
+    assert text.endswith("Not trained like the others: FPN in exp 4 (learning_rate=0.5).")

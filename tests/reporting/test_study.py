@@ -30,8 +30,7 @@ def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
     assert study.seconds_left() == pytest.approx(23)
     progress = study.progress(RunKey("4", "fpn", PROJECTION_NO_DECAY, 0))
     assert (
-        progress
-        == "training 2 of 24: exp 4, FPN, no decay; about 0 min of training left one after the other, "
+        progress == "training 2 of 24: exp 4, FPN, no decay; about 0 min of training left one after the other, "
         "estimated from finished trainings"
     )
     assert study.progress(RunKey("3", "unet", "observed_free", 0)) is None

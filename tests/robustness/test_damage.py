@@ -6,11 +6,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-import run as entry  # noqa: F401  registers the schema and resolvers
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
 
 from repro.baselines.names import QUICK_BASELINES
+from repro.cli import composition
 from repro.cli.config import to_typed
 from repro.cli.errors import explain
 from repro.cli.jobs import resolve
@@ -19,6 +19,8 @@ from repro.config import PROJECTION, plain
 from repro.runs.config import RunConfig
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+
+composition.register()
 
 pytestmark = pytest.mark.slow
 

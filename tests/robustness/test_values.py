@@ -5,15 +5,17 @@ import subprocess
 import sys
 
 import pytest
-import run  # noqa: F401  registers schema and resolvers
 from conftest import ROOT, cpu_seconds
 from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
+from repro.cli import composition
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors, warnings_of
 from repro.config import plain
+
+composition.register()
 
 MOVING = "world.obstacles.moving.behavior"
 LIDAR = "world.robot.sensors.0"
@@ -161,7 +163,7 @@ def test_there_are_at_least_150_cases():
 COMMANDS = (
     (["exp=9"], ["exp=9: must be one of 1, 2, 3, 4"]),
     (["runtime.workers=-5", "seed=-1"], ["seed=-1: must be", "runtime.workers=-5: must be"]),
-    (["train.lr=3"], ["lr", "Training"]),
+    (["train.lr=3"], ["train.lr: is not a known key"]),
     (["model=resnet"], ["resnet", "unet"]),
     (["model=convlstm"], ["encoding=projection", "a series of images: encoding=stack10 or encoding=stack4"]),
     (["model=convlstm", "encoding=stack4", "model.encoder_name=mit_b0"], ["model.encoder_name=mit_b0", "of its own"]),
@@ -169,7 +171,7 @@ COMMANDS = (
     (["world=moon"], ["moon", "paper"]),
     (["-m", "exp=3,9", "seed=-1,0"], ["exp=9: must be one of", "seed=-1: must be"]),
     (["-m", "task=report", "seed=0,1"], ["task=report: is done once"]),
-    (["task=report", "seed=0,1"], ["seed=0,1", "--multirun"]),
+    (["task=report", "seed=0,1"], ["seed=0,1: takes one value; for a sweep, add -m"]),
     (["runtime.accelerator=gpu"], ["no CUDA GPU is visible"]),
     ([f"{LIDAR}.range_min=5"], [f"{LIDAR}.range_min=5: must be 0"]),
 )

@@ -1,9 +1,11 @@
 """Which errors are the user's to fix, and their messages. Errors of our own or of a library keep their traceback."""
 
 import errno
+import os
 import traceback
 from pathlib import Path
 
+WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 SOURCE = str(Path(__file__).parents[1])
 _ROOM = "free some space; complete files stay complete, and the same command resumes"
 _WRITABLE = "choose a directory that can be written with outputs="
@@ -11,7 +13,7 @@ _FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choos
 _FIXES = {
     errno.ENOSPC: _ROOM,
     errno.EDQUOT: _ROOM,
-    errno.EFBIG: _ROOM,
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f); the same command resumes",
     errno.EROFS: _WRITABLE,
     errno.EACCES: _WRITABLE,
     errno.EPERM: _WRITABLE,

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from repro.cli.config import Config, to_typed
+from repro.cli.limits import memory_errors, recording_minutes
 from repro.config import (
     NETWORKS,
     PAPER_ENCODER,
@@ -20,14 +21,12 @@ from repro.config import (
     EncodingParameters,
     Model,
     config_errors_of,
+    world_spec,
 )
-from repro.simulation.motions import robot_commands
 from repro.simulation.schema import world_errors
-from repro.system.resources import total_memory_gb, training_memory_gb
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
-SECONDS_PER_READING = 2e-6  # of the recorder on one core
 LONG_RECORDING_MINUTES = 30
 RENAMED_KEYS = {
     "lightest": "oldest_gray",
@@ -95,13 +94,6 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         errors.append(ConfigError("train.batch_size", config.train.batch_size, expected))
     if not config.decay and "decay" not in config.encoding.parameters:
         errors.append(ConfigError("decay", "false", f"the encoding {config.encoding.name} has no decay"))
-    needed, there = _training_memory_gb(config), total_memory_gb()
-    if config.task in ("all", "train") and not has_gpu() and needed > there:
-        expected = (
-            f"at {config.scale.size_px} px and batches of {config.scale.batch_size} a training takes about "
-            f"{needed:.0f} GB of memory, this machine has {there:.0f} GB"
-        )
-        errors.append(ConfigError("scale.pairs.train", config.scale.pairs.train, expected))
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
@@ -122,25 +114,12 @@ def warnings_of(config: Config) -> list[str]:
         found.append(
             f"model.encoder_weights={config.model.encoder_weights} are downloaded from the internet the first time"
         )
-    minutes = _recording_minutes(config)
+    minutes = recording_minutes(world_spec(config.world, config.exp), config.scale.pairs)
     if config.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
         found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
     if not config.world["experiments"][config.exp]["clear_radius_m"]:
         found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
     return found
-
-
-def _training_memory_gb(config: Config) -> float:
-    scale, channels = config.scale, config.encoding.parameters.get("frames", 2)
-    pairs = scale.pairs.train + scale.pairs.val
-    return training_memory_gb(scale.size_px, scale.batch_size, pairs, channels if isinstance(channels, int) else 2)
-
-
-def _recording_minutes(config: Config) -> float:
-    """Estimate the time to record an experiment from nothing on one core [min]."""
-    motion, pairs = config.world["experiments"][config.exp]["motion"], config.scale.pairs
-    readings = len(robot_commands({**motion, "direction": 1}, 1.0)) * config.world["robot"]["sensors"][0]["number"]
-    return (pairs.train + pairs.val + pairs.test) * readings * SECONDS_PER_READING / 60
 
 
 def has_gpu() -> bool:
@@ -196,9 +175,14 @@ def _keys(values: dict[str, Any], prefix: str = "") -> list[str]:
 
 def _library_errors(config: Config) -> list[ConfigError]:
     errors = _model_errors(config.model)
-    for key, directory in {"outputs": config.outputs, "recordings": config.recordings}.items():
-        errors += _directory_errors(key, Path(directory).absolute())
+    outputs, recordings = Path(config.outputs).absolute(), Path(config.recordings).absolute()
+    wrong = _directory_errors("outputs", outputs)
+    if not (wrong and recordings.is_relative_to(outputs)):
+        wrong += _directory_errors("recordings", recordings)
+    errors += wrong
     errors += _parameter_errors(config.encoding)
+    if not errors and config.task in ("all", "train") and not has_gpu():
+        errors += memory_errors(config.scale, config.encoding)
     if errors:
         return errors
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 import torch
 
-from repro.config import NETWORKS, NO_DECAY, PROJECTION
+from repro.config import NETWORKS, NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.networks.predictor import load_predictor
 from repro.reporting.names import SETUPS, model_title, predictor_title
@@ -67,7 +67,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
             if len(table.frame):
                 write_text(new / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.6f"))
                 write_text(new / f"{kind}.txt", table.caption + "\n")
-        write_text(new / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
+        write_text(new / "runs.csv", runs.drop(columns="training").to_csv(index=False, float_format="%.6g"))
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
         for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(path, new / path.name)
@@ -91,6 +91,8 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
     commits = {str(step["commit"]) for origin in origins for step in origin.steps if "commit" in step}
     if any(commit.endswith("+") for commit in commits):
         reasons.append("some runs were made with uncommitted code")
+    if runs.loc[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]), "training"].nunique() > 1:
+        reasons.append("the networks were trained with different settings")
     if (target / "runs.csv").is_file():
         before = read_published(target)
         for size, unit in SIZES.items():

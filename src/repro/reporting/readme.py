@@ -42,7 +42,7 @@ def _markdown(directory: Path, name: str) -> str:
     if name == "curves":
         return extrapolated_to_markdown(read_rows(directory / "analysis" / "extrapolated.csv"))
     if name == "methods":
-        main_caption = (directory / "main.txt").read_text().strip()
+        main_caption = (directory / "main.txt").read_text(encoding="utf-8").strip()
         intervals = read_rows(directory / "analysis" / "intervals.csv")
         scale = main_caption[main_caption.index("Scale ") : main_caption.index(", seed")]
         title = "Networks, other inputs and classical baselines, with 95 % intervals"
@@ -53,7 +53,7 @@ def _markdown(directory: Path, name: str) -> str:
 def _published(directory: Path, name: str) -> Table:
     """Load a published table."""
     frame = read_rows(directory / f"{name}.csv")
-    return Table(frame, (directory / f"{name}.txt").read_text().strip())
+    return Table(frame, (directory / f"{name}.txt").read_text(encoding="utf-8").strip())
 
 
 def _rows_of_model(directory: Path, model: str) -> Table:

@@ -1,14 +1,16 @@
 """Tidy rows of all evaluated runs, and the paper's two tables from them with the differences to the paper."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from repro.baselines.names import rank
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Training
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
+from repro.reporting.names import model_title
 from repro.reporting.paper import read_paper
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs, Run
@@ -33,7 +35,7 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
 
     Returns:
         experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
-        training_seconds. Empty if no run is evaluated.
+        training_seconds, and training, the settings in one line. Empty if no run is evaluated.
 
     Raises:
         ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs
@@ -96,7 +98,13 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         "worlds": config.data.worlds,
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
+        "training": _settings(config.train),
     }
+
+
+def _settings(training: Training | None) -> str:
+    """Return the training settings of a network in one line; empty for a baseline."""
+    return ", ".join(f"{name}={value}" for name, value in asdict(training).items()) if training else ""
 
 
 def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
@@ -168,5 +176,18 @@ def caption(results: pd.DataFrame) -> str:
     return (
         f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
         f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
-        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}"
+        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}{_unlike(networks)}"
     )
+
+
+def _unlike(networks: pd.DataFrame) -> str:
+    """Name the networks of a table that were trained with other settings than most; published rows lack them."""
+    if "training" not in networks or networks["training"].nunique() < 2:
+        return ""
+    usual = networks["training"].mode()[0]
+    unlike = []
+    for (training, model), rows in networks[networks["training"] != usual].groupby(["training", "model"]):
+        changed = sorted(set(str(training).split(", ")) - set(usual.split(", ")))
+        experiments = ", ".join(sorted(rows["experiment"].unique()))
+        unlike.append(f"{model_title(str(model))} in exp {experiments} ({', '.join(changed)})")
+    return f" Not trained like the others: {'; '.join(unlike)}."

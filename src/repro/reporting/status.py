@@ -59,7 +59,7 @@ def _state(run: Run) -> str:
         status = run.status
         if status in (Status.training, Status.paused):
             history = run.path / "history.csv"
-            epochs = max(len(history.read_text().splitlines()) - 1, 0) if history.is_file() else 0
+            epochs = max(len(history.read_text(encoding="utf-8").splitlines()) - 1, 0) if history.is_file() else 0
             return f"{status}, {epochs} epochs"
         return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics missing"
     except ValueError:

@@ -26,7 +26,7 @@ def inputs_hash(outputs: Outputs, files: Iterable[Path] = ()) -> str:
 def is_up_to_date(directory: Path, inputs: str) -> bool:
     """Return whether the results in a directory were written from these inputs."""
     stamp = directory / STAMP
-    return stamp.is_file() and stamp.read_text() == inputs
+    return stamp.is_file() and stamp.read_text(encoding="utf-8") == inputs
 
 
 def mark_up_to_date(directory: Path, inputs: str) -> None:

@@ -118,7 +118,7 @@ def write_world(world: World, path: Path) -> None:
     """Write a world as plain IR-SIM YAML."""
     path.parent.mkdir(parents=True, exist_ok=True)
     header = "# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make(this file), 100 times env.step().\n"
-    path.write_text(header + yaml.safe_dump(world, sort_keys=False, default_flow_style=None))
+    path.write_text(header + yaml.safe_dump(world, sort_keys=False, default_flow_style=None), encoding="utf-8")
 
 
 def shape_radius(shape: dict[str, Any]) -> float:

@@ -67,7 +67,7 @@ def compiles(network: torch.nn.Module, image: torch.Tensor) -> bool:
 def forget_peak_memory() -> None:
     """Reset `peak_memory_gb` if the system supports it (Linux); otherwise it covers the life of the process."""
     try:
-        Path("/proc/self/clear_refs").write_text("5")
+        Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")
     except OSError:
         return
 
@@ -75,7 +75,7 @@ def forget_peak_memory() -> None:
 def peak_memory_gb() -> float:
     """Return the peak resident memory of this process [GB], without GPU memory."""
     try:
-        status = Path("/proc/self/status").read_text()
+        status = Path("/proc/self/status").read_text(encoding="utf-8")
         return int(status.split("VmHWM:")[1].split()[0]) * 1024 / 1e9
     except (OSError, IndexError):
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9

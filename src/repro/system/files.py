@@ -87,7 +87,7 @@ def clear_leftovers(directory: Path, keep: Path | None = None) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically, even if the process is killed."""
     with replacing(path) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -106,7 +106,11 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
         ValueError: the file is missing, truncated, empty, or does not hold a mapping.
     """
     try:
-        content = json.loads(path.read_text()) if path.suffix == ".json" else yaml.safe_load(path.read_text())
+        content = (
+            json.loads(path.read_text(encoding="utf-8"))
+            if path.suffix == ".json"
+            else yaml.safe_load(path.read_text(encoding="utf-8"))
+        )
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise ValueError(f"{path} cannot be read ({_first_line(error)}): {fix}") from error
     if not isinstance(content, dict):

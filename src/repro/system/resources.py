@@ -50,7 +50,7 @@ def available_memory_gb() -> float:
     """Return the memory that new processes can take [GB], within the limit of a container."""
     available = psutil.virtual_memory().available
     try:
-        limit, used = ((CGROUP / name).read_text().strip() for name in ("memory.max", "memory.current"))
+        limit, used = ((CGROUP / name).read_text(encoding="utf-8").strip() for name in ("memory.max", "memory.current"))
         available = min(available, int(limit) - int(used))
     except (OSError, ValueError):  # no container, or no limit: "max"
         pass

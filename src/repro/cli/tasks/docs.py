@@ -13,7 +13,7 @@ def run(job: Job) -> None:
 def update_docs() -> None:
     """Write the tables between the markers of README.md and docs/ from the published results."""
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
         new = with_results(text, RESULTS)
         if new != text:
             write_text(path, new)

@@ -11,9 +11,11 @@ def run(job: Job) -> None:
     """Write the tables, and the figures unless they are up to date.
 
     Raises:
-        ValueError: some runs are damaged; everything else is written.
+        ValueError: there is nothing to report, or some runs are damaged; everything else is written.
     """
     outputs = job.outputs
+    if not any(outputs.runs()) and not outputs.recorded():
+        raise ValueError(f"{outputs.path} holds no recordings and no runs: make some first, or set outputs=")
     errors = print_tables(outputs, ())
     inputs = inputs_hash(outputs)
     if not errors and is_up_to_date(outputs.figures, inputs):

@@ -1,0 +1,37 @@
+"""What a call takes on this machine, estimated before anything slow begins."""
+
+from typing import Any
+
+from repro.config import ConfigError, Encoding, PairCounts, Scale
+from repro.simulation.motions import robot_commands
+from repro.system.resources import total_memory_gb, training_memory_gb
+
+SECONDS_PER_READING = 2e-6  # of the recorder on one core
+MOST_CHANNELS = 2  # of an encoding without `frames`
+
+
+def memory_errors(scale: Scale, encoding: Encoding) -> list[ConfigError]:
+    """Return an error if a training on the CPU does not fit into the memory of this machine."""
+    frames = encoding.parameters.get("frames")
+    channels = frames if isinstance(frames, int) else MOST_CHANNELS
+    pairs = scale.pairs.train + scale.pairs.val
+    needed, there = training_memory_gb(scale.size_px, scale.batch_size, pairs, channels), total_memory_gb()
+    if needed <= there:
+        return []
+    expected = (
+        f"at {scale.size_px} px and batches of {scale.batch_size} a training takes about {needed:.0f} GB of memory, "
+        f"this machine has {there:.0f} GB"
+    )
+    return [ConfigError("scale.pairs.train", scale.pairs.train, expected)]
+
+
+def recording_minutes(spec: dict[str, Any], pairs: PairCounts) -> float:
+    """Estimate the time to record an experiment from nothing on one core [min].
+
+    Args:
+        spec: what decides the worlds, see `worlds.sample_world`.
+        pairs: number of pairs of each split.
+    """
+    steps = len(robot_commands({**spec["motion"], "direction": 1}, spec["world"]["step_time"]))
+    readings = steps * spec["robot"]["sensors"][0]["number"]
+    return (pairs.train + pairs.val + pairs.test) * readings * SECONDS_PER_READING / 60

@@ -1,0 +1,48 @@
+"""Standard streams that are closed, full or no longer read."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from conftest import ROOT
+
+pytestmark = pytest.mark.slow
+
+TINY = "scale=smoke scale.pairs.train=8 scale.pairs.val=2 scale.pairs.test=4 scale.max_epochs=1"
+
+
+def shell(script: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a script of bash in which `$RUN` is run.py with a tiny scale."""
+    env = os.environ | {"RUN": f"{sys.executable} run.py"} | environment
+    return subprocess.run(["bash", "-c", script], cwd=ROOT, env=env, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_a_training_needs_no_standard_streams(closed, tmp_path):
+    done = shell(f"$RUN {TINY} exp=3 outputs={tmp_path}/smoke {closed}")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "smoke/runs/exp3/unet/projection/seed0/metrics.csv").is_file()
+
+
+@pytest.mark.parametrize("arguments", ["exp=3", "-m exp=3,4"])
+def test_a_reader_that_goes_away_stops_the_call_with_one_line(arguments, tmp_path):
+    done = shell(f"$RUN {arguments} {TINY} outputs={tmp_path}/smoke | head -1; exit ${{PIPESTATUS[0]}}")
+    assert done.returncode == 1
+    assert "stopped; the same command resumes" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_limit_on_the_size_of_files_is_named(tmp_path):
+    done = shell(f"ulimit -f 100; $RUN {TINY} exp=3 outputs={tmp_path}/smoke")
+    assert done.returncode == 1
+    assert "ulimit -f" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_pages_and_tables_are_written_as_utf8_in_any_locale(tmp_path):
+    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii"}
+    call = f"{TINY} exp=3 outputs={tmp_path}/smoke"
+    done = shell(f"$RUN {call} && $RUN task=report {call} && $RUN task=analysis {call}", **ascii_only)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "smoke/report.html").read_text(encoding="utf-8").rstrip().endswith("</html>")

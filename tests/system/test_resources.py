@@ -1,0 +1,67 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from repro.system import resources
+from repro.system.resources import available_memory_gb, parallel_trainings, training_memory_gb, use_idle_cores
+
+
+@pytest.fixture(autouse=True)
+def not_decided(monkeypatch):
+    use_idle_cores.cache_clear()
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    yield
+    use_idle_cores.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("cores", "memory_gb", "trainings"), [(1, 100.0, 1), (2, 100.0, 2), (16, 100.0, 16), (16, 5.0, 4), (16, 0.1, 1)]
+)
+def test_one_training_per_core_as_many_as_the_memory_can_hold(cores, memory_gb, trainings, monkeypatch):
+    monkeypatch.setattr(resources, "count_cores", lambda: cores)
+    monkeypatch.setattr(resources, "available_memory_gb", lambda: memory_gb)
+    assert parallel_trainings(64, 8, 2000) == trainings
+
+
+@pytest.mark.parametrize(("size_px", "pairs", "measured_gb"), [(64, 2000, 1.2), (128, 3000, 1.3), (256, 3000, 2.3)])
+def test_the_memory_of_a_training_is_estimated_from_above(size_px, pairs, measured_gb):
+    assert measured_gb * 0.95 < training_memory_gb(size_px, 8, pairs) < 2 * measured_gb
+
+
+def test_the_limit_of_a_container_counts(monkeypatch, tmp_path):
+    free = available_memory_gb()
+    (tmp_path / "memory.max").write_text("3000000000\n")
+    (tmp_path / "memory.current").write_text("1000000000\n")
+    monkeypatch.setattr(resources, "CGROUP", tmp_path)
+    assert available_memory_gb() == 2
+    (tmp_path / "memory.max").write_text("max\n")
+    assert available_memory_gb() == pytest.approx(free, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("idle", "printed", "threads"), [(True, "using 4 threads", None), (False, "using one thread", "1")]
+)
+def test_a_single_training_uses_several_threads_on_idle_cores_only(idle, printed, threads, monkeypatch, capsys):
+    monkeypatch.setattr(resources, "count_cores", lambda: 4)
+    monkeypatch.setattr(resources, "cores_are_idle", lambda: idle)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "torch")
+    use_idle_cores()
+    assert printed in capsys.readouterr().out
+    assert os.environ.get("OMP_NUM_THREADS") == threads
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+
+
+def test_threads_that_the_user_has_set_are_kept(monkeypatch, capsys):
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    use_idle_cores()
+    resources.use_one_thread()
+    assert os.environ["OMP_NUM_THREADS"] == "3"
+    assert capsys.readouterr().out == ""
+
+
+def test_resources_do_not_import_torch():
+    code = "import sys, repro.system.resources; assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
