@@ -23,10 +23,11 @@ PACKAGES = (  # top-level modules and packages, each importing from those before
     "learning",
     "baselines",
     "evaluation",
+    "prediction",
     "reporting",
     "cli",
 )
-INNER_IMPORTS = 10  # imports inside functions that are worth their cost
+INNER_IMPORTS = 11  # imports inside functions that are worth their cost
 CONFIG_FUNCTIONS = 5  # functions that take the whole configuration
 WITHOUT_SIMULATOR = (
     "repro.networks.predictor",

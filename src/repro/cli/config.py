@@ -1,6 +1,7 @@
 """The configuration of a call, as Hydra composes it from conf/."""
 
 import dataclasses
+import math
 import os
 from dataclasses import MISSING as NO_DEFAULT
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pydantic import AfterValidator, Field, TypeAdapter
 
 from repro.config import STRICT, Encoding, Gray, Model, NotNegative, Scale, Training, choice
 
-RUN_TASKS = ("all", "record", "train", "evaluate", "world", "animate", "generalization", "export")
+RUN_TASKS = ("all", "record", "train", "evaluate", "world", "animate", "generalization", "export", "predict")
 STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs")  # once for all runs
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
 Directory = Annotated[str, Field(min_length=1), AfterValidator(os.path.expanduser)]
@@ -31,6 +32,42 @@ class Runtime:
     max_minutes: NotNegative | None
     part: Annotated[int, Field(ge=0)]
     parts: Annotated[int, Field(ge=1, le=10_000)]
+
+
+def _is_center(value: Any) -> Any:
+    is_point = isinstance(value, list) and len(value) == 2 and all(type(number) in (int, float) for number in value)
+    if value not in ("robot", "start") and not (is_point and all(map(math.isfinite, value))):
+        raise ValueError("must be robot, start, or [x,y] in meters")
+    return value
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Settings of task=predict.
+
+    Args:
+        weights: directory of a trained or exported network.
+        steps: steps of a window, T.
+        step_s: time of a step [s].
+        stride_s: time between two windows [s].
+        center: center of the map: robot, start, or x, y in the frame of the log [m].
+        fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
+        range_max_m: range up to which a beam shows free space [m].
+        scan_topic: topic of the scans in a bag; None to find it.
+        odometry_topic: topic of the odometry in a bag; None to find it.
+    """
+
+    __pydantic_config__ = STRICT
+
+    weights: Directory
+    steps: Annotated[int, Field(ge=1, le=10_000)]
+    step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)]
+    stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
+    center: Annotated[Any, AfterValidator(_is_center)]
+    fov_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] | None
+    range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]
+    scan_topic: str | None
+    odometry_topic: str | None
 
 
 @dataclass(frozen=True)
@@ -61,6 +98,8 @@ class Config:
     scale: Scale
     train: Training
     runtime: Runtime
+    scans: str | None
+    prediction: Prediction
     publish: Publish
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from repro.cli.config import Config, Runtime
+from repro.cli.config import Config, Prediction, Runtime
 from repro.config import Scale, world_spec
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
@@ -32,6 +32,8 @@ class Job:
         scale: the scale.
         runtime: workers, accelerator, precision, time limit.
         force: whether published results may be replaced against the checks.
+        scans: the log of task=predict.
+        prediction: settings of task=predict.
     """
 
     task: str
@@ -43,6 +45,8 @@ class Job:
     scale: Scale
     runtime: Runtime
     force: bool
+    scans: str | None
+    prediction: Prediction
 
     @property
     def key(self) -> RunKey:
@@ -81,6 +85,8 @@ def resolve(config: Config) -> Job:
         scale=config.scale,
         runtime=config.runtime,
         force=config.publish.force,
+        scans=config.scans,
+        prediction=config.prediction,
     )
 
 

@@ -180,6 +180,9 @@ def _library_errors(config: Config) -> list[ConfigError]:
     if not (wrong and recordings.is_relative_to(outputs)):
         wrong += _directory_errors("recordings", recordings)
     errors += wrong
+    if (config.task == "predict") != (config.scans is not None):
+        expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
+        errors.append(ConfigError("scans", config.scans, expected))
     errors += _parameter_errors(config.encoding)
     if not errors and config.task in ("all", "train") and not has_gpu():
         errors += memory_errors(config.scale, config.encoding)

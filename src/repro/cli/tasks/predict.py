@@ -1,0 +1,89 @@
+"""task=predict: maps from a log of your own robot."""
+
+import math
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from tqdm import tqdm
+
+from repro.cli.jobs import Job
+from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.logs import ScanLog
+from repro.prediction.output import agreement, draw, last_image, write_map, write_probabilities
+from repro.prediction.readers import read_log
+from repro.prediction.windows import Window, cut
+from repro.system.files import replacing_directory, write_text
+
+
+def run(job: Job) -> None:
+    """Predict the map at the end of every window of a log.
+
+    Raises:
+        ValueError: the log or the weights cannot be used, or no window of the log can.
+    """
+    settings = job.prediction
+    assert job.scans, "validated"
+    path = Path(job.scans)
+    predictor = load_predictor(settings.weights)
+    log = read_log(path, settings.step_s / 2, (settings.scan_topic, settings.odometry_topic))
+    log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
+    _describe(log)
+    target = job.outputs.path / "predictions" / path.name.split(".")[0]
+    target.parent.mkdir(parents=True, exist_ok=True)
+    grid = predictor.grid
+    options = {"steps": settings.steps, "step_s": settings.step_s, "stride_s": settings.stride_s}
+    found = list(cut(log, **options, center=settings.center, size_m=grid.size_m))  # type: ignore[arg-type]
+    rows, left_out = [], [each for each in found if isinstance(each, str)]
+    with replacing_directory(target) as new:
+        for window in tqdm([each for each in found if isinstance(each, Window)], unit="window", disable=None):
+            try:
+                rows.append(_predict(window, predictor, new, settings.range_max_m))
+            except ValueError as error:
+                left_out.append(f"window {window.number} at {window.stamp:.2f} s: {error}")
+        for reason in left_out:
+            print(f"left out: {reason}", flush=True)
+        if not rows:
+            raise ValueError(f"{path}: none of its {len(found)} windows can be used, see above")
+        write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
+    _summarize(rows, target)
+
+
+def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> dict[str, float]:
+    """Predict one window, write its files and return its row."""
+    grid = predictor.grid
+    free = predictor.predict(window.scans)[0].numpy()
+    stem = directory / f"window-{window.number:04d}"
+    write_probabilities(stem.with_suffix(".npz"), free, window, grid)
+    write_map(stem, free, window, grid)
+    image = last_image(predictor.encoding, window.scans, grid)
+    figure = draw(window, image, free, grid)
+    figure.savefig(stem.with_suffix(".png"), dpi=120)
+    plt.close(figure)
+    row = {"window": window.number, "stamp": window.stamp, "obstacle_share": float((free < 0.5).mean())}
+    line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
+    if window.following:
+        hits, passed = agreement(free, window.following, grid, range_max_m)
+        row |= {"hits_on_obstacles": hits, "passed_pixels_free": passed}
+        line += f"; next scan: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free"
+    print(line, flush=True)
+    return row
+
+
+def _describe(log: ScanLog) -> None:
+    first, last = (math.degrees(log.angles[end]) for end in (0, -1))
+    rate = (len(log) - 1) / (log.stamps[-1] - log.stamps[0])
+    print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {rate:.1f} per second")
+    for reason, count in log.skipped.items():
+        print(f"skipped: {count} scans {reason}", flush=True)
+
+
+def _summarize(rows: list[dict[str, float]], target: Path) -> None:
+    table = pd.DataFrame(rows)
+    if "hits_on_obstacles" in table:
+        means = table[["hits_on_obstacles", "passed_pixels_free"]].mean()
+        print(
+            f"{len(rows)} windows; of the scans that follow them, {means['hits_on_obstacles']:.0%} of the hits are on "
+            f"predicted obstacles and {means['passed_pixels_free']:.0%} of the passed pixels are predicted free"
+        )
+    print(target)

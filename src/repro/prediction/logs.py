@@ -1,0 +1,163 @@
+"""A log of a robot: scans with their times and poses, checked scan by scan; what cannot be used is counted."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+MAX_BEAMS = 100_000
+MIN_SCANS = 2
+MILLIMETERS = 300.0  # median range [m] beyond which no 2D lidar measures; the readings are in other units
+
+
+@dataclass(frozen=True)
+class LogScan:
+    """One scan of a log.
+
+    Args:
+        stamp: time [s].
+        ranges: ranges [m], (N,); what is not between `range_min_m` and `range_max_m` is a miss.
+        first_angle: angle of the first beam in the frame of the lidar [rad].
+        spacing: angle between two beams [rad], negative if they go clockwise.
+        range_min_m: smallest valid range [m].
+        range_max_m: smallest range that means a miss [m].
+        pose: x, y [m] and heading [rad] of the lidar; None where it is unknown.
+    """
+
+    stamp: float
+    ranges: np.ndarray
+    first_angle: float
+    spacing: float
+    range_min_m: float
+    range_max_m: float
+    pose: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class ScanLog:
+    """The usable scans of a log, in the order of time.
+
+    Args:
+        stamps: times [s], (S,), increasing.
+        ranges: ranges [m], (S, N), float32; a miss is inf.
+        angles: beam angles in the frame of the lidar [rad], (N,), increasing.
+        poses: x, y [m] and heading [rad] of the lidar, (S, 3).
+        skipped: number of scans that were left out, by reason.
+    """
+
+    stamps: np.ndarray
+    ranges: np.ndarray
+    angles: np.ndarray
+    poses: np.ndarray
+    skipped: dict[str, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.stamps)
+
+    def crop(self, fov_rad: float) -> "ScanLog":
+        """Return the log with the beams within a field of view around straight ahead.
+
+        Raises:
+            ValueError: fewer than two beams are within it.
+        """
+        inside = np.abs(self.angles) <= fov_rad / 2 + 1e-6
+        if inside.sum() < 2:
+            raise ValueError(f"{inside.sum()} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
+        return ScanLog(self.stamps, self.ranges[:, inside], self.angles[inside], self.poses, self.skipped)
+
+
+def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
+    """Check the scans of a log one by one and keep those that can be used.
+
+    A scan is skipped if its time is not after that of the last one, it has no pose, another number of beams or other
+    angles than the first, or no valid reading at all (NaN only). Scans that follow the last one by less than
+    `spacing_s` are left out without being counted.
+
+    Args:
+        scans: the scans in the order of the file.
+        path: the file, for messages.
+        spacing_s: smallest time between two scans that are kept [s].
+
+    Raises:
+        ValueError: no two scans can be used, the beams are not those of a lidar, or the ranges are not meters.
+    """
+    skipped: Counter[str] = Counter()
+    kept = list(_usable(scans, path, spacing_s, skipped))
+    if len(kept) < MIN_SCANS:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
+        raise ValueError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
+    first = kept[0]
+    angles = first.first_angle + first.spacing * np.arange(len(first.ranges))
+    ranges = np.stack([_clean(scan) for scan in kept])
+    finite = ranges[np.isfinite(ranges)]
+    if len(finite) and np.median(finite) > MILLIMETERS:
+        raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
+    if first.spacing < 0:
+        angles, ranges = angles[::-1], ranges[:, ::-1]
+    angles, ranges = _without_overlap(angles, ranges)
+    poses = np.array([scan.pose for scan in kept], dtype=float)
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    return ScanLog(np.array([scan.stamp for scan in kept]), ranges, angles, poses, dict(skipped))
+
+
+def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
+    first: LogScan | None = None
+    last = -math.inf
+    for scan in scans:
+        if first is None:
+            _check_beams(scan, path)
+        reason = _reason(scan, first, last)
+        if reason:
+            skipped[reason] += 1
+        elif scan.stamp - last >= spacing_s:
+            first, last = first or scan, scan.stamp
+            yield scan
+
+
+def _reason(scan: LogScan, first: LogScan | None, last: float) -> str | None:
+    """Return why a scan cannot be used; None if it can."""
+    if not math.isfinite(scan.stamp):
+        return "without a time"
+    if scan.stamp <= last:
+        return "not later than the one before"
+    if scan.pose is None or not np.isfinite(scan.pose).all():
+        return "without a pose"
+    if first and len(scan.ranges) != len(first.ranges):
+        return f"with another number of beams than {len(first.ranges)}"
+    if first and not np.allclose((scan.first_angle, scan.spacing), (first.first_angle, first.spacing), atol=1e-4):
+        return "with other beam angles"
+    if np.isnan(scan.ranges).all():
+        return "of NaN only"
+    return None
+
+
+def _check_beams(scan: LogScan, path: Path) -> None:
+    if not 2 <= len(scan.ranges) <= MAX_BEAMS:
+        raise ValueError(f"{path}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
+    span = abs(scan.spacing) * (len(scan.ranges) - 1)
+    if not math.isfinite(scan.first_angle) or not 0 < span <= 2 * math.pi + 0.1:
+        raise ValueError(
+            f"{path}: expected beam angles in radians within one turn, got {len(scan.ranges)} beams from "
+            f"{scan.first_angle:.4g} with a spacing of {scan.spacing:.4g}"
+        )
+    if not scan.range_max_m > max(scan.range_min_m, 0):
+        raise ValueError(f"{path}: expected a positive maximum range, got {scan.range_max_m:.4g}")
+
+
+def _clean(scan: LogScan) -> np.ndarray:
+    """Return the ranges of a scan with inf for all that is no hit: beyond or at the maximum, below the minimum, NaN."""
+    ranges = np.asarray(scan.ranges, dtype=np.float32)
+    is_hit = (ranges > max(scan.range_min_m, 0)) & (ranges < scan.range_max_m)
+    return np.where(is_hit, ranges, np.float32(np.inf))
+
+
+def _without_overlap(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop the last beams of a scan of a full turn that point where its first beams do, and wrap the angles."""
+    keep = angles < angles[0] + 2 * math.pi - 1e-6
+    angles, ranges = angles[keep], ranges[:, keep]
+    if angles[-1] > 2 * math.pi:
+        angles = angles - 2 * math.pi
+    return np.ascontiguousarray(angles), np.ascontiguousarray(ranges)

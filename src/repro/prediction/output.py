@@ -1,0 +1,106 @@
+"""Files of a prediction: probabilities, a map for map_server, a figure; and how well the next scan agrees with it."""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import torch
+import yaml
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image
+from scipy.ndimage import minimum_filter
+from torch import Tensor
+
+from repro.maps.encodings import Encoding
+from repro.maps.grid import Grid
+from repro.maps.projection import newest_hits
+from repro.maps.visibility import newest_visible
+from repro.prediction.windows import Window
+from repro.scans import Scans
+
+FREE_BELOW, OCCUPIED_ABOVE = 0.25, 0.65  # probabilities of an obstacle, the defaults of nav2_map_server
+
+
+def write_probabilities(path: Path, free: np.ndarray, window: Window, grid: Grid) -> None:
+    """Write the probability of free (H, W), row 0 at the top, with origin [m], resolution [m] and time [s] as npz."""
+    origin, resolution, stamp = np.array(window.origin), np.array(grid.resolution_m), np.array(window.stamp)
+    np.savez_compressed(path, free=free.astype(np.float32), origin=origin, resolution=resolution, stamp=stamp)
+
+
+def write_map(stem: Path, free: np.ndarray, window: Window, grid: Grid) -> None:
+    """Write <stem>.pgm and <stem>.yaml as map_server reads them, in mode `scale`.
+
+    A pixel is 255 times the probability of free; row 0 is the top. The origin is the lower left corner of the map in
+    the frame of the log [m].
+
+    Source: nav2_map_server, map_io.cpp.
+    """
+    Image.fromarray((255 * free).round().astype(np.uint8)).save(stem.with_suffix(".pgm"))
+    content = {
+        "image": stem.with_suffix(".pgm").name,
+        "mode": "scale",
+        "resolution": grid.resolution_m,
+        "origin": [*window.origin, 0.0],
+        "negate": 0,
+        "occupied_thresh": OCCUPIED_ABOVE,
+        "free_thresh": FREE_BELOW,
+    }
+    stem.with_suffix(".yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def agreement(free: np.ndarray, following: Scans, grid: Grid, range_max_m: float) -> tuple[float, float]:
+    """Compare a map with the first scan after its window, which needs no true map.
+
+    Args:
+        free: probability of free, (H, W).
+        following: the scan, a batch of one window of one step.
+        grid: grid of the map.
+        range_max_m: maximum range of the lidar [m].
+
+    Returns:
+        share of the hit pixels at most one pixel from a predicted obstacle, and share of the pixels that the beams
+        pass over that are predicted free. NaN where there are none.
+    """
+    scan = following.tensors()
+    hits = (newest_hits(scan, grid) > 0)[0].numpy()
+    passed = (newest_visible(scan, grid, range_max_m, margin_m=-grid.resolution_m) > 0)[0].numpy() & ~hits
+    near_obstacle = minimum_filter(free, 3) < 0.5
+    return _share(near_obstacle[hits]), _share(free[passed] >= 0.5)
+
+
+def draw(window: Window, image: Tensor, free: np.ndarray, grid: Grid) -> Figure:
+    """Draw the input of the network, the predicted map, and the last scan in the map."""
+    left, bottom = window.origin
+    extent = (left, left + grid.size_m, bottom, bottom + grid.size_m)
+    figure, axes = plt.subplots(1, 3, figsize=(10, 3.7), layout="constrained")
+    _image(axes[0], image.numpy(), extent, "input: hits, dark is recent")
+    _image(axes[1], 255 * free, extent, f"predicted map at {window.stamp:.1f} s")
+    scan, pose = window.scans.ranges[-1], window.scans.poses[-1]
+    directions = pose[2] + window.scans.angles
+    points = pose[:2] + scan[:, None] * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+    points = points[np.isfinite(scan)] + window.origin
+    _image(axes[2], np.full_like(free, 255), extent, "last scan")
+    axes[2].plot(*points.T, ".", color="#b3261e", markersize=2)
+    for ax in axes:
+        path = window.scans.poses[:, :2] + window.origin
+        ax.plot(*path.T, color="#0b6e99", linewidth=1)
+        ax.plot(*path[-1], "o", color="#0b6e99", markersize=4)
+        ax.set_xlabel("x [m]")
+    axes[0].set_ylabel("y [m]")
+    return figure
+
+
+def _image(ax: Axes, image: np.ndarray, extent: tuple[float, float, float, float], title: str) -> None:
+    ax.imshow(image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
+    ax.set(title=title, xlim=extent[:2], ylim=extent[2:])
+
+
+def _share(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def last_image(encoding: Encoding, scans: Scans, grid: Grid) -> Tensor:
+    """Return the last image that a network receives for a window, uint8, (H, W)."""
+    with torch.inference_mode():
+        return encoding.encode(scans.tensors(), grid)[0, -1]

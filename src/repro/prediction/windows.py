@@ -1,0 +1,88 @@
+"""Windows of a log: as many steps as the network was trained with, at its step time, moved onto its map."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from repro.prediction.logs import ScanLog
+from repro.scans import Scans
+
+MAX_AGE_STEPS = 5  # of the scan that stands in for a step; a larger gap leaves out the window
+
+
+@dataclass(frozen=True)
+class Window:
+    """One window of a log.
+
+    Args:
+        number: its number in the log, from 1.
+        stamp: time of its last step [s].
+        scans: ranges (T, N), angles (N,), poses (T, 3) on the map.
+        origin: x, y of the lower left corner of the map in the frame of the log [m].
+        following: the first scan after the window, on the same map: ranges (1, N), angles, poses (1, 3); None if there
+            is none.
+    """
+
+    number: int
+    stamp: float
+    scans: Scans
+    origin: tuple[float, float]
+    following: Scans | None
+
+
+def cut(
+    log: ScanLog, *, steps: int, step_s: float, stride_s: float, center: str | tuple[float, float], size_m: float
+) -> Iterator[Window | str]:
+    """Cut a log into windows, the last scan of each `stride_s` after that of the one before.
+
+    Each step takes the scan nearest in time.
+
+    Args:
+        log: the log.
+        steps: steps of a window, T.
+        step_s: time of a step [s].
+        stride_s: time between two windows [s].
+        center: center of the map: `start` (the first pose of the log), `robot` (the last pose of the window), or x, y
+            in the frame of the log [m].
+        size_m: side of the map [m].
+
+    Yields:
+        the windows, and for each one that cannot be used the reason.
+
+    Raises:
+        ValueError: the log is shorter than one window.
+    """
+    length, duration = (steps - 1) * step_s, log.stamps[-1] - log.stamps[0]
+    if duration < length - step_s / 2:
+        raise ValueError(f"the log has {duration:.1f} s of scans, a window of {steps} steps takes {length:.1f} s")
+    ends = log.stamps[0] + length + stride_s * np.arange(int(max(duration - length, 0) / stride_s + 1e-6) + 1)
+    for number, end in enumerate(np.minimum(ends, log.stamps[-1]), 1):
+        times = end - step_s * np.arange(steps - 1, -1, -1)
+        index = _nearest(log.stamps, times)
+        gap = np.abs(log.stamps[index] - times).max()
+        if gap > MAX_AGE_STEPS * step_s:
+            yield f"no scan for {gap:.1f} s before {end:.2f} s"
+            continue
+        origin = _center(center, log, index[-1]) - size_m / 2
+        last = index[-1] + 1
+        following = _scans(log, slice(last, last + 1), origin) if last < len(log) else None
+        yield Window(number, float(end), _scans(log, index, origin), (float(origin[0]), float(origin[1])), following)
+
+
+def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    after = np.searchsorted(stamps, times).clip(1, len(stamps) - 1)
+    return np.where(times - stamps[after - 1] <= stamps[after] - times, after - 1, after)
+
+
+def _center(center: str | tuple[float, float], log: ScanLog, last: int) -> np.ndarray:
+    if isinstance(center, str):
+        return log.poses[0 if center == "start" else last, :2]
+    return np.array(center, dtype=float)
+
+
+def _scans(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans:
+    poses = log.poses[index].copy()
+    poses[:, :2] -= origin
+    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    return Scans(log.ranges[index], log.angles, poses)

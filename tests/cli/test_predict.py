@@ -1,0 +1,80 @@
+"""task=predict on the example log, and on logs that cannot be used."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from conftest import ROOT, cpu_seconds
+
+from repro.networks.predictor import load_predictor
+from repro.scans import Scans
+
+pytestmark = pytest.mark.slow
+EXAMPLE = ROOT / "examples" / "square.npz"
+
+
+def predict(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "run.py", "task=predict", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
+
+
+def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
+    done = predict(f"scans={EXAMPLE}", "prediction.stride_s=10", "prediction.center=[25,25]", f"outputs={tmp_path}")
+    assert done.returncode == 0, done.stderr
+    directory = tmp_path / "predictions" / "square"
+    names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
+    assert {path.name for path in directory.iterdir()} == names | {"windows.csv"}
+    table = pd.read_csv(directory / "windows.csv")
+    assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
+    assert table["passed_pixels_free"][:2].min() > 0.95
+    assert done.stdout.count("window ") >= 3
+
+    log = np.load(EXAMPLE)
+    scans = Scans(log["ranges"][100:200], log["angles"], log["poses"][100:200])
+    free = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet").predict(scans)[0]
+    with np.load(directory / "window-0002.npz") as content:
+        assert torch.as_tensor(content["free"]) == pytest.approx(free, abs=1e-3)
+        assert content["origin"].tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (bytes(999), "of no known kind"),
+        (b"#ROSBAG V2.0\n", "cannot be read"),
+        (None, "no such file"),
+    ],
+)
+def test_a_file_that_is_no_log_ends_with_status_1_and_no_output(content, message, tmp_path):
+    path = tmp_path / "log"
+    if content is not None:
+        path.write_bytes(content)
+    before = cpu_seconds()
+    done = predict(f"scans={path}", f"outputs={tmp_path / 'out'}")
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert str(path) in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list((tmp_path / "out").rglob("predictions/*"))
+    assert cpu_seconds() - before < 15
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "scans: is needed with task=predict"),
+        (["scans=a", "prediction.center=here"], "prediction.center=here: must be robot, start, or [x,y]"),
+        (["scans=a", "prediction.center=[nan,1]"], "must be robot, start, or [x,y]"),
+        (["scans=a", "prediction.fov_deg=0"], "prediction.fov_deg=0.0: must be greater than 0"),
+        (["scans=a", "prediction.steps=0"], "prediction.steps=0: must be greater than or equal to 1"),
+        (["scans=a", "task=report"], "scans=a: is for task=predict only"),
+    ],
+)
+def test_settings_are_checked_first(arguments, message):
+    done = predict(*arguments)
+    assert done.returncode == 2
+    assert message in done.stderr

@@ -1,0 +1,73 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from PIL import Image
+
+from repro.maps.grid import Grid
+from repro.prediction.output import agreement, write_map, write_probabilities
+from repro.prediction.windows import Window
+from repro.scans import Scans
+
+GRID = Grid(100, 50.0)
+
+
+def window() -> Window:
+    scans = Scans(np.full((1, 3), 5.0), np.array([-0.1, 0, 0.1]), np.array([[25.0, 25.0, 0.0]]))
+    return Window(1, 12.5, scans, (-3.0, 7.0), None)
+
+
+def load_as_map_server(path) -> tuple[np.ndarray, dict]:
+    """Read a map as loadMapFromFile of nav2_map_server does, in mode scale: -1 to 100, row 0 at the bottom."""
+    facts = yaml.safe_load(path.read_text())
+    image = np.asarray(Image.open(path.with_name(facts["image"])), dtype=float)
+    shade = image / 255
+    occupied = shade if facts["negate"] else 1 - shade
+    scaled = np.rint((occupied - facts["free_thresh"]) / (facts["occupied_thresh"] - facts["free_thresh"]) * 100)
+    grid = np.where(occupied > facts["occupied_thresh"], 100, np.where(occupied < facts["free_thresh"], 0, scaled))
+    return grid[::-1], facts
+
+
+def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
+    free = np.ones((100, 100))
+    row, column = 10, 70  # from the top left
+    free[row, column] = 0
+    free[50, 50] = 0.55
+    write_map(tmp_path / "map", free, window(), GRID)
+    cells, facts = load_as_map_server(tmp_path / "map.yaml")
+    assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5\n100 100\n255\n")
+    (y,), (x,) = np.nonzero(cells == 100)
+    left, bottom, _ = facts["origin"]
+    corner = (left + x * facts["resolution"], bottom + y * facts["resolution"])
+    centers = GRID.centers().reshape(100, 100, 2)
+    assert corner == pytest.approx(tuple(centers[row, column].numpy() - 0.25 + window().origin), abs=1e-4)
+    assert cells[49, 50] == 50  # (0.45 - 0.25) / (0.65 - 0.25), to a gray of 255
+    assert (cells == 0).sum() == 100 * 100 - 2
+
+
+def test_probabilities_are_stored_with_their_place_and_time(tmp_path):
+    free = np.random.default_rng(0).random((100, 100))
+    write_probabilities(tmp_path / "a.npz", free, window(), GRID)
+    with np.load(tmp_path / "a.npz") as content:
+        assert content["free"] == pytest.approx(free, abs=1e-6)
+        assert content["origin"].tolist() == [-3, 7]
+        assert (float(content["resolution"]), float(content["stamp"])) == (0.5, 12.5)
+
+
+def test_agreement_counts_hits_on_obstacles_and_passed_pixels():
+    free = np.ones((100, 100))
+    wall = GRID.centers().reshape(100, 100, 2)[..., 0] > 30  # x beyond 30 m is an obstacle
+    free[wall.numpy()] = 0
+    angles = np.linspace(-0.5, 0.5, 101)
+    pose = np.array([[25.0, 25.0, 0.0]])
+    exact = Scans(torch.as_tensor(5 / np.cos(angles))[None], torch.as_tensor(angles), torch.as_tensor(pose))
+    assert agreement(free, exact, GRID, 30.0) == (1.0, 1.0)
+    short = Scans(exact.ranges / 2, exact.angles, exact.poses)
+    assert agreement(free, short, GRID, 30.0) == (0.0, 1.0)
+    hits, passed = agreement(free, Scans(3 * exact.ranges, exact.angles, exact.poses), GRID, 30.0)
+    assert hits == 1.0
+    assert 0.1 < passed < 0.5
+    misses = Scans(torch.full_like(exact.ranges, math.inf), exact.angles, exact.poses)
+    assert math.isnan(agreement(free, misses, GRID, 30.0)[0])

@@ -1,0 +1,277 @@
+"""Logs in every format, written by other code than the readers, and files that are no logs."""
+
+import gzip
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from repro.prediction.logs import ScanLog
+from repro.prediction.readers import read_log
+
+SCANS, BEAMS = 30, 181
+STAMPS = 100 + 0.1 * np.arange(SCANS)
+POSES = np.stack([0.05 * np.arange(SCANS), -0.02 * np.arange(SCANS), 0.03 * np.arange(SCANS)], axis=-1)
+RANGES = 2 + np.random.default_rng(0).random((SCANS, BEAMS)).round(2)
+RANGES[:, 40] = 81.83  # a miss
+SPACING = math.radians(1)
+
+
+def expect(log: ScanLog, *, atol: float = 1e-6) -> None:
+    """Assert that a log is the one above."""
+    assert log.stamps == pytest.approx(STAMPS, abs=1e-6)
+    assert np.isinf(log.ranges[:, 40]).all()
+    hits = np.delete(log.ranges, 40, axis=1)
+    assert hits == pytest.approx(np.delete(RANGES, 40, axis=1), abs=1e-5)
+    assert log.angles == pytest.approx(np.radians(np.arange(-90, 91)), abs=1e-5)
+    assert log.poses == pytest.approx(POSES, abs=atol)
+    assert log.skipped == {}
+
+
+def flaser(number: int, ranges=None) -> str:
+    x, y, heading = POSES[number]
+    readings = RANGES[number] if ranges is None else ranges
+    words = " ".join(f"{value:.2f}" for value in readings)
+    pose = f"{x:.6f} {y:.6f} {heading:.6f}"
+    return f"FLASER {len(readings)} {words} {pose} {pose} {STAMPS[number]:.6f} robot {number:.3f}"
+
+
+def robotlaser(number: int) -> str:
+    words = " ".join(f"{value:.2f}" for value in RANGES[number])
+    x, y, heading = POSES[number]
+    pose = f"{x:.6f} {y:.6f} {heading:.6f}"
+    return (
+        f"ROBOTLASER1 0 {-math.pi / 2:.8f} {math.pi:.8f} {SPACING:.8f} 81.83 0.01 0 {BEAMS} {words} 2 0.5 0.5 "
+        f"{pose} {pose} 0.0 0.0 0.3 0.3 1000000 {STAMPS[number]:.6f} robot {number:.3f}"
+    )
+
+
+def write_lines(path: Path, lines: list[str]) -> Path:
+    path.write_text("\n".join(["# CARMEN Logfile", "PARAM robot_front_laser_max 81.83", *lines, ""]))
+    return path
+
+
+@pytest.mark.parametrize("line", [flaser, robotlaser])
+def test_carmen(line, tmp_path):
+    path = write_lines(tmp_path / "log.txt", [line(number) for number in range(SCANS)])
+    expect(read_log(path, 0.05))
+    packed = tmp_path / "any name"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    expect(read_log(packed, 0.05))
+
+
+def test_npz(tmp_path):
+    angles = np.radians(np.arange(-90, 91))
+    np.savez(tmp_path / "a.npz", ranges=RANGES, angles=angles, poses=POSES, stamps=STAMPS, range_max_m=81.83)
+    expect(read_log(tmp_path / "a.npz", 0.05))
+    reverse = {"ranges": RANGES[:, ::-1], "angles": angles[::-1]}
+    np.savez(tmp_path / "b.npz", **reverse, poses=POSES, stamps=STAMPS, range_max_m=81.83)
+    expect(read_log(tmp_path / "b.npz", 0.05))
+
+
+def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, scans: int = SCANS) -> Path:
+    """Write a bag with the writers of rosbags; the lidar is 0.2 m in front of the robot where there are transforms."""
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    if version == 1:  # which rosbags does not list for ROS 1
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+    types = store.types
+    with Writer1(path) if version == 1 else Writer2(path, version=9, storage_plugin=storage) as writer:
+        topics: dict[str, object] = {}
+
+        def write(topic: str, kind: str, message: object, stamp: float) -> None:
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=store)
+            serialize = store.serialize_ros1 if version == 1 else store.serialize_cdr
+            writer.write(topics[topic], round(stamp * 1e9), serialize(message, kind))
+
+        def header(stamp: float, frame: str) -> object:
+            time = types["builtin_interfaces/msg/Time"](int(stamp), round(stamp % 1 * 1e9))
+            sequence = (0,) if version == 1 else ()
+            return types["std_msgs/msg/Header"](*sequence, time, frame)
+
+        def rotation(heading: float) -> object:
+            return types["geometry_msgs/msg/Quaternion"](0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+
+        def transform(stamp: float, parent: str, child: str, pose) -> object:
+            moved = types["geometry_msgs/msg/Vector3"](float(pose[0]), float(pose[1]), 0.0)
+            of = types["geometry_msgs/msg/Transform"](moved, rotation(pose[2]))
+            return types["geometry_msgs/msg/TransformStamped"](header(stamp, parent), child, of)
+
+        tf = "tf2_msgs/msg/TFMessage"
+        if poses == "tf":
+            static = transform(STAMPS[0], "base_link", "laser", (0.2, 0.0, 0.0))
+            write("/tf_static", tf, types[tf]([static]), STAMPS[0])
+        for step in range(-1, scans + 1):  # poses at other times than the scans, linear in between
+            stamp = 100 + 0.1 * step + 0.04
+            x, y, heading = (rate * (step + 0.4) for rate in (0.05, -0.02, 0.03))
+            if poses == "tf":
+                x, y = x - 0.2 * math.cos(heading), y - 0.2 * math.sin(heading)
+                moving = transform(stamp, "odom", "base_link", (x, y, heading))
+                write("/tf", tf, types[tf]([moving]), stamp)
+            elif poses == "odometry":
+                point = types["geometry_msgs/msg/Point"](x, y, 0.0)
+                pose = types["geometry_msgs/msg/Pose"](point, rotation(heading))
+                zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+                twist = types["geometry_msgs/msg/Twist"](zero, zero)
+                certain = np.zeros(36)
+                odometry = types["nav_msgs/msg/Odometry"](
+                    header(stamp, "odom"),
+                    "base_link",
+                    types["geometry_msgs/msg/PoseWithCovariance"](pose, certain),
+                    types["geometry_msgs/msg/TwistWithCovariance"](twist, certain),
+                )
+                write("/odom", "nav_msgs/msg/Odometry", odometry, stamp)
+        for step in range(scans):
+            ranges = RANGES[step].astype(np.float32)
+            limits = (np.float32(-math.pi / 2), np.float32(math.pi / 2), np.float32(SPACING), 0.0, 0.1, 0.05, 81.0)
+            scan = types["sensor_msgs/msg/LaserScan"](
+                header(STAMPS[step], "laser"), *map(float, limits), ranges, np.zeros(0, np.float32)
+            )
+            write("/scan", "sensor_msgs/msg/LaserScan", scan, STAMPS[step])
+    return path
+
+
+@pytest.mark.parametrize("poses", ["tf", "odometry"])
+def test_ros1_bags(poses, tmp_path):
+    expect(read_log(bag(tmp_path / "log.bag", 1, poses=poses), 0.05), atol=2e-3)
+
+
+@pytest.mark.parametrize("poses", ["tf", "odometry"])
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_ros2_bags(poses, storage, tmp_path):
+    directory = bag(tmp_path / "log", 2, poses=poses, storage=storage)
+    expect(read_log(directory, 0.05), atol=2e-3)
+    (file,) = (path for path in directory.iterdir() if path.suffix != ".yaml")
+    if storage is StoragePlugin.MCAP:
+        renamed = tmp_path / "recorded yesterday"
+        file.rename(renamed)
+        expect(read_log(renamed, 0.05), atol=2e-3)
+
+
+def test_the_pose_of_a_scan_is_that_of_its_middle(tmp_path):
+    log = read_log(bag(tmp_path / "log.bag", 1, poses="odometry"), 0.05)
+    assert log.poses[:, 0] == pytest.approx(POSES[:, 0], abs=1e-6)
+
+
+def test_topics_are_named_when_they_are_missing(tmp_path):
+    path = bag(tmp_path / "log.bag", 1, poses="tf")
+    with pytest.raises(ValueError, match=r"no messages on /front .*there are /scan"):
+        read_log(path, 0.05, ("/front", None))
+    with pytest.raises(ValueError, match=r"no messages on /odom .*there are none"):
+        read_log(path, 0.05, (None, "/odom"))
+
+
+def lines_with(change) -> list[str]:
+    lines = [flaser(number) for number in range(SCANS)]
+    change(lines)
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("number", "line", "reason"),
+    [
+        (5, flaser(4), "not later than the one before"),
+        (5, flaser(2), "not later than the one before"),
+        (5, flaser(5, np.full(90, 2.0)), "with another number of beams than 181"),
+        (5, flaser(5, np.full(BEAMS, np.nan)), "of NaN only"),
+        (5, flaser(5).replace("100.500000", "nan"), "without a time"),
+        (5, flaser(5).replace("0.250000", "inf"), "without a pose"),
+    ],
+)
+def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason, tmp_path):
+    lines = [flaser(each) for each in range(SCANS)]
+    lines[number] = line
+    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    assert log.skipped == {reason: 1}
+    assert len(log) == SCANS - 1
+
+
+def test_nan_and_zero_readings_are_misses(tmp_path):
+    ranges = RANGES[3].copy()
+    ranges[:3] = np.nan, 0, 90
+    lines = [flaser(each) for each in range(SCANS)]
+    lines[3] = flaser(3, ranges)
+    assert np.isinf(read_log(write_lines(tmp_path / "log", lines), 0.05).ranges[3, :3]).all()
+
+
+def test_a_full_turn_has_no_beam_twice(tmp_path):
+    angles = np.radians(np.arange(0, 361.0))
+    ranges = np.full((SCANS, 361), 3.0)
+    np.savez(tmp_path / "a.npz", ranges=ranges, angles=angles, poses=POSES, stamps=STAMPS)
+    assert len(read_log(tmp_path / "a.npz", 0.05).angles) == 360
+
+
+def test_scans_that_follow_too_soon_are_left_out(tmp_path):
+    path = write_lines(tmp_path / "log", [flaser(number) for number in range(SCANS)])
+    assert len(read_log(path, 0.25)) == SCANS / 3
+
+
+def truncated(path: Path) -> Path:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    return path
+
+
+NO_LOGS = {
+    "missing": (lambda path: path, "no such file"),
+    "empty": (lambda path: (path.write_bytes(b"") and path) or path, "is empty"),
+    "garbage": (lambda path: (path.write_bytes(bytes(range(256)) * 99), path)[1], "of no known kind"),
+    "text": (lambda path: (path.write_text("hello\nworld\n"), path)[1], "of no known kind"),
+    "directory": (lambda path: (path.mkdir(), path)[1], "without metadata.yaml"),
+    "zip": (lambda path: (path.write_bytes(b"PK\x03\x04" + bytes(99)), path)[1], "cannot be read"),
+    "gzip": (lambda path: (path.write_bytes(gzip.compress(flaser(0).encode())[:-20]), path)[1], "is damaged"),
+    "gzip of nothing": (lambda path: (path.write_bytes(gzip.compress(b"")), path)[1], "0 scans can be used"),
+    "bag header only": (lambda path: (path.write_bytes(b"#ROSBAG V2.0\n"), path)[1], "the bag cannot be read"),
+    "mcap header only": (lambda path: (path.write_bytes(b"\x89MCAP0\r\n"), path)[1], "the bag cannot be read"),
+    "sqlite header only": (lambda path: (path.write_bytes(b"SQLite format 3\0"), path)[1], "the bag cannot be read"),
+    "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
+    "bag without poses": (lambda path: bag(path.with_suffix(".bag"), 1, poses="none"), "no poses"),
+    "bag without scans": (lambda path: bag(path.with_suffix(".bag"), 1, poses="tf", scans=0), "no messages of sensor"),
+    "one scan": (lambda path: write_lines(path, [flaser(0)]), "1 scans can be used"),
+    "no scans": (lambda path: write_lines(path, []), "0 scans can be used"),
+    "millimeters": (
+        lambda path: write_lines(
+            path, ["PARAM front_laser_max 90000", *(flaser(n, 1000 * RANGES[n]) for n in range(SCANS))]
+        ),
+        "expected meters",
+    ),
+    "a million beams": (
+        lambda path: write_lines(path, [flaser(n, np.full(1_000_000, 2.0)) for n in range(2)]),
+        "expected scans of 2 to 100000 beams",
+    ),
+    "a short line": (lambda path: write_lines(path, [flaser(0)[:300]]), "line 3 is no FLASER line"),
+    "words": (lambda path: write_lines(path, ["FLASER two 1 2 3"]), "line 3 is no FLASER line"),
+}
+
+
+@pytest.mark.parametrize("name", NO_LOGS)
+def test_what_is_no_log_is_refused_with_its_name(name, tmp_path):
+    make, message = NO_LOGS[name]
+    path = make(tmp_path / "log")
+    with pytest.raises(ValueError, match=message) as refused:
+        read_log(path, 0.05)
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"angles": None}, "lacks angles"),
+        ({"poses": POSES[:-1]}, "expected ranges"),
+        ({"ranges": RANGES[0]}, "expected ranges"),
+        ({"angles": np.radians(np.arange(-90, 91)) ** 3}, "not evenly spaced"),
+        ({"angles": np.arange(-90.0, 91)}, "in radians"),
+        ({"angles": np.full(BEAMS, np.nan)}, "not evenly spaced"),
+        ({"ranges": np.array([[object()]])}, "cannot be read"),
+        ({"range_max_m": -1.0}, "positive maximum range"),
+    ],
+)
+def test_arrays_that_are_no_log_are_refused(change, message, tmp_path):
+    arrays = {"ranges": RANGES, "angles": np.radians(np.arange(-90, 91)), "poses": POSES, "stamps": STAMPS} | change
+    np.savez(tmp_path / "log.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(ValueError, match=message):
+        read_log(tmp_path / "log.npz", 0.05)

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+
+from repro.prediction.logs import ScanLog
+from repro.prediction.windows import Window, cut
+
+OPTIONS = {"steps": 10, "step_s": 0.1, "stride_s": 0.5, "center": "robot", "size_m": 50.0}
+
+
+def log_of(stamps: np.ndarray) -> ScanLog:
+    """Return a log whose ranges and x are the time since its first scan."""
+    since = stamps - stamps[0]
+    poses = np.stack([since, 100 + 0 * since, 0.5 * since], axis=-1)
+    return ScanLog(stamps, np.repeat(since[:, None], 3, axis=1).astype(np.float32), np.array([-0.1, 0, 0.1]), poses)
+
+
+def test_windows_end_at_every_stride():
+    windows = list(cut(log_of(1000 + np.arange(0, 3.01, 0.1)), **OPTIONS))
+    assert [window.number for window in windows] == [1, 2, 3, 4, 5]
+    assert [window.stamp - 1000 for window in windows] == pytest.approx([0.9, 1.4, 1.9, 2.4, 2.9])
+    assert windows[1].scans.ranges[:, 0] == pytest.approx(np.arange(0.5, 1.41, 0.1))
+    assert windows[1].following.ranges[0, 0] == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("rate", [7, 10, 23, 40])
+def test_a_step_takes_the_scan_nearest_in_time(rate):
+    stamps = np.arange(0, 4, 1 / rate)
+    for window in cut(log_of(stamps), **OPTIONS):
+        times = window.stamp - 0.1 * np.arange(9, -1, -1)
+        nearest = np.abs(window.scans.ranges[:, 0] - times)
+        assert (nearest <= 0.5 / rate + 1e-5).all()
+
+
+@pytest.mark.parametrize(
+    ("center", "origins"), [("robot", [0.9, 1.4]), ("start", [0.0, 0.0]), ([10, 100], [10.0, 10.0])]
+)
+def test_the_map_is_centered_as_asked(center, origins):
+    windows = list(cut(log_of(np.arange(0, 1.5, 0.1)), **{**OPTIONS, "center": center}))
+    for window, x in zip(windows, origins, strict=True):
+        assert window.origin == pytest.approx((x - 25, 75))
+        assert window.scans.poses[:, :2] + window.origin == pytest.approx(
+            np.stack([window.scans.ranges[:, 0], np.full(10, 100)], axis=-1), abs=1e-5
+        )
+
+
+def test_a_window_with_a_gap_is_left_out_with_its_reason():
+    stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(5, 7, 0.1)])
+    found = list(cut(log_of(stamps), **OPTIONS))
+    assert any("no scan for" in each for each in found if isinstance(each, str))
+    for window in (each for each in found if isinstance(each, Window)):
+        assert not 2.6 < window.stamp < 5.4
+
+
+def test_a_short_log_is_refused():
+    with pytest.raises(ValueError, match=r"the log has 0.5 s of scans, a window of 10 steps takes 0.9 s"):
+        list(cut(log_of(np.arange(0, 0.55, 0.1)), **OPTIONS))
+
+
+def test_headings_are_within_half_a_turn():
+    log = log_of(np.arange(0, 100, 0.1))
+    for window in cut(log, **{**OPTIONS, "stride_s": 20.0}):
+        assert (np.abs(window.scans.poses[:, 2]) <= np.pi).all()
