@@ -131,6 +131,9 @@ def command_line() -> int:
 
 if __name__ == "__main__":
     complete_standard_streams()
+    # after Ctrl-C, joblib's helper process frees what its workers held, with warnings that say nothing to a user
+    quiet = "ignore:resource_tracker:UserWarning"
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), quiet]))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: the workers of a sweep end with it
     try:
         sys.exit(command_line())

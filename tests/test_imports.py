@@ -145,3 +145,20 @@ def test_prediction_training_evaluation_and_reading_import_no_simulator():
     code = f"import sys, {modules}; print(sorted(name for name in sys.modules if name.split('.')[0] == 'irsim'))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     assert done.stdout.strip() == "[]"
+
+
+def test_text_files_are_utf8_in_any_locale():
+    """Each call that reads or writes text names its encoding, since the default is that of the locale."""
+    without = []
+    for name, tree in (TREES | {"run.py": ast.parse((ROOT / "run.py").read_text())}).items():
+        for node, _ in nodes(tree):
+            if not isinstance(node, ast.Call):
+                continue
+            function = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            is_text = function in ("read_text", "write_text") and isinstance(node.func, ast.Attribute)
+            is_text |= function == "open" and any(
+                isinstance(a, ast.Constant) and a.value in ("r", "w", "a", "rt") for a in node.args
+            )
+            if is_text and not any(keyword.arg == "encoding" for keyword in node.keywords):
+                without.append(f"{name}:{node.lineno}: {ast.unparse(node)[:80]}")
+    assert not without

@@ -139,7 +139,7 @@ class Training:
     __pydantic_config__ = STRICT
 
     learning_rate: SmallPositive
-    min_delta: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+    min_delta: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)]
     patience: Annotated[int, Field(ge=0)]
     batch_size: Annotated[int, Field(ge=2)]  # batch normalization needs two
     max_epochs: Epochs

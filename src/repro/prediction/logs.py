@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -85,22 +86,23 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
         ValueError: no two scans can be used, the beams are not those of a lidar, or the ranges are not meters.
     """
     skipped: Counter[str] = Counter()
-    kept = list(_usable(scans, path, spacing_s, skipped))
-    if len(kept) < MIN_SCANS:
+    usable = _usable(scans, path, spacing_s, skipped)
+    first = next(usable, None)
+    count = len(first.ranges) if first else 0
+    kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,))])
+    rows = ((scan.stamp, _clean(scan), scan.pose) for scan in chain([first] if first else [], usable))
+    kept = np.fromiter(rows, kind)  # grows in place: a log may be half as large as the memory
+    if first is None or len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ValueError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    first = kept[0]
-    angles = first.first_angle + first.spacing * np.arange(len(first.ranges))
-    ranges = np.stack([_clean(scan) for scan in kept])
-    finite = ranges[np.isfinite(ranges)]
+    sample = kept["ranges"][:: max(1, len(kept) // 1000)]
+    finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
         raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
-    if first.spacing < 0:
-        angles, ranges = angles[::-1], ranges[:, ::-1]
-    angles, ranges = _without_overlap(angles, ranges)
-    poses = np.array([scan.pose for scan in kept], dtype=float)
+    angles, ranges = _in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
+    poses = kept["pose"].copy()
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return ScanLog(np.array([scan.stamp for scan in kept]), ranges, angles, poses, dict(skipped))
+    return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped))
 
 
 def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
@@ -154,10 +156,10 @@ def _clean(scan: LogScan) -> np.ndarray:
     return np.where(is_hit, ranges, np.float32(np.inf))
 
 
-def _without_overlap(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drop the last beams of a scan of a full turn that point where its first beams do, and wrap the angles."""
-    keep = angles < angles[0] + 2 * math.pi - 1e-6
-    angles, ranges = angles[keep], ranges[:, keep]
-    if angles[-1] > 2 * math.pi:
-        angles = angles - 2 * math.pi
-    return np.ascontiguousarray(angles), np.ascontiguousarray(ranges)
+def _in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the beams by increasing angle, without the last ones of a full turn that point where the first ones do."""
+    if angles[-1] < angles[0]:
+        angles, ranges = angles[::-1], ranges[:, ::-1]
+    count = int((angles < angles[0] + 2 * math.pi - 1e-6).sum())
+    angles, ranges = angles[:count], ranges[:, :count]
+    return (angles - 2 * math.pi if angles[-1] > 2 * math.pi else angles.copy()), ranges

@@ -49,7 +49,11 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
     if not is_gzip and not _is_carmen(head):
         raise ValueError(f"{path}: is of no known kind: expected {KINDS}")
     try:
-        with gzip.open(path, "rt", errors="replace") if is_gzip else path.open(errors="replace") as lines:
+        with (
+            gzip.open(path, "rt", encoding="utf-8", errors="replace")
+            if is_gzip
+            else path.open(encoding="utf-8", errors="replace") as lines
+        ):
             return collect(carmen_scans(lines, path), path, spacing_s)
     except (gzip.BadGzipFile, EOFError) as error:
         raise ValueError(f"{path}: is damaged ({error})") from error

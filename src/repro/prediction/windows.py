@@ -85,4 +85,4 @@ def _scans(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans
     poses = log.poses[index].copy()
     poses[:, :2] -= origin
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    return Scans(log.ranges[index], log.angles, poses)
+    return Scans(np.ascontiguousarray(log.ranges[index]), log.angles, poses)

@@ -33,18 +33,19 @@ def run(job: Job) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     grid = predictor.grid
     options = {"steps": settings.steps, "step_s": settings.step_s, "stride_s": settings.stride_s}
-    found = list(cut(log, **options, center=settings.center, size_m=grid.size_m))  # type: ignore[arg-type]
-    rows, left_out = [], [each for each in found if isinstance(each, str)]
+    windows = cut(log, **options, center=settings.center, size_m=grid.size_m)  # type: ignore[arg-type]
+    rows, left_out = [], 0
     with replacing_directory(target) as new:
-        for window in tqdm([each for each in found if isinstance(each, Window)], unit="window", disable=None):
+        for window in tqdm(windows, unit="window", disable=None):
             try:
+                if isinstance(window, str):
+                    raise ValueError(window)
                 rows.append(_predict(window, predictor, new, settings.range_max_m))
             except ValueError as error:
-                left_out.append(f"window {window.number} at {window.stamp:.2f} s: {error}")
-        for reason in left_out:
-            print(f"left out: {reason}", flush=True)
+                left_out += 1
+                print(f"left out: {error}", flush=True)
         if not rows:
-            raise ValueError(f"{path}: none of its {len(found)} windows can be used, see above")
+            raise ValueError(f"{path}: none of its {left_out} windows can be used, see above")
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
     _summarize(rows, target)
 
@@ -52,7 +53,10 @@ def run(job: Job) -> None:
 def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> dict[str, float]:
     """Predict one window, write its files and return its row."""
     grid = predictor.grid
-    free = predictor.predict(window.scans)[0].numpy()
+    try:
+        free = predictor.predict(window.scans)[0].numpy()
+    except ValueError as error:
+        raise ValueError(f"window {window.number} at {window.stamp:.2f} s: {error}") from error
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), free, window, grid)
     write_map(stem, free, window, grid)
