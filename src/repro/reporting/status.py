@@ -32,7 +32,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     lines += ["", "| exp. | input | model | " + " | ".join(f"seed {seed}" for seed in seeds) + " |"]
     lines.append("|---" * (3 + len(seeds)) + "|")
     for (experiment, encoding, model), row in sorted(rows.items(), key=lambda item: (*item[0][:2], rank(item[0][2]))):
-        cells = [row.get(seed, "") for seed in seeds] if encoding else [row[None]]
+        cells = [row.get(seed, "") for seed in seeds] if encoding else [row[None], *[""] * (len(seeds) - 1)]
         lines.append(f"| {experiment} | {encoding} | {model_title(model)} | " + " | ".join(cells) + " |")
     counted = Counter(states[key].split(",")[0] for key in planned)
     lines += ["", f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
