@@ -70,6 +70,8 @@ def run_script(script: str, project: Path) -> str:
 def run_command(command: str, outputs: Path) -> str:
     """Run a documented command line at a tiny size."""
     words = re.sub(r"\b(scale|outputs)=\S+", "", command)
+    if " -m " in words and "launcher" not in words:
+        words += " hydra/launcher=basic"  # one process imports torch once
     return run_script(f"{words} {' '.join(TINY)} outputs={outputs}", ROOT)
 
 

@@ -11,10 +11,11 @@ import torch
 from conftest import ROOT
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from omegaconf import OmegaConf
 
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, Training, paper_model, read_world, world_spec
+from repro.config import NETWORKS, Training, paper_model, plain, read_world, world_spec
 from repro.evaluation.coverage import describe
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Batches, Pairs, load_pairs
@@ -112,6 +113,7 @@ def learn(examples, training, model="fpn"):
     assert len(list(Batches(examples, training.batch_size)))
 
 
+PREDICTION = plain(OmegaConf.load(ROOT / "conf" / "config.yaml")["prediction"])
 USUAL = {
     "seed": 0, "oldest_gray": 0.8, "size_px": 32, "pairs": 8, "batch_size": 4, "learning_rate": 1e-3,
     "ema_decay": None, "model": "fpn", "patience": 1,
@@ -147,7 +149,7 @@ def configuration(v):
             "workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None,
             "part": 0, "parts": 1,
         },
-        "publish": {"force": False},
+        "scans": None, "prediction": PREDICTION, "publish": {"force": False},
     }  # fmt: skip
 
 
