@@ -135,6 +135,7 @@ def train(
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)
         if compile:
+            print("compiling the network, which takes a minute or two", flush=True)
             size_px = config.data.size_px
             channels = encoding_of(config).channels
             spare = create_network(config.model, channels).to(device)
