@@ -13,6 +13,7 @@ import signal
 import sys
 import traceback
 import uuid
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,8 @@ if __name__ == "__main__":
     complete_standard_streams()
     # after Ctrl-C, joblib's helper process frees what its workers held, with warnings that say nothing to a user
     quiet = "ignore:resource_tracker:UserWarning"
+    # and joblib replaces a worker whose memory has grown by 300 MB, as between two trainings
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), quiet]))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: the workers of a sweep end with it
     try:

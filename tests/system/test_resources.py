@@ -2,10 +2,18 @@ import os
 import subprocess
 import sys
 
+import joblib
+import psutil
 import pytest
 
 from repro.system import resources
-from repro.system.resources import available_memory_gb, parallel_trainings, training_memory_gb, use_idle_cores
+from repro.system.resources import (
+    available_memory_gb,
+    parallel_trainings,
+    process_pool,
+    training_memory_gb,
+    use_idle_cores,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -23,6 +31,21 @@ def test_one_training_per_core_as_many_as_the_memory_can_hold(cores, memory_gb, 
     monkeypatch.setattr(resources, "count_cores", lambda: cores)
     monkeypatch.setattr(resources, "available_memory_gb", lambda: memory_gb)
     assert parallel_trainings(64, 8, 2000) == trainings
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_processes_of_a_pool_end_with_it(fails):
+    jobs = [joblib.delayed(os.getpid)() for _ in range(8)]
+    try:
+        with process_pool(2) as parallel:
+            ids = set(parallel(jobs))
+            assert os.getpid() not in ids
+            assert all(psutil.pid_exists(number) for number in ids)
+            if fails:
+                raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        assert fails
+    assert not any(psutil.pid_exists(number) for number in ids)
 
 
 @pytest.mark.parametrize(("size_px", "pairs", "measured_gb"), [(64, 2000, 1.2), (128, 3000, 1.3), (256, 3000, 2.3)])

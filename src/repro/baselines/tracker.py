@@ -22,6 +22,7 @@ from torch import Tensor
 
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
+from repro.system.resources import process_pool
 
 NEAR_M = 1.5  # hits closer than this belong to one cluster
 GATE_M = 3.0  # a cluster farther than this from every track starts a new one
@@ -53,7 +54,8 @@ def track(recorded: Recorded, depth_m: float, workers: int = 2) -> list[np.ndarr
     scans, step_s = recorded.scans, recorded.step_s
     ranges, poses, angles = scans.ranges.numpy(), scans.poses.numpy(), scans.angles.numpy()
     jobs = (joblib.delayed(_track_one)(r, angles, p, depth_m, step_s) for r, p in zip(ranges, poses, strict=True))
-    return joblib.Parallel(n_jobs=workers, batch_size=16)(jobs)
+    with process_pool(workers, batch_size=16) as parallel:
+        return parallel(jobs)
 
 
 def draw(tracks: list[np.ndarray], grid: Grid, radius_m: float) -> Tensor:

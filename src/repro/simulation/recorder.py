@@ -22,6 +22,7 @@ from repro.scans import Scans
 from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
+from repro.system.resources import process_pool
 
 
 def record_experiment(
@@ -172,11 +173,13 @@ def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
 def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int, every: int, worlds: int) -> None:
     jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
     # processes even inside a worker of a launcher, because IR-SIM keeps its environment in module variables
-    parallel = joblib.Parallel(n_jobs=workers, backend="loky", return_as="generator_unordered")
     done = worlds - sum(shard.worlds for shard in shards)
-    with tqdm(
-        total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}", disable=None
-    ) as bar:
+    with (
+        process_pool(workers, return_as="generator_unordered") as parallel,
+        tqdm(
+            total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}", disable=None
+        ) as bar,
+    ):
         for count in parallel(jobs):
             bar.update(2 * count)
 

@@ -2,11 +2,15 @@
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import joblib
 import psutil
+from joblib.externals.loky import get_reusable_executor
 
 CGROUP = Path("/sys/fs/cgroup")  # version 2, in which containers limit memory
 LEAST_IDLE = 0.75  # share of the time of all cores that must be free for them to count as idle
@@ -21,6 +25,24 @@ def count_cores() -> int:
 def cores_are_idle(seconds: float = 0.3) -> bool:
     """Return whether at least three quarters of the time of all cores are free, measured over a time [s]."""
     return psutil.cpu_percent(seconds) <= 100 * (1 - LEAST_IDLE)
+
+
+@contextmanager
+def process_pool(workers: int, **options: Any) -> Iterator[joblib.Parallel]:
+    """Create a pool of processes that ends with the context.
+
+    joblib keeps the processes of a pool for five minutes. A process of a sweep whose pool is kept cannot end before
+    that, and the sweep waits for it.
+
+    Args:
+        workers: number of processes; one works in this process.
+        options: further options of `joblib.Parallel`.
+    """
+    try:
+        yield joblib.Parallel(n_jobs=workers, backend="loky", **options)
+    finally:
+        if workers > 1:
+            get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
 
 def use_one_thread() -> None:
