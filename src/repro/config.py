@@ -3,7 +3,7 @@
 The values themselves are in conf/, Hydra composes them, `cli.validation` checks them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,9 +45,11 @@ class Model:
 
     Args:
         name: name of the model in paths and tables.
-        architecture: `convlstm` or an architecture of segmentation-models-pytorch; None means the name is one.
+        architecture: `convgru`, `convlstm` or an architecture of segmentation-models-pytorch; None means the name is
+            one.
         encoder_name: encoder of segmentation-models-pytorch; None for a network with an encoder of its own.
         encoder_weights: pretrained weights of the encoder; None trains from scratch.
+        parameters: further parameters of one of our own networks.
     """
 
     __pydantic_config__ = STRICT
@@ -56,6 +58,7 @@ class Model:
     architecture: str | None = None
     encoder_name: str | None = None
     encoder_weights: str | None = None
+    parameters: dict[str, Any] = field(default_factory=dict)
 
 
 def paper_model(name: str) -> Model:
@@ -95,7 +98,17 @@ class EncodingParameters(TypedDict, total=False):
     frames: Frames
 
 
+class NetworkParameters(TypedDict, total=False):
+    """Types and ranges of the parameters of our own networks in `networks`; those of other networks are theirs."""
+
+    __pydantic_config__ = ConfigDict(extra="allow", strict=True)  # type: ignore[misc]
+
+    hidden: Annotated[int, Field(ge=16, le=512, multiple_of=16)]
+    stride: Annotated[int, Field(ge=2, le=4, multiple_of=2)]
+
+
 NO_DECAY = "-no-decay"
+RECURRENT = ("convgru", "convlstm")  # architectures that need a series of images
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 

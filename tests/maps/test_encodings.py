@@ -7,9 +7,10 @@ from conftest import ROOT
 from omegaconf import OmegaConf
 
 from repro.config import plain
-from repro.maps.encodings import ENCODINGS, Ages, Encoding, Exponential, Negative, ObservedFree, Stack, create_encoding
+from repro.maps.encodings import ENCODINGS, Ages, Encoding, Exponential, Negative, ObservedFree, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
+from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
 from repro.scans import Scans
@@ -36,7 +37,9 @@ def scans(recorded):
 def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding():
     assert set(ENCODINGS) == {path.stem for path in CONFIGURED}
     assert [encoding.name for encoding in ALL] == [path.stem for path in CONFIGURED]
-    assert {Projection(), Negative(), Exponential(), Ages(), ObservedFree(), Stack(4), Stack(10)} <= set(ALL)
+    assert {Projection(), Negative(), Exponential(), Ages(), ObservedFree(), Stack(4), Stack(10), Series(10)} <= set(
+        ALL
+    )
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
@@ -91,6 +94,16 @@ def test_a_stack_encodes_each_part_of_the_window(scans):
         window = slice(25 * part, 25 * part + 25)
         alone = Scans(scans.ranges[:, window], scans.angles, scans.poses[:, window])
         assert torch.equal(images[:, part : part + 1], Projection(decay=False).encode(alone, GRID))
+
+
+def test_a_series_encodes_the_hits_and_the_free_pixels_of_each_part_of_the_window(scans):
+    images = Series(4).encode(scans, GRID)
+    assert torch.equal(images[:, :4], Stack(4).encode(scans, GRID))
+    for part in range(4):
+        window = slice(25 * part, 25 * part + 25)
+        alone = Scans(scans.ranges[:, window], scans.angles, scans.poses[:, window])
+        assert torch.equal(images[:, 4 + part] == 0, ObservedFree().encode(alone, GRID)[:, 1] < 255)
+    assert 0.02 < (images[:, 4:] == 0).float().mean() < 0.5
 
 
 def test_an_encoding_is_created_from_its_name_and_parameters():

@@ -21,6 +21,7 @@ from yaml import YAMLError
 from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
 from repro.cli.errors import WANTS_TRACEBACKS
 from repro.cli.jobs import ROOT
+from repro.cli.limits import most_channels
 from repro.cli.validation import all_errors, has_gpu, one_of, renamed_errors, unknown_key
 from repro.config import NO_DECAY, plain
 from repro.runs.keys import RunKey
@@ -49,6 +50,7 @@ def register() -> None:
     OmegaConf.register_new_resolver("default_launcher", lambda: "basic" if has_gpu() else "cores", replace=True)
     OmegaConf.register_new_resolver("home", os.path.expanduser, replace=True)  # Hydra does not expand ~
     OmegaConf.register_new_resolver("parallel_trainings", parallel_trainings, replace=True)
+    OmegaConf.register_new_resolver("most_channels", most_channels, replace=True)
     OmegaConf.register_new_resolver("first_key", lambda mapping: next(iter(mapping or {}), ""), replace=True)
     ConfigStore.instance().store(name="schema", node=schema())
 

@@ -1,5 +1,6 @@
 """What a call takes on this machine, estimated before anything slow begins."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from repro.config import ConfigError, Encoding, PairCounts, Scale
@@ -7,14 +8,12 @@ from repro.simulation.motions import robot_commands
 from repro.system.resources import total_memory_gb, training_memory_gb
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core
-MOST_CHANNELS = 2  # of an encoding without `frames`
+MOST_CHANNELS = 2  # of each part of the window
 
 
 def memory_errors(scale: Scale, encoding: Encoding) -> list[ConfigError]:
     """Return an error if a training on the CPU does not fit into the memory of this machine."""
-    frames = encoding.parameters.get("frames")
-    channels = frames if isinstance(frames, int) else MOST_CHANNELS
-    pairs = scale.pairs.train + scale.pairs.val
+    pairs, channels = scale.pairs.train + scale.pairs.val, most_channels(encoding.parameters)
     needed, there = training_memory_gb(scale.size_px, scale.batch_size, pairs, channels), total_memory_gb()
     if needed <= there:
         return []
@@ -23,6 +22,11 @@ def memory_errors(scale: Scale, encoding: Encoding) -> list[ConfigError]:
         f"this machine has {there:.0f} GB"
     )
     return [ConfigError("scale.pairs.train", scale.pairs.train, expected)]
+
+
+def most_channels(parameters: Mapping[str, Any]) -> int:
+    """Return the number of images of an encoding, or more, from its parameters."""
+    return MOST_CHANNELS * parameters.get("frames", 1)
 
 
 def recording_minutes(spec: dict[str, Any], pairs: PairCounts) -> float:

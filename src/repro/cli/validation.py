@@ -15,11 +15,12 @@ from repro.cli.limits import memory_errors, recording_minutes
 from repro.config import (
     NETWORKS,
     PAPER_ENCODER,
+    RECURRENT,
     UNKNOWN_KEY,
     ConfigError,
-    Encoding,
     EncodingParameters,
     Model,
+    NetworkParameters,
     config_errors_of,
     world_spec,
 )
@@ -97,8 +98,9 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
-    if (config.model.architecture or config.model.name) == "convlstm" and "frames" not in config.encoding.parameters:
-        expected = "model convlstm takes a series of images: encoding=stack10 or encoding=stack4"
+    architecture = config.model.architecture or config.model.name
+    if architecture in RECURRENT and "frames" not in config.encoding.parameters:
+        expected = f"model {architecture} takes a series of images: encoding=series10 or encoding=stack10"
         errors.append(ConfigError("encoding", config.encoding.name, expected))
     return errors
 
@@ -183,7 +185,8 @@ def _library_errors(config: Config) -> list[ConfigError]:
     if (config.task == "predict") != (config.scans is not None):
         expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
         errors.append(ConfigError("scans", config.scans, expected))
-    errors += _parameter_errors(config.encoding)
+    errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
+    errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
     if not errors and config.task in ("all", "train") and not has_gpu():
         errors += memory_errors(config.scale, config.encoding)
     if errors:
@@ -216,17 +219,17 @@ def _directory_errors(key: str, directory: Path) -> list[ConfigError]:
     return []
 
 
-def _parameter_errors(encoding: Encoding) -> list[ConfigError]:
+def _parameter_errors(kind: Any, prefix: str, parameters: dict[str, Any]) -> list[ConfigError]:
     try:
-        TypeAdapter(EncodingParameters).validate_python(encoding.parameters)
+        TypeAdapter(kind).validate_python(parameters)
     except ValidationError as error:
-        return config_errors_of(error, "encoding.parameters.")
+        return config_errors_of(error, prefix)
     return []
 
 
 def _model_errors(model: Model) -> list[ConfigError]:
     """Return what is wrong with architecture, encoder and weights; imports smp for all but the paper's."""
-    if (model.architecture or model.name) in NETWORKS and model.encoder_name in MIT_ENCODERS:
+    if (model.architecture or model.name) in NETWORKS and model.encoder_name in MIT_ENCODERS and not model.parameters:
         wrong = model.encoder_weights not in MIT_WEIGHTS
         return (
             [ConfigError("model.encoder_weights", model.encoder_weights, "must be null or imagenet")] if wrong else []

@@ -137,9 +137,9 @@ def train(
         if compile:
             print("compiling the network, which takes a minute or two", flush=True)
             size_px = config.data.size_px
-            channels = encoding_of(config).channels
-            spare = create_network(config.model, channels).to(device)
-            compile = compiles(spare, torch.zeros(2, channels, size_px, size_px, device=device))
+            encoding = encoding_of(config)
+            spare = create_network(config.model, encoding.channels, encoding.frames).to(device)
+            compile = compiles(spare, torch.zeros(2, encoding.channels, size_px, size_px, device=device))
         if compile:
             module.network.compile()
         run.begin_step("trained", Status.training, precision=precision, compiled=compile)
@@ -159,7 +159,8 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     assert config.seed is not None, "a baseline is not trained"
     train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
     torch.manual_seed(config.seed)
-    network = create_network(config.model, train_pairs.encoding.channels)
+    encoding = train_pairs.encoding
+    network = create_network(config.model, encoding.channels, encoding.frames)
     accelerate(network, device)
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 

@@ -14,9 +14,10 @@ from pydantic import ValidationError
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.config import Frames, Positive, config_errors_of
+from repro.config import Positive, config_errors_of
 from repro.maps.grid import Grid
-from repro.maps.projection import CHECKED, Projection, newest_hits
+from repro.maps.projection import CHECKED, Projection
+from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_visible
 from repro.scans import Scans
 
@@ -31,6 +32,10 @@ class Encoding(Protocol):
     @property
     def channels(self) -> int:
         """Number of channels of the images, C."""
+
+    @property
+    def frames(self) -> int:
+        """Number of parts of the window that have images of their own; C is a multiple of it."""
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draw the images of a batch of scans, uint8, (B, C, H, W)."""
@@ -109,38 +114,6 @@ class ObservedFree(Negative):
         return torch.cat([super().encode(scans, grid), self._shade(passed.int(), scans.ranges.shape[1])], dim=1)
 
 
-@dataclass(frozen=True, config=CHECKED)
-class Stack:
-    """A series of images: the hits of each part of the window in a separate image, oldest part first, all black.
-
-    The paper argues against this multi-image input without testing it ("Cumulative Dynamic Sensor Projection").
-
-    Args:
-        frames: number of images and of parts of the window.
-
-    Raises:
-        ValueError: `frames` is not an integer from 1 to 100.
-    """
-
-    frames: Frames
-
-    @property
-    def name(self) -> str:
-        return f"stack{self.frames}"
-
-    @property
-    def channels(self) -> int:
-        return self.frames
-
-    def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        parts = torch.arange(scans.ranges.shape[1], device=scans.ranges.device).tensor_split(self.frames)
-        hits = [newest_hits(Scans(scans.ranges[:, p], scans.angles, scans.poses[:, p]), grid) == 0 for p in parts]
-        return 255 * torch.stack(hits, dim=1).to(torch.uint8)
-
-    def to_input(self, images: Tensor) -> Tensor:
-        return 1 - images.float() / 255  # networks learn slowly from many images of mostly ones
-
-
 ENCODINGS: dict[str, type[Encoding]] = {
     "projection": Projection,
     "negative": Negative,
@@ -149,6 +122,9 @@ ENCODINGS: dict[str, type[Encoding]] = {
     "observed_free": ObservedFree,
     "stack4": Stack,
     "stack10": Stack,
+    "series4": Series,
+    "series10": Series,
+    "series20": Series,
 }
 
 

@@ -35,6 +35,7 @@ class Projection:
 
     name: ClassVar[str] = "projection"
     channels: ClassVar[int] = 1
+    frames: ClassVar[int] = 1
 
     decay: bool = True
     oldest_gray: Gray = 0.8

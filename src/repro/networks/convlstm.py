@@ -12,14 +12,17 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
     """A ConvLSTM over a sequence of images, with its state at a quarter of the resolution and a decoder to the map.
 
     Args:
-        in_channels: images per window, K, oldest first; each is one channel of the input.
+        in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
+        frames: parts of the window, K.
         hidden: channels of the LSTM state.
     """
 
-    def __init__(self, in_channels: int, hidden: int = 32) -> None:
+    def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:
         super().__init__()
-        self.hidden = hidden
-        self.encoder = nn.Sequential(*_block(1, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=2))
+        self.frames, self.hidden = frames, hidden
+        self.encoder = nn.Sequential(
+            *_block(in_channels // frames, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=2)
+        )
         self.from_image = nn.Conv2d(hidden, 4 * hidden, 3, padding=1)
         self.from_memory = nn.Conv2d(hidden, 4 * hidden, 3, padding=1, bias=False)
         self.decoder = nn.Sequential(
@@ -30,12 +33,12 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         )
 
     def forward(self, images: Tensor) -> Tensor:
-        """Predict a map of logits, (B, 1, H, W), from a series of images, (B, K, H, W)."""
-        batch, frames, height, width = images.shape
-        encoded = self.from_image(self.encoder(images.reshape(batch * frames, 1, height, width)))
-        memory = encoded.new_zeros(batch, self.hidden, *encoded.shape[-2:])
+        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
+        parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
+        encoded = self.from_image(self.encoder(parts.flatten(0, 1)))
+        memory = encoded.new_zeros(len(images), self.hidden, *encoded.shape[-2:])
         shown = memory
-        for gates in encoded.unflatten(0, (batch, frames)).unbind(1):
+        for gates in encoded.unflatten(0, parts.shape[:2]).unbind(1):
             write, keep, show, new = (gates + self.from_memory(shown)).chunk(4, dim=1)
             memory = (keep + 1).sigmoid() * memory + write.sigmoid() * new.tanh()  # + 1: remember at first
             shown = show.sigmoid() * memory.tanh()

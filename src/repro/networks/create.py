@@ -1,4 +1,4 @@
-"""Creation and loading of networks: the architectures of segmentation-models-pytorch (smp) and our ConvLSTM.
+"""Creation and loading of networks: the architectures of segmentation-models-pytorch (smp) and our recurrent ones.
 
 The paper uses four architectures of smp. Another one needs a file in conf/model and no code. An architecture outside
 smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
@@ -11,14 +11,15 @@ import segmentation_models_pytorch as smp
 import timm
 from segmentation_models_pytorch.encoders import encoders
 
-from repro.config import ConfigError, Model
+from repro.config import RECURRENT, ConfigError, Model
+from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 
 Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`
-OWN_ARCHITECTURES: dict[str, Any] = {"convlstm": ConvLSTM}
+OWN_ARCHITECTURES: dict[str, Any] = {"convgru": ConvGRU, "convlstm": ConvLSTM}
 
 
-def create_network(model: Model, in_channels: int = 1) -> Network:
+def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Network:
     """Create a network that maps encoded scans (B, C, H, W) to logits (B, 1, H, W).
 
     Paper: "Prediction Models". Encoder weights and channels are not stated: DEVIATIONS D9.
@@ -26,13 +27,18 @@ def create_network(model: Model, in_channels: int = 1) -> Network:
     Args:
         model: architecture, encoder and encoder weights.
         in_channels: channels of the encoding, C.
+        frames: parts of the window with channels of their own; only a recurrent network uses it.
 
     Raises:
-        ValueError: the architecture is unknown, or the encoder weights cannot be loaded.
+        ValueError: the architecture or one of its parameters is not allowed, or the encoder weights cannot be loaded.
     """
     architecture = model.architecture or model.name
     if architecture in OWN_ARCHITECTURES:
-        return OWN_ARCHITECTURES[architecture](in_channels)
+        try:
+            series = {"frames": frames} if architecture in RECURRENT else {}
+            return OWN_ARCHITECTURES[architecture](in_channels, **series, **model.parameters)
+        except TypeError as error:
+            raise ValueError(f"model.parameters={model.parameters}: {error}") from error
     if architecture not in smp_architectures():
         known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
         raise ValueError(f"model.architecture={architecture}: must be one of {known}")
@@ -84,6 +90,9 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         given = {"encoder_name": name, "encoder_weights": weights}
         expected = f"architecture {architecture} has an encoder of its own, leave it null"
         return [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
+    if model.parameters:
+        expected = f"parameters are for networks of our own, {', '.join(OWN_ARCHITECTURES)}"
+        return [ConfigError("model.parameters", model.parameters, expected)]
     if architecture not in smp_architectures():
         known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
         return [ConfigError(key, architecture, f"must be one of {known}")]

@@ -8,6 +8,7 @@ TITLES = {
     "fpn": "FPN",
     "upernet": "UPerNet",
     "segformer": "Segformer",
+    "convgru": "ConvGRU",
     "convlstm": "ConvLSTM",
     "average": "Average",
     **BASELINES,

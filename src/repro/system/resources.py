@@ -94,7 +94,7 @@ def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int 
     return 1 + size_px**2 * ((channels + 1) * pairs + 1000 * 4 * batch_size) / 1e9
 
 
-def parallel_trainings(size_px: int, batch_size: int, pairs: int) -> int:
+def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> int:
     """Return how many trainings run at the same time: one per core, as many as the memory can hold, at least one."""
-    fitting = int(available_memory_gb() / training_memory_gb(size_px, batch_size, pairs))
+    fitting = int(available_memory_gb() / training_memory_gb(size_px, batch_size, pairs, channels))
     return max(1, min(count_cores(), fitting))

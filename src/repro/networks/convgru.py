@@ -1,0 +1,92 @@
+"""A recurrent network for series of images: a convolutional GRU over the parts of the window, and a decoder.
+
+Ballas et al., "Delving Deeper into Convolutional Networks for Learning Video Representations", ICLR 2016. The input,
+hits and pixels observed to be free, follows DeepTracking (Ondruska and Posner, AAAI 2016).
+"""
+
+import torch
+from huggingface_hub import PyTorchModelHubMixin
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+DETAIL = 16  # channels at full resolution
+
+
+class ConvGRU(nn.Module, PyTorchModelHubMixin):
+    """A convolutional GRU at a fraction of the resolution, a decoder, and skip connections from the series as a whole.
+
+    Args:
+        in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
+        frames: parts of the window, K.
+        hidden: channels of the state, a multiple of 16.
+        stride: pixels per cell of the state along one side, 2 or 4.
+
+    Raises:
+        ValueError: a parameter is not allowed.
+    """
+
+    def __init__(self, in_channels: int, frames: int, hidden: int = 64, stride: int = 4) -> None:
+        super().__init__()
+        if frames < 2 or in_channels % frames:
+            raise ValueError(f"needs a series of at least 2 parts, got {in_channels} images in {frames} parts")
+        if hidden < 16 or hidden % 16 or stride not in (2, 4):
+            raise ValueError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
+        self.frames = frames
+        self.encoder = nn.Sequential(
+            *_block(in_channels // frames, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=stride // 2)
+        )
+        self.from_frame = nn.Conv2d(hidden, 3 * hidden, 3, padding=1)
+        self.gates = nn.Conv2d(hidden, 2 * hidden, 3, padding=1, bias=False)
+        self.candidate = nn.Conv2d(hidden, hidden, 3, padding=2, dilation=2, bias=False)
+        self.context = nn.Sequential(Residual(hidden, 2), Residual(hidden, 4), Residual(hidden, 1))
+        self.detail = nn.Conv2d(in_channels, DETAIL, 3, padding=1)
+        self.half_detail = nn.Conv2d(DETAIL, hidden // 2, 3, stride=2, padding=1)
+        self.decode_half = nn.Sequential(*_block(hidden + hidden // 2, hidden // 2))
+        self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
+        self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
+        with torch.no_grad():
+            self.from_frame.bias[:hidden] = -1  # the state changes slowly at first
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
+        state = self.context(self._state(images))
+        detail = self.detail(images).relu()
+        half_detail = self.half_detail(detail).relu()
+        half = self.decode_half(torch.cat([_resized(state, half_detail), half_detail], dim=1))
+        return self.to_map(self.decode_full(torch.cat([_resized(half, detail), detail], dim=1)))
+
+    def _state(self, images: Tensor) -> Tensor:
+        """Run the GRU over the parts of the window, oldest first; return its last state, (B, hidden, h, w)."""
+        parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
+        encoded = self.from_frame(self.encoder(parts.flatten(0, 1))).unflatten(0, parts.shape[:2])
+        hidden = self.candidate.out_channels
+        state = encoded.new_zeros(len(images), hidden, *encoded.shape[-2:])
+        for part in encoded.unbind(1):
+            seen_gates, seen = part.split([2 * hidden, hidden], dim=1)
+            update, reset = (seen_gates + self.gates(state)).sigmoid().chunk(2, dim=1)
+            state = torch.lerp(state, (seen + self.candidate(reset * state)).tanh(), update)
+        return state
+
+
+class Residual(nn.Module):
+    """Two convolutions, the first dilated, added to their input."""
+
+    def __init__(self, channels: int, dilation: int) -> None:
+        super().__init__()
+        self.block = nn.Sequential(*_block(channels, channels, dilation=dilation), nn.Conv2d(channels, channels, 1))
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return images of the same shape, (B, C, H, W)."""
+        return images + self.block(images)
+
+
+def _block(channels: int, new_channels: int, stride: int = 1, dilation: int = 1) -> tuple[nn.Module, ...]:
+    return (
+        nn.Conv2d(channels, new_channels, 3, stride=stride, padding=dilation, dilation=dilation),
+        nn.GroupNorm(8, new_channels),
+        nn.ReLU(inplace=True),
+    )
+
+
+def _resized(images: Tensor, like: Tensor) -> Tensor:
+    return F.interpolate(images, size=like.shape[-2:], mode="bilinear")

@@ -1,0 +1,70 @@
+import pytest
+import torch
+
+from repro.config import Model
+from repro.networks.convgru import ConvGRU
+from repro.networks.create import architecture_of, create_network, load_network
+
+
+@pytest.mark.parametrize("stride", [2, 4])
+@pytest.mark.parametrize(("channels", "frames"), [(4, 4), (8, 4), (20, 10)])
+def test_a_series_of_images_is_mapped_to_one_map_of_logits(channels, frames, stride):
+    model = Model("convgru", parameters={"hidden": 16, "stride": stride})
+    network = create_network(model, channels, frames).eval()
+    with torch.inference_mode():
+        assert network(torch.rand(2, channels, 64, 96)).shape == (2, 1, 64, 96)
+
+
+def test_every_image_affects_the_prediction():
+    torch.manual_seed(0)
+    network, images = ConvGRU(8, 4, hidden=16).eval(), torch.zeros(9, 8, 32, 32)
+    images[range(1, 9), range(8), 10:20, 10:20] = 1
+    with torch.inference_mode():
+        empty, *shown = network(images)
+    assert all((empty - each).abs().max() > 1e-3 for each in shown)
+
+
+def test_the_state_depends_on_the_order_of_the_parts():
+    torch.manual_seed(0)
+    network, images = ConvGRU(8, 4, hidden=16).eval(), torch.rand(1, 8, 32, 32)
+    backward = images.unflatten(1, (2, 4)).flip(2).flatten(1, 2)
+    with torch.inference_mode():
+        assert not torch.allclose(network._state(images), network._state(backward))
+
+
+def test_a_part_consists_of_the_images_of_the_same_time():
+    """The state after one part is that of the hits and the free pixels of this part."""
+    torch.manual_seed(0)
+    network = ConvGRU(8, 4, hidden=16).eval()
+    received = []
+    network.encoder.register_forward_hook(lambda _, inputs, __: received.append(inputs[0]))
+    images = torch.arange(8.0).view(1, 8, 1, 1).expand(1, 8, 32, 32)
+    with torch.inference_mode():
+        network(images)
+    assert received[0][:, :, 0, 0].tolist() == [[0, 4], [1, 5], [2, 6], [3, 7]]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"in_channels": 4, "frames": 1}, "at least 2 parts, got 4 images in 1 parts"),
+        ({"in_channels": 9, "frames": 4}, "got 9 images in 4 parts"),
+        ({"in_channels": 8, "frames": 4, "hidden": 24}, "multiple of 16 and stride 2 or 4, got 24 and 4"),
+        ({"in_channels": 8, "frames": 4, "stride": 8}, "got 64 and 8"),
+    ],
+)
+def test_parameters_that_are_not_allowed_are_refused(parameters, message):
+    with pytest.raises(ValueError, match=message):
+        ConvGRU(**parameters)
+
+
+def test_an_unknown_parameter_is_refused():
+    with pytest.raises(ValueError, match=r"model.parameters=\{'depth': 3\}.*depth"):
+        create_network(Model("convgru", parameters={"depth": 3}), 8, 4)
+
+
+def test_a_convgru_is_saved_and_loaded(tmp_path):
+    network, images = ConvGRU(8, 4, hidden=16, stride=2).eval(), torch.rand(1, 8, 32, 32)
+    network.save_pretrained(tmp_path)
+    with torch.inference_mode():
+        assert torch.equal(network(images), load_network(tmp_path, architecture_of(network)).eval()(images))
