@@ -44,8 +44,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.decode_half = nn.Sequential(*_block(hidden + hidden // 2, hidden // 2))
         self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
         self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
-        with torch.no_grad():
-            self.from_frame.bias[:hidden] = -1  # the state changes slowly at first
+        assert self.from_frame.bias is not None
+        nn.init.constant_(self.from_frame.bias[:hidden], -1)  # the state changes slowly at first
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
