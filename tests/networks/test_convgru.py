@@ -50,7 +50,7 @@ def test_a_part_consists_of_the_images_of_the_same_time():
         ({"in_channels": 4, "frames": 1}, "at least 2 parts, got 4 images in 1 parts"),
         ({"in_channels": 9, "frames": 4}, "got 9 images in 4 parts"),
         ({"in_channels": 8, "frames": 4, "hidden": 24}, "multiple of 16 and stride 2 or 4, got 24 and 4"),
-        ({"in_channels": 8, "frames": 4, "stride": 8}, "got 64 and 8"),
+        ({"in_channels": 8, "frames": 4, "stride": 8}, "got 48 and 8"),
     ],
 )
 def test_parameters_that_are_not_allowed_are_refused(parameters, message):

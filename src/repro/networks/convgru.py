@@ -1,7 +1,9 @@
 """A recurrent network for series of images: a convolutional GRU over the parts of the window, and a decoder.
 
-Ballas et al., "Delving Deeper into Convolutional Networks for Learning Video Representations", ICLR 2016. The input,
-hits and pixels observed to be free, follows DeepTracking (Ondruska and Posner, AAAI 2016).
+The GRU is convolutional (Ballas et al., "Delving Deeper into Convolutional Networks for Learning Video
+Representations", ICLR 2016) and has no reset gate (Ravanelli et al., "Light Gated Recurrent Units for Speech
+Recognition", 2018). Its input, hits and pixels observed to be free, is that of DeepTracking (Ondruska and Posner, AAAI
+2016).
 """
 
 import torch
@@ -25,7 +27,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         ValueError: a parameter is not allowed.
     """
 
-    def __init__(self, in_channels: int, frames: int, hidden: int = 64, stride: int = 4) -> None:
+    def __init__(self, in_channels: int, frames: int, hidden: int = 48, stride: int = 4) -> None:
         super().__init__()
         if frames < 2 or in_channels % frames:
             raise ValueError(f"needs a series of at least 2 parts, got {in_channels} images in {frames} parts")
@@ -35,8 +37,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.encoder = nn.Sequential(
             *_block(in_channels // frames, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=stride // 2)
         )
-        self.from_frame = nn.Conv2d(hidden, 3 * hidden, 3, padding=1)
-        self.gates = nn.Conv2d(hidden, 2 * hidden, 3, padding=1, bias=False)
+        self.from_part = nn.Conv2d(hidden, 2 * hidden, 1)
+        self.gate = nn.Conv2d(hidden, hidden, 3, padding=1, bias=False)
         self.candidate = nn.Conv2d(hidden, hidden, 3, padding=2, dilation=2, bias=False)
         self.context = nn.Sequential(Residual(hidden, 2), Residual(hidden, 4), Residual(hidden, 1))
         self.detail = nn.Conv2d(in_channels, DETAIL, 3, padding=1)
@@ -44,8 +46,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.decode_half = nn.Sequential(*_block(hidden + hidden // 2, hidden // 2))
         self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
         self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
-        assert self.from_frame.bias is not None
-        nn.init.constant_(self.from_frame.bias[:hidden], -1)  # the state changes slowly at first
+        assert self.from_part.bias is not None
+        nn.init.constant_(self.from_part.bias[:hidden], -1)  # the state changes slowly at first
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
@@ -58,13 +60,12 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
     def _state(self, images: Tensor) -> Tensor:
         """Run the GRU over the parts of the window, oldest first; return its last state, (B, hidden, h, w)."""
         parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
-        encoded = self.from_frame(self.encoder(parts.flatten(0, 1))).unflatten(0, parts.shape[:2])
-        hidden = self.candidate.out_channels
-        state = encoded.new_zeros(len(images), hidden, *encoded.shape[-2:])
+        encoded = self.from_part(self.encoder(parts.flatten(0, 1))).unflatten(0, parts.shape[:2])
+        state = torch.zeros_like(encoded[:, 0].chunk(2, dim=1)[0])
         for part in encoded.unbind(1):
-            seen_gates, seen = part.split([2 * hidden, hidden], dim=1)
-            update, reset = (seen_gates + self.gates(state)).sigmoid().chunk(2, dim=1)
-            state = torch.lerp(state, (seen + self.candidate(reset * state)).tanh(), update)
+            update, candidate = part.chunk(2, dim=1)
+            new = (candidate + self.candidate(state)).tanh()
+            state = torch.lerp(state, new, (update + self.gate(state)).sigmoid())
         return state
 
 
