@@ -8,6 +8,7 @@ BASELINES = {
     "occupancy": "Occupancy grid",
     "transitional": "Transitional grid",
     "tracker": "Tracker",
+    "privileged": "Upper bound",
 }
 QUICK_BASELINES = ("all_free", "last_seen")  # evaluated together with every network; task=analysis evaluates the others
 

@@ -1,4 +1,4 @@
-"""Classical baselines to compare the networks with, each tuned on the validation set.
+"""Classical baselines to compare the networks with, each tuned on the validation set, and an upper bound.
 
 A baseline maps the validation and the test recordings to the probability of free of the test recordings,
 (M, 1, H, W), and the tuned settings. A new baseline needs a function here, an entry in `PREDICTORS` and its title in
@@ -15,6 +15,7 @@ from scipy.ndimage import grey_dilation
 from torch import Tensor
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
+from repro.baselines.privileged import privileged
 from repro.baselines.tracker import draw, track
 from repro.maps.datasets import Recorded
 from repro.maps.projection import newest_hits
@@ -66,6 +67,7 @@ PREDICTORS: dict[str, Baseline] = {
     "occupancy": occupancy,
     "transitional": transitional,
     "tracker": tracker,
+    "privileged": privileged,
 }
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,7 +14,7 @@ from tqdm import tqdm
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.recordings.format import ShardContent
+from repro.recordings.format import ShardContent, widen
 from repro.recordings.reader import read_manifest, read_shards
 from repro.runs.config import RunConfig
 from repro.scans import Scans
@@ -46,6 +47,28 @@ class Pairs:
 
 
 @dataclass(frozen=True)
+class Truth:
+    """The true obstacles of all recordings of a split, which no predictor from scans knows.
+
+    Args:
+        outlines: outlines in their own frame [m], (K, V, 2).
+        states: obstacle poses x, y [m], heading [rad], (K, T, 3).
+        world: index of the world of each obstacle, (K,); recordings 2 w and 2 w + 1 are of world w.
+        spec: what decides the worlds, see `worlds.sample_world`.
+    """
+
+    outlines: np.ndarray
+    states: np.ndarray
+    world: np.ndarray
+    spec: dict[str, Any]
+
+    def of_recording(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the outlines (O, V, 2) and states (O, T, 3) of the obstacles of one recording."""
+        mine = self.world == index // 2
+        return self.outlines[mine], self.states[mine]
+
+
+@dataclass(frozen=True)
 class Recorded:
     """All recordings of one split with their true maps: the input of a baseline, which uses no images.
 
@@ -55,6 +78,7 @@ class Recorded:
         grid: grid of the maps.
         range_max_m: maximum range of the lidar [m].
         step_s: duration of a time step [s].
+        truth: the true obstacles, for upper bounds; None if unknown.
     """
 
     scans: Scans
@@ -62,6 +86,7 @@ class Recorded:
     grid: Grid
     range_max_m: float
     step_s: float
+    truth: Truth | None = None
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -152,7 +177,17 @@ def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
     maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
     spec = read_manifest(recordings).spec
     range_max_m, step_s = spec["robot"]["sensors"][0]["range_max"], spec["world"]["step_time"]
-    return Recorded(Scans(ranges, shards[0].scans.angles, poses).tensors(), maps, grid, range_max_m, step_s)
+    scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
+    return Recorded(scans, maps, grid, range_max_m, step_s, _truth(shards, spec))
+
+
+def _truth(shards: list[ShardContent], spec: dict[str, Any]) -> Truth:
+    """Join the obstacles of the shards of a split."""
+    most = max(shard.outlines.shape[1] for shard in shards)
+    outlines = np.concatenate([widen(shard.outlines, most) for shard in shards])
+    first = np.cumsum([0, *(len(shard.scans) // 2 for shard in shards)])
+    world = np.concatenate([shard.world + start for shard, start in zip(shards, first, strict=False)])
+    return Truth(outlines, np.concatenate([shard.states for shard in shards]), world, spec)
 
 
 def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:

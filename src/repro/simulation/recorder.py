@@ -16,7 +16,7 @@ import joblib
 import numpy as np
 from tqdm import tqdm
 
-from repro.recordings.format import FORMAT, BrokenShard, Shard, holds, read_shard, shards_of, spec_fingerprint
+from repro.recordings.format import FORMAT, BrokenShard, Shard, holds, read_shard, shards_of, spec_fingerprint, widen
 from repro.recordings.reader import Manifest, ShardEntry, read_manifest
 from repro.scans import Scans
 from repro.simulation.simulator import Recording, check_replay, simulate
@@ -144,7 +144,7 @@ def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_ever
         "ranges": scans.ranges.astype(np.float32),
         "angles": scans.angles,
         "poses": scans.poses,
-        "outlines": np.concatenate([_widen(item.outlines, longest) for item in worlds]).astype(np.float32),
+        "outlines": np.concatenate([widen(item.outlines, longest) for item in worlds]).astype(np.float32),
         "states": np.concatenate([item.states for item in worlds]).astype(np.float32),
         "world": np.repeat(np.arange(len(worlds)), [len(item.outlines) for item in worlds]),
         "seen": np.stack([np.pad(array, (0, most - len(array))) for array in seen]),
@@ -182,8 +182,3 @@ def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int
     ):
         for count in parallel(jobs):
             bar.update(2 * count)
-
-
-def _widen(outlines: np.ndarray, vertices: int) -> np.ndarray:
-    """Pad outlines (O, V, 2) to more vertices by repeating the last one."""
-    return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")
