@@ -149,7 +149,7 @@ def configuration(v):
             "workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None,
             "part": 0, "parts": 1,
         },
-        "scans": None, "prediction": PREDICTION, "publish": {"force": False},
+        "scans": None, "prediction": PREDICTION, "publish": {"force": False, "add": False},
     }  # fmt: skip
 
 

@@ -73,11 +73,17 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Publish:
-    """Settings of task=publish and task=export."""
+    """Settings of task=publish and task=export.
+
+    Args:
+        force: replace published results against the checks.
+        add: add runs to the published results instead of replacing them.
+    """
 
     __pydantic_config__ = STRICT
 
     force: bool
+    add: bool
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ class Job:
         scale: the scale.
         runtime: workers, accelerator, precision, time limit.
         force: whether published results may be replaced against the checks.
+        add: whether runs are added to published results instead of replacing them.
         scans: the log of task=predict.
         prediction: settings of task=predict.
     """
@@ -45,6 +46,7 @@ class Job:
     scale: Scale
     runtime: Runtime
     force: bool
+    add: bool
     scans: str | None
     prediction: Prediction
 
@@ -85,6 +87,7 @@ def resolve(config: Config) -> Job:
         scale=config.scale,
         runtime=config.runtime,
         force=config.publish.force,
+        add=config.publish.add,
         scans=config.scans,
         prediction=config.prediction,
     )

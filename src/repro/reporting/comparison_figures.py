@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from repro.baselines.names import rank
-from repro.config import NO_DECAY, PROJECTION
+from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
 from repro.reporting.names import experiment_title, predictor_title
@@ -16,7 +16,7 @@ from repro.reporting.results import OURS
 def baselines(frames: Frames) -> Figure | None:
     """Plot the obstacle IoU of all networks on the paper's input, our best input and the baselines, or None."""
     rows = _titled(frames["intervals"])
-    shown = rows["encoding"].isin(["", PROJECTION]) | (rows["model"] == "convlstm") | (rows["encoding"] == OURS[1])
+    shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
     rows = rows[shown & ~rows["model"].isin(["average", "all_free"])]
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
@@ -25,7 +25,7 @@ def baselines(frames: Frames) -> Figure | None:
 def encodings(frames: Frames) -> Figure | None:
     """Plot the obstacle IoU of U-Net on every encoding, and of a sequence network, with intervals, or None."""
     rows = _titled(frames["intervals"])
-    rows = rows[rows["model"].isin(["unet", "convlstm"])]
+    rows = rows[rows["model"].isin(["unet", *RECURRENT])]
     inputs = rows.groupby("experiment")["encoding"].nunique()
     rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
     order = {name: number for number, name in enumerate(ENCODINGS)}

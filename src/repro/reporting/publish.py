@@ -63,11 +63,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         for kept in target.glob("*"):
             if (kept.is_dir() and kept.name != "analysis") or kept.stem in ("costs", "verification"):
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
-        for kind, table in make_tables(runs).items():
-            if len(table.frame):
-                write_text(new / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.6f"))
-                write_text(new / f"{kind}.txt", table.caption + "\n")
-        write_text(new / "runs.csv", runs.drop(columns="training").to_csv(index=False, float_format="%.6g"))
+        write_published_tables(runs, new)
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
         for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(path, new / path.name)
@@ -77,6 +73,16 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         page = published_page(name, options, runs, list(origins.values()), with_analysis=outputs.analysis.is_dir())
         write_text(new / "README.md", page)
     return target
+
+
+def write_published_tables(runs: pd.DataFrame, directory: Path) -> None:
+    """Write the main table, the ablation and runs.csv of some runs, see `results.read_results`."""
+    for kind, table in make_tables(runs).items():
+        if len(table.frame):
+            write_text(directory / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.6f"))
+            write_text(directory / f"{kind}.txt", table.caption + "\n")
+    rows = runs.drop(columns="training", errors="ignore")
+    write_text(directory / "runs.csv", rows.to_csv(index=False, float_format="%.6g"))
 
 
 def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[str]:

@@ -45,7 +45,7 @@ def _markdown(directory: Path, name: str) -> str:
         main_caption = (directory / "main.txt").read_text(encoding="utf-8").strip()
         intervals = read_rows(directory / "analysis" / "intervals.csv")
         scale = main_caption[main_caption.index("Scale ") : main_caption.index(", seed")]
-        title = "Networks, other inputs and classical baselines, with 95 % intervals"
+        title = "Networks, other inputs, baselines and the upper bound, with 95 % intervals"
         return methods_to_markdown(intervals, f"{title}. {scale}.")
     return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
 

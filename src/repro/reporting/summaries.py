@@ -6,6 +6,7 @@ from repro.baselines.names import rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.reporting.names import predictor_title
 
+BOUND = "privileged"  # the baseline that is the upper bound
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 
 
@@ -37,6 +38,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
 def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     """Return a table of U-Net with every encoding, the other networks and the baselines, experiments side by side.
 
+    Where the upper bound is evaluated, the last columns have the obstacle IoU as a share of that of the bound.
+
     Args:
         intervals: experiment, model, encoding, metric, value, low, high, seeds.
         words: the caption.
@@ -46,16 +49,21 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
     chosen = sorted(inputs.index[inputs == inputs.max()])  # the experiments with most inputs
     rows = rows[rows["experiment"].isin(chosen)]
+    bounds = rows[(rows["model"] == BOUND) & (rows["metric"] == "obstacle_iou")].set_index("experiment")["value"]
+    heads = [f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()]
+    heads += [f"Exp. {e}: share of the bound" for e in chosen if e in bounds]
     lines = [
         f"**{words}**",
         "",
-        "| Model | Seeds | " + " | ".join(f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()) + " |",
-        "|---|---|" + "---|" * (len(chosen) * len(SHOWN)),
+        "| Model | Seeds | " + " | ".join(heads) + " |",
+        "|---|---|" + "---|" * len(heads),
     ]
     cells = set(zip(rows["model"], rows["encoding"], strict=True))
     for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1])):
         own_rows = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
         values = [_cell(own_rows, experiment, metric) for experiment in chosen for metric in SHOWN]
+        iou = own_rows[own_rows["metric"] == "obstacle_iou"].set_index("experiment")["value"]
+        values += [f"{iou[e] / bounds[e]:.2f}" if e in iou else "" for e in chosen if e in bounds]
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
         lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")

@@ -98,9 +98,13 @@ class Table:
 
 
 def row_title(row: pd.Series) -> str:
-    """Return the title of a row: its model, and its encoding if that is `OURS`."""
+    """Return the title of a row: its model, and its encoding if they are `OURS`."""
     encoding = str(row["encoding"])
-    return f"{predictor_title(row['model'], encoding)} (ours)" if encoding == OURS[1] else model_title(row["model"])
+    return (
+        f"{predictor_title(row['model'], encoding)} (ours)"
+        if (row["model"], encoding) == OURS
+        else model_title(row["model"])
+    )
 
 
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:

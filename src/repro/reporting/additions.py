@@ -1,0 +1,82 @@
+"""Additions to published results: new runs beside the published ones, for studies that are trained piece by piece."""
+
+import dataclasses
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from repro.reporting.publish import published_page, write_published_tables
+from repro.reporting.results import SIZES, read_published, read_results
+from repro.reporting.rows import keys_of, read_rows
+from repro.runs.directories import Outputs
+from repro.runs.keys import CELL, KEY
+from repro.runs.provenance import Provenance
+from repro.system.files import lock, read_mapping, replacing_directory, write_json, write_text
+
+
+def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
+    """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
+
+    Tables, runs, provenance and the README.md are made anew from all runs. The rows of the analysis are added for new
+    combinations of experiment, model and encoding; the page and the figures stay those of the earlier publication.
+
+    Args:
+        outputs: the outputs directory with the new runs, analyzed by task=analysis.
+        results: reproduce/results.
+        scale: name of the scale.
+
+    Returns:
+        the published directory.
+
+    Raises:
+        ValueError: there is nothing new, the runs are of another size or of uncommitted code, or nothing is published.
+    """
+    target = results / outputs.path.name
+    published, found = read_published(target), read_results(outputs)
+    known = set(keys_of(published))
+    new = found[[key not in known for key in keys_of(found)]]
+    origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
+    _check(new, published, list(origins.values()), target)
+    runs = pd.concat([published, new.drop(columns="training")], ignore_index=True).sort_values(KEY)
+    with lock(results), replacing_directory(target) as directory:
+        shutil.copytree(target, directory, dirs_exist_ok=True)
+        earlier = read_mapping(target / "provenance.json", f"{target} must be published again")
+        contents = {**earlier, **{path: dataclasses.asdict(origin) for path, origin in origins.items()}}
+        write_published_tables(runs, directory)
+        write_json(directory / "provenance.json", contents)
+        if outputs.analysis.is_dir() and (target / "analysis").is_dir():
+            _add_analysis(outputs.analysis, directory / "analysis", published)
+        steps = [Provenance(**content) for content in contents.values()]
+        options = f"scale={scale}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
+        page = published_page(target.name, options, runs, steps, with_analysis=(target / "analysis").is_dir())
+        write_text(directory / "README.md", page)
+    return target
+
+
+def _check(new: pd.DataFrame, published: pd.DataFrame, origins: list[Provenance], target: Path) -> None:
+    if new.empty:
+        raise ValueError(f"nothing to add to {target}: all evaluated runs are published")
+    for size, unit in SIZES.items():
+        now, then = (sorted({int(value) for value in rows[size].dropna()}) for rows in (new, published))
+        if not set(now) <= set(then):
+            raise ValueError(f"not added to {target}: the published runs have {then} {unit}, the new runs {now}")
+    if any(str(step.get("commit", "")).endswith("+") for origin in origins for step in origin.steps):
+        raise ValueError(f"not added to {target}: some runs were made with uncommitted code")
+
+
+def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:
+    """Add the rows of combinations that are not published to the tables of the analysis."""
+    known = _cells(published) | {(experiment, "average", encoding) for experiment, _, encoding in _cells(published)}
+    for path in sorted(source.glob("*.csv")):
+        rows: Any = read_rows(path)
+        if not set(CELL) <= set(rows) or not (target / path.name).is_file():
+            continue
+        is_new = [cell not in known for cell in zip(*(rows[name] for name in CELL), strict=True)]
+        joined = pd.concat([read_rows(target / path.name), rows[is_new]], ignore_index=True)
+        write_text(target / path.name, joined.to_csv(index=False, float_format="%.6g"))
+
+
+def _cells(rows: pd.DataFrame) -> set[tuple[str, str, str]]:
+    return set(rows[list(CELL)].itertuples(index=False, name=None))

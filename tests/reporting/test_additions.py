@@ -1,0 +1,94 @@
+import json
+
+import pandas as pd
+import pytest
+from conftest import fake_run, fake_study
+
+from repro.config import Encoding
+from repro.reporting.additions import add_to_published
+from repro.reporting.publish import publish
+from repro.reporting.results import read_published, read_results
+from repro.runs.directories import Outputs
+from repro.runs.provenance import Status
+
+SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
+
+
+@pytest.fixture
+def published(tmp_path, monkeypatch):
+    """Publish a study with an analysis; return reproduce/results."""
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "abc")
+    first = tmp_path / "first" / "laptop"
+    fake_study(first)
+    write_intervals(first, [("3", "unet", "projection", 0.5), ("3", "all_free", "", 0.0)])
+    publish(Outputs(first), tmp_path / "results", "laptop")
+    return tmp_path / "results"
+
+
+@pytest.fixture
+def later(tmp_path):
+    """Return outputs with a run of another network and one of a published network with another seed."""
+    path = tmp_path / "later" / "laptop"
+    fake_run(path, "3", "convgru", 0.7, encoding=SERIES)
+    fake_run(path, "3", "unet", 0.6, seed=1)
+    write_intervals(
+        path, [("3", "convgru", "series10", 0.7), ("3", "unet", "projection", 0.6), ("3", "all_free", "", 0)]
+    )
+    return Outputs(path)
+
+
+def write_intervals(path, rows):
+    (path / "analysis").mkdir(exist_ok=True)
+    table = pd.DataFrame(rows, columns=["experiment", "model", "encoding", "value"]).assign(metric="obstacle_iou")
+    table.to_csv(path / "analysis" / "intervals.csv", index=False)
+
+
+def test_new_runs_are_added_and_published_ones_stay(published, later):
+    before = read_published(published / "laptop")
+    target = add_to_published(later, published, "laptop")
+    after = read_published(target)
+    assert len(after) == len(before) + 2
+    both = before.merge(after, how="left", on=[*before.columns], indicator=True)
+    assert (both["_merge"] == "both").all()
+    main = pd.read_csv(target / "main.csv")
+    assert main.loc[main["model"] == "convgru", "dice"].tolist() == [0.7]
+    assert main.loc[(main["model"] == "unet") & (main["experiment"] == 3), "seeds"].tolist() == [2]
+    origins = json.loads((target / "provenance.json").read_text())
+    assert len(origins) == len(after)
+    assert "ConvGRU, series10" in (target / "README.md").read_text()
+
+
+def test_only_new_combinations_are_added_to_the_analysis(published, later):
+    """A published interval over other seeds is not replaced by that of one seed."""
+    rows = pd.read_csv(add_to_published(later, published, "laptop") / "analysis" / "intervals.csv")
+    assert rows["model"].tolist() == ["unet", "all_free", "convgru"]
+    assert rows["value"].tolist() == [0.5, 0.0, 0.7]
+
+
+def test_a_second_addition_of_the_same_runs_is_refused(published, later):
+    add_to_published(later, published, "laptop")
+    with pytest.raises(ValueError, match="all evaluated runs are published"):
+        add_to_published(later, published, "laptop")
+
+
+def test_runs_of_another_size_are_not_added(published, tmp_path):
+    fake_run(tmp_path / "other" / "laptop", "3", "convgru", 0.7, encoding=SERIES, size_px=64)
+    with pytest.raises(ValueError, match=r"the published runs have \[32\] px, the new runs \[64\]"):
+        add_to_published(Outputs(tmp_path / "other" / "laptop"), published, "laptop")
+
+
+def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch):
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "abc+")
+    outputs = Outputs(tmp_path / "other" / "laptop")
+    fake_run(outputs.path, "3", "convgru", 0.7, encoding=SERIES)
+    for key in [run for run in outputs.runs()]:
+        key.begin_step("evaluated", Status.evaluated)
+    before = read_results(outputs)
+    assert len(before) == 1
+    with pytest.raises(ValueError, match="uncommitted code"):
+        add_to_published(outputs, published, "laptop")
+
+
+def test_nothing_is_added_to_what_is_not_published(later, tmp_path):
+    with pytest.raises(ValueError, match="no results are published in"):
+        add_to_published(later, tmp_path / "none", "laptop")
