@@ -39,6 +39,18 @@ def test_methods_are_in_the_order_of_the_tables_with_intervals():
     assert lines[6].split(" | ")[1] == ""  # a baseline has no seeds
 
 
+def test_the_share_of_the_upper_bound_is_shown_where_the_bound_is_evaluated():
+    rows = [
+        ("3", "unet", "projection", "obstacle_iou", 0.5, 0.49, 0.51, 1),
+        ("4", "unet", "projection", "obstacle_iou", 0.6, 0.59, 0.61, 1),
+        ("3", "privileged", "", "obstacle_iou", 0.8, 0.79, 0.81, 1),
+    ]
+    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high", "seeds"]
+    lines = methods_to_markdown(pd.DataFrame(rows, columns=columns), "Methods").splitlines()
+    assert lines[2].endswith("| Exp. 3: share of the bound |")
+    assert [line.split(" | ")[-1] for line in lines[4:]] == ["0.62 |", "1.00 |"]
+
+
 def test_extrapolated_metrics_are_beside_those_of_the_paper_and_the_measured_ones():
     rows = [
         {"experiment": "3", "encoding": encoding, "metric": metric, "target": target, "pairs": pairs, "size_px": 256,
