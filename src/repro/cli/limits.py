@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from repro.config import ConfigError, Encoding, PairCounts, Scale
-from repro.simulation.motions import robot_commands
+from repro.simulation.motions import recorded_steps
 from repro.system.resources import total_memory_gb, training_memory_gb
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core
@@ -36,6 +36,5 @@ def recording_minutes(spec: dict[str, Any], pairs: PairCounts) -> float:
         spec: what decides the worlds, see `worlds.sample_world`.
         pairs: number of pairs of each split.
     """
-    steps = len(robot_commands({**spec["motion"], "direction": 1}, spec["world"]["step_time"]))
-    readings = steps * spec["robot"]["sensors"][0]["number"]
+    readings = recorded_steps(spec["motion"]) * spec["robot"]["sensors"][0]["number"]
     return (pairs.train + pairs.val + pairs.test) * readings * SECONDS_PER_READING / 60

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repro.config import populations
 from repro.maps.datasets import Recorded, load_recorded
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
 from repro.metrics.counts import count_quantized
@@ -63,8 +64,9 @@ def with_field_of_view(spec: Spec, degrees: float) -> Spec:
 def with_speed(spec: Spec, times: float) -> Spec:
     """Return a spec with the speed of the obstacles multiplied by `times`."""
     changed = copy.deepcopy(spec)
-    behavior = changed["obstacles"]["behavior"]
-    behavior["speed_m_s"] = [times * speed for speed in behavior["speed_m_s"]]
+    for population in populations(changed):
+        if behavior := population.get("behavior"):
+            behavior["speed_m_s"] = [times * speed for speed in behavior["speed_m_s"]]
     return changed
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from statistics import mean
 from typing import Any
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, is_moving
 from repro.reporting.names import predictor_title
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import RunKey
@@ -27,7 +27,7 @@ class Study:
 
     def runs(self) -> dict[RunKey, Run]:
         """Return the run of each training; its directory may be missing. The paper's world has 24 trainings."""
-        moving = [name for name, experiment in self.experiments.items() if experiment["obstacles"].get("behavior")]
+        moving = [name for name, experiment in self.experiments.items() if is_moving(experiment)]
         keys = [
             RunKey(experiment, model, encoding, self.seed)
             for encoding, experiments in ((PROJECTION, self.experiments), (PROJECTION_NO_DECAY, moving))

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from repro.simulation.motions import Drift, robot_commands
+from repro.simulation.drift import Drift
+from repro.simulation.motions import robot_commands
 
 with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM prints the backends that it tried
     from irsim.lib import register_behavior_class
@@ -41,6 +42,11 @@ class RotateBehavior(_CommandBehavior):
 @register_behavior_class("diff", "square")
 class SquareBehavior(_CommandBehavior):
     """A square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 5, direction: 1}`."""
+
+
+@register_behavior_class("diff", "waypoints")
+class WaypointsBehavior(_CommandBehavior):
+    """A drive: `{name: waypoints, points_m: [[1, 1], ...], speed_m_s: 1, turn_rad_s: 1, steps: 100, direction: 1}`."""
 
 
 @register_behavior_class("omni", "drift")

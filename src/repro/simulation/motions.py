@@ -1,13 +1,16 @@
-"""Motions of the robot (rotation, square) and of the obstacles (drift), independent of IR-SIM.
+"""Motions of the robot (rotation, square, waypoints), independent of IR-SIM.
 
-Paper: "Simulation Approach". Unstated details: DEVIATIONS D2 to D6.
+Paper: "Simulation Approach". Unstated details: DEVIATIONS D2 and D3.
 """
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+DRIVES = ("waypoints", "random_goals")  # motions through the map; the clear zone moves with the robot
 
 
 def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:
@@ -50,21 +53,92 @@ def square_commands(
     return np.tile(np.concatenate([drive[:first_steps], turn, drive[first_steps:]]), (4, 1))
 
 
+def waypoint_commands(
+    *,
+    points_m: list[list[float]],
+    speed_m_s: float,
+    turn_rad_s: float,
+    steps: int,
+    direction: int,
+    step_time: float,
+) -> np.ndarray:
+    """Compute the commands of a drive along waypoints: a turn in place toward the next one, then straight ahead.
+
+    The robot starts at the first waypoint, heading for the second. Each turn and each way takes the least number of
+    equal steps within the given speeds. A drive that is longer than `steps` ends on the way; after a shorter one the
+    robot stands still.
+
+    Args:
+        points_m: waypoints x, y [m].
+        speed_m_s: largest speed [m/s].
+        turn_rad_s: largest rate of turn [rad/s].
+        steps: time steps, T.
+        direction: 1 from the first waypoint, -1 from the end of the drive back to it.
+        step_time: duration of a step [s].
+
+    Returns:
+        linear and angular velocity of each step [m/s, rad/s], (T, 2).
+    """
+    parts: list[np.ndarray] = []
+    heading, length = None, 0
+    for (x0, y0), (x1, y1) in itertools.pairwise(points_m):
+        if length >= steps:
+            break
+        ahead, way_m = math.atan2(y1 - y0, x1 - x0), math.hypot(x1 - x0, y1 - y0)
+        turn = 0.0 if heading is None else math.remainder(ahead - heading, 2 * math.pi)
+        heading = ahead
+        parts += [_evenly(turn, turn_rad_s, step_time, column=1), _evenly(way_m, speed_m_s, step_time, column=0)]
+        length += len(parts[-2]) + len(parts[-1])
+    commands = np.concatenate([*parts, np.zeros((steps, 2))])[:steps]
+    return commands if direction == 1 else commands[::-1] * [1, -1]
+
+
+def _evenly(amount: float, rate: float, step_time: float, column: int) -> np.ndarray:
+    """Divide a way [m] or a turn [rad] into the least number of equal steps at no more than `rate`, (S, 2)."""
+    steps = math.ceil(abs(amount) / (rate * step_time) - 1e-9)
+    commands = np.zeros((steps, 2))
+    if steps:
+        commands[:, column] = amount / (steps * step_time)
+    return commands
+
+
+def recorded_steps(motion: dict[str, Any]) -> int:
+    """Return the number of time steps of a recording with this motion of the robot, T."""
+    if motion["name"] == "square":
+        return 4 * (motion["drive_steps"] + motion["turn_steps"])
+    return motion["steps"]
+
+
+def top_speeds(motion: dict[str, Any], step_time: float) -> np.ndarray:
+    """Return the largest linear and angular speed of a motion [m/s, rad/s], (2,).
+
+    Raises:
+        ValueError: see `robot_commands`.
+    """
+    if motion["name"] in DRIVES:
+        return np.array([motion["speed_m_s"], motion["turn_rad_s"]])
+    return np.abs(robot_commands({**motion, "direction": 1}, step_time)).max(axis=0)
+
+
 def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
     """Compute the commands of a robot behavior as written in a world YAML.
 
     Args:
-        behavior: `rotate` or `square` with its parameters.
+        behavior: `rotate`, `square` or `waypoints` with its parameters.
         step_time: duration of a step [s].
 
     Returns:
         linear and angular velocity of each step [m/s, rad/s], (T, 2).
 
     Raises:
-        ValueError: the behavior is neither `rotate` nor `square`.
+        ValueError: the behavior is none of these.
     """
     parameters = {key: value for key, value in behavior.items() if key != "name"}
-    makers: dict[str, Callable[..., np.ndarray]] = {"rotate": rotate_commands, "square": square_commands}
+    makers: dict[str, Callable[..., np.ndarray]] = {
+        "rotate": rotate_commands,
+        "square": square_commands,
+        "waypoints": waypoint_commands,
+    }
     if behavior["name"] not in makers:
         raise ValueError(f"robot behavior must be one of {sorted(makers)}, got {behavior['name']!r}")
     return makers[behavior["name"]](**parameters, step_time=step_time)
@@ -86,55 +160,3 @@ def robot_path(behavior: dict[str, Any], start: list[float], step_time: float) -
     moves = speed * step_time * np.stack([np.cos(heading[:-1]), np.sin(heading[:-1])])
     position = np.array(start[:2])[:, None] + np.pad(np.cumsum(moves, axis=1), ((0, 0), (1, 0)))
     return np.stack([*position, heading], axis=1)
-
-
-class Drift:
-    """Motion in straight lines at constant speed, with turns at random intervals and at the center zone.
-
-    Paper: obstacles "moved in straight lines at constant speeds, changing directions randomly at specified
-    intervals throughout the run, or whenever they entered the center zone occupied by the robot". A turn at
-    the zone is uniform over the half plane facing away from the center; any other turn is uniform over the circle.
-
-    Args:
-        seed: seed of this obstacle's own random stream.
-        speed_m_s: constant speed [m/s].
-        turn_steps: minimum and maximum time steps between two random turns.
-        centre_m: center of the zone (x, y) [m].
-        keep_out_m: least distance between the obstacle's origin and the center [m].
-    """
-
-    def __init__(
-        self,
-        *,
-        seed: int,
-        speed_m_s: float,
-        turn_steps: tuple[int, int],
-        centre_m: tuple[float, float],
-        keep_out_m: float,
-    ) -> None:
-        self.rng = np.random.default_rng(seed)
-        self.speed_m_s = speed_m_s
-        self.turn_steps = turn_steps
-        self.centre_m = centre_m
-        self.keep_out_m = keep_out_m
-        self._head(self.rng.uniform(-math.pi, math.pi))
-        self._countdown = self._interval()
-
-    def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
-        """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
-        if self._countdown == 0:
-            self._head(self.rng.uniform(-math.pi, math.pi))
-            self._countdown = self._interval()
-        self._countdown -= 1
-        away_x, away_y = x - self.centre_m[0], y - self.centre_m[1]
-        next_m = math.hypot(away_x + self.vx * step_time, away_y + self.vy * step_time)
-        if next_m < self.keep_out_m and self.vx * away_x + self.vy * away_y < 0:
-            self._head(math.atan2(away_y, away_x) + self.rng.uniform(-math.pi / 2, math.pi / 2))
-        return self.vx, self.vy
-
-    def _interval(self) -> int:
-        return int(self.rng.integers(self.turn_steps[0], self.turn_steps[1] + 1))
-
-    def _head(self, heading: float) -> None:
-        self.vx = self.speed_m_s * math.cos(heading)
-        self.vy = self.speed_m_s * math.sin(heading)

@@ -2,19 +2,22 @@
 
 import numpy as np
 
+GRAZE_M = 1e-9  # from a beam to a corner; rounding decides whether IR-SIM's beam hits there
+_MAX_SIDES = 4_000_000  # beams times corners at once, to bound the memory
+
 
 def scan(
     poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray, range_max_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute all scans of a recording: the nearest crossing of every beam with every outline.
 
-    A beam is tested against an outline only if it passes through the circle around it. A crossing solves
-    origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
+    A beam is tested against an outline only if it passes through the circle around its origin, or begins in it. A
+    crossing solves origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
 
     Args:
         poses: robot poses x, y [m], heading [rad], (T, 3).
         angles: beam angles in the robot's frame [rad], (N,).
-        outlines: obstacle outlines in their own frame [m], (O, V, 2).
+        outlines: obstacle outlines in their own frame [m], (O, V, 2); a line string goes there and back.
         states: obstacle poses x, y [m], heading [rad], (O, T, 3).
         range_max_m: longest range [m].
 
@@ -22,7 +25,7 @@ def scan(
         ranges [m], (T, N), inf for a miss; and whether each obstacle was hit, (O,).
 
     Raises:
-        ValueError: an obstacle reaches the robot.
+        ValueError: an obstacle contains the center of the robot.
     """
     heading = poses[:, 2:] + angles  # (T, N)
     directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
@@ -32,18 +35,53 @@ def scan(
         radius = np.linalg.norm(outline, axis=-1).max()
         offset = state[:, :2] - poses[:, :2]  # (T, 2)
         distance = np.linalg.norm(offset, axis=-1)
-        if (distance <= radius).any():
+        rings = _at_states(_corners(outline), state)
+        begins_in = distance <= radius
+        if _contains(rings[:, begins_in], poses[begins_in, :2]).any():
             raise ValueError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
         along = np.einsum("td,tnd->tn", offset, directions)
-        near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0)
+        near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0) | begins_in[:, None]
         step, beam = np.nonzero(near)
-        corners = outline[: 1 + np.argmax((outline == outline[-1]).all(axis=-1))]  # without the padding
-        hit = _cross(poses[:, :2], directions[step, beam], _at_states(corners, state), step)
+        parts = np.array_split(np.arange(len(step)), 1 + len(step) * rings.shape[-1] // _MAX_SIDES)
+        hit = np.concatenate([_cross(poses[:, :2], directions[step[k], beam[k]], rings, step[k]) for k in parts])
         hit[hit > range_max_m] = np.inf
         closer = hit < ranges[step, beam]
         ranges[step[closer], beam[closer]] = hit[closer]
         nearest[step[closer], beam[closer]] = index
     return ranges, np.isin(np.arange(len(outlines)), nearest)
+
+
+def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray) -> bool:
+    """Check whether any beam passes through a corner, or along an edge, of obstacles that stand.
+
+    Args:
+        poses: robot poses x, y [m], heading [rad], (T, 3).
+        angles: beam angles in the robot's frame [rad], (N,).
+        outlines: obstacle outlines in their own frame [m], (O, V, 2).
+        states: obstacle poses x, y [m], heading [rad], (O, T, 3).
+    """
+    heading = poses[:, 2:] + angles
+    cos, sin = np.cos(heading), np.sin(heading)
+    corners = [_at_states(_corners(outline), state[:1])[:, 0].T for outline, state in zip(outlines, states, strict=True)]
+    return any(
+        bool((np.abs(cos * (y - poses[:, 1:2]) - sin * (x - poses[:, :1])) <= GRAZE_M).any())
+        for x, y in np.unique(np.concatenate(corners), axis=0)
+    )
+
+
+def _corners(outline: np.ndarray) -> np.ndarray:
+    """Return an outline (V, 2) without the padding, which repeats its last vertex."""
+    changes = np.flatnonzero((outline[1:] != outline[:-1]).any(axis=-1))
+    return outline[: changes[-1] + 2]
+
+
+def _contains(rings: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Check whether each point (K, 2) is inside its ring, x and y of the vertices, (2, K, V), by counting crossings."""
+    (x0, y0), (x1, y1) = rings, np.roll(rings, -1, axis=-1)
+    x, y = points.T[..., None]
+    crosses = (y0 <= y) != (y1 <= y)
+    at = x0 + (y - y0) * (x1 - x0) / np.where(crosses, y1 - y0, 1)
+    return (crosses & (at > x)).sum(axis=-1) % 2 == 1
 
 
 def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step: np.ndarray) -> np.ndarray:

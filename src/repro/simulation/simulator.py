@@ -1,11 +1,15 @@
 """Simulation of one recording: scans, obstacle outlines and states.
 
 IR-SIM is the reference (`replay`). `simulate` computes the same recording from the same world, behaviors, kinematics,
-outlines and ray-segment equations, all 100 scans at once and without IR-SIM's bookkeeping (collision, goal and status
-checks, geometry trees, YAML). The two agree to 1e-9 m; `simulation.recorder` verifies this on a sample of the worlds of
-every recorded experiment, as do the tests and the benchmark.
+outlines, noise and ray-segment equations, all scans at once and without IR-SIM's bookkeeping (collision, goal and
+status checks, geometry trees, YAML). The two agree to 1e-9 m; `simulation.recorder` verifies this on a sample of the
+worlds of every recorded experiment, as do the tests and the benchmark.
+
+Two cases are left to IR-SIM: noise of the beams' angles, whose random stream depends on the hits of the scan before,
+and beams through a corner of a fixed obstacle, where rounding decides between a hit and a miss.
 """
 
+import json
 import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,11 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
-from repro.simulation.motions import Drift, robot_commands
-from repro.simulation.raycasting import scan
+from repro.simulation.drift import obstacle_states
+from repro.simulation.motions import recorded_steps, robot_commands
+from repro.simulation.raycasting import grazes, scan
 from repro.simulation.worlds import World, write_world
 
 # isort: split
@@ -32,15 +38,18 @@ class Recording:
 
     Args:
         scans: ranges (T, N), angles (N,) and robot poses (T, 3) after each step.
-        outlines: convex obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex.
+        outlines: obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex. A line
+            string goes there and back, so that its outline encloses no area.
         states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
         seen: whether any beam hit each obstacle, (O,); None if unknown.
+        is_plain: whether the ranges are those of plain IR-SIM.
     """
 
     scans: Scans
     outlines: np.ndarray
     states: np.ndarray
     seen: np.ndarray | None
+    is_plain: bool = False
 
 
 def simulate(world: World) -> Recording:
@@ -50,17 +59,33 @@ def simulate(world: World) -> Recording:
         ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
-    poses = drive_robot(world)
-    states = move_obstacles(world)
-    outlines = _outlines(world)
-    lidar = world["robot"]["sensors"][0]
-    angles = beam_angles(lidar)
+    poses, states, outlines = drive_robot(world), move_obstacles(world), _outlines(world)
+    lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
+    angles, has_noise = beam_angles(lidar), lidar.get("noise", False)
+    if has_noise:  # IR-SIM's first scan, before the first step, draws noise as well
+        first = [obstacle["state"] for obstacle in world["obstacle"]]
+        poses = np.concatenate([[world["robot"]["state"]], poses])
+        states = np.concatenate([np.array(first, dtype=float)[:, None], states], axis=1)
     ranges, seen = scan(poses, angles, outlines, states, lidar["range_max"])
+    if has_noise:
+        ranges = _with_noise(ranges, lidar, world["custom"]["seed"])[1:]
+        poses, states = poses[1:], states[:, 1:]
+    is_plain = has_noise and lidar.get("angle_std", 0) > 0
+    if is_plain or (fixed and grazes(poses, angles, outlines[:fixed], states[:fixed])):
+        return Recording(_replay_world(world).scans, outlines, states, seen, is_plain=True)
     return Recording(Scans(ranges, angles, poses), outlines, states, seen)
 
 
+def _with_noise(ranges: np.ndarray, lidar: dict[str, Any], seed: int) -> np.ndarray:
+    """Add IR-SIM's noise to ranges (T, N): normal, scan by scan for the hits; a result out of range is a miss."""
+    hit = np.isfinite(ranges)
+    noisy = ranges.copy()
+    noisy[hit] += np.random.default_rng(seed).normal(0, lidar["std"], int(hit.sum()))
+    return np.where((noisy >= lidar["range_min"]) & (noisy <= lidar["range_max"]), noisy, np.inf)
+
+
 def replay(path: Path, *, env: Any = None) -> Recording:
-    """Simulate one world YAML in plain IR-SIM: create the environment, step it 100 times and copy each scan.
+    """Simulate one world YAML in plain IR-SIM: create the environment, step it to its end and copy each scan.
 
     Args:
         path: a world written by `worlds.write_world`.
@@ -80,7 +105,7 @@ def replay(path: Path, *, env: Any = None) -> Recording:
         ranges.append(np.where(lidar.valid, lidar.range_data, np.inf))
         poses.append(robot.state[:3, 0].copy())
         states.append([obstacle.state[:3, 0].copy() for obstacle in obstacles])
-    outlines = _pad([obstacle.original_vertices.T for obstacle in obstacles])
+    outlines = _pad([_outline(obstacle.gf) for obstacle in obstacles])
     scans = Scans(np.array(ranges), np.asarray(lidar.angle_list), np.array(poses))
     return Recording(scans, outlines, np.array(states).swapaxes(0, 1), seen=None)  # not reported by IR-SIM
 
@@ -91,10 +116,7 @@ def check_replay(world: World, recording: Recording) -> float:
     Raises:
         ValueError: the two disagree on which beams hit, or a range or state differs by more than 1e-6.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "world.yaml"
-        write_world(world, path)
-        reference = replay(path)
+    reference = _replay_world(world)
     expected, simulated = reference.scans.ranges, recording.scans.ranges
     hit = np.isfinite(expected)
     if not np.array_equal(hit, np.isfinite(simulated)):
@@ -108,6 +130,14 @@ def check_replay(world: World, recording: Recording) -> float:
     return range_error
 
 
+def _replay_world(world: World) -> Recording:
+    """Simulate one world in plain IR-SIM, see `replay`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "world.yaml"
+        write_world(world, path)
+        return replay(path)
+
+
 def make(path: Path, **options: Any) -> Any:
     """Create an IR-SIM environment and check that all behaviors of its world YAML are active.
 
@@ -116,7 +146,8 @@ def make(path: Path, **options: Any) -> Any:
     """
     if not Path(path).is_file():
         raise ValueError(f"no world YAML at {path}")
-    env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", **options})
+    seed = (yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("custom") or {}).get("seed")  # of the noise
+    env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", "seed": seed, **options})
     for item in env.objects:
         if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:
             raise ValueError(f"behavior {item.obj_behavior.behavior_dict} is not active in {path}")
@@ -131,13 +162,13 @@ def beam_angles(lidar: dict[str, Any]) -> np.ndarray:
 def drive_robot(world: World) -> np.ndarray:
     """Compute the pose of the robot after each step with IR-SIM's differential kinematics, (T, 3)."""
     robot = world["robot"]
-    behavior = tuple(sorted(robot["behavior"].items()))
+    behavior = json.dumps(robot["behavior"], sort_keys=True)  # a key of the cache
     return _drive(behavior, tuple(robot["state"]), tuple(robot["vel_max"]), world["world"]["step_time"])
 
 
 @lru_cache(maxsize=16)
-def _drive(behavior: tuple, start: tuple, vel_max: tuple, step_time: float) -> np.ndarray:
-    commands = robot_commands(dict(behavior), step_time)
+def _drive(behavior: str, start: tuple, vel_max: tuple, step_time: float) -> np.ndarray:
+    commands = robot_commands(json.loads(behavior), step_time)
     if (np.abs(commands).max(axis=0) > vel_max).any():
         raise ValueError(
             f"the robot needs up to {np.abs(commands).max(axis=0)} m/s, rad/s but vel_max is {list(vel_max)}"
@@ -151,26 +182,20 @@ def _drive(behavior: tuple, start: tuple, vel_max: tuple, step_time: float) -> n
 
 def move_obstacles(world: World) -> np.ndarray:
     """Compute the states of the obstacles after each step, (O, T, 3); their headings are constant."""
-    step_time = world["world"]["step_time"]
-    steps = len(robot_commands(world["robot"]["behavior"], step_time))
-    states = np.empty((len(world["obstacle"]), steps, 3))
-    for state, obstacle in zip(states, world["obstacle"], strict=True):
-        state[:] = obstacle["state"]
-        if "behavior" not in obstacle:
-            continue
-        motion = Drift(**{key: value for key, value in obstacle["behavior"].items() if key != "name"})
-        x, y, _ = obstacle["state"]
-        for step in range(steps):
-            vx, vy = motion.velocity(x, y, step_time)
-            x, y = x + vx * step_time, y + vy * step_time
-            state[step, :2] = x, y
-    return states
+    steps, step_time = recorded_steps(world["robot"]["behavior"]), world["world"]["step_time"]
+    return np.stack([obstacle_states(obstacle, steps, step_time) for obstacle in world["obstacle"]])
 
 
 def _outlines(world: World) -> np.ndarray:
     """Create the outlines with IR-SIM's geometry, (O, V, 2)."""
     shapes = [obstacle["shape"] for obstacle in world["obstacle"]]
-    return _pad([GeometryFactory.create_geometry(**shape).original_vertices.T for shape in shapes])
+    return _pad([_outline(GeometryFactory.create_geometry(**shape)) for shape in shapes])
+
+
+def _outline(shape: Any) -> np.ndarray:
+    """Return the outline of one of IR-SIM's shapes, (V, 2); a line string goes there and back."""
+    vertices = shape.original_vertices.T
+    return np.concatenate([vertices, vertices[-2:0:-1]]) if shape.name == "linestring" else vertices
 
 
 def _pad(outlines: list[np.ndarray]) -> np.ndarray:

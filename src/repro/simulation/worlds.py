@@ -16,41 +16,61 @@ from typing import Any
 import numpy as np
 import yaml
 
-from repro.simulation.motions import robot_path
+from repro.config import populations
+from repro.simulation.motions import recorded_steps
+from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
+from repro.simulation.placement import Site, sample_obstacles
+from repro.simulation.shapes import boundaries, shape_radius, union
 
 World = dict[str, Any]
 
-_PLACEMENTS = 200  # attempts to place one obstacle
 _RESTARTS = 100  # attempts to sample one world
 
 
 def sample_world(spec: dict[str, Any], seed: int) -> World:
-    """Sample the world of one seed, with the robot moving counter-clockwise.
+    """Sample the world of one seed, with the robot moving counter-clockwise, or toward its goals.
 
     Args:
         spec: `world` and `robot` as IR-SIM reads them, `experiment` (its name), `motion` (the robot's
-            behavior), `obstacles` (the population: `count`, `radius_m`, `aspect`, `disc_share` and, for moving
-            obstacles, `behavior`) and `clear_radius_m` (radius of the center zone).
+            behavior), `obstacles` (a population or several: `count`, `radius_m`, `aspect`, `disc_share`, or `shapes`,
+            and, for moving obstacles, `behavior`), `clear_radius_m` (radius of the zone without obstacles) and
+            `fixed` (obstacles of every world, optional); see docs/worlds.md.
         seed: any non-negative integer; the same seed gives the same world.
 
     Raises:
-        ValueError: the obstacles do not fit, or the robot would leave its zone.
+        ValueError: the obstacles do not fit, or the robot would leave its zone or touch a fixed obstacle.
     """
     check_spec(spec)
     _check_room(spec)
     rng = np.random.default_rng([experiment_number(spec["experiment"]), seed])
-    world = copy.deepcopy(spec["world"])
-    population = spec["obstacles"]
+    world, fixed = copy.deepcopy(spec["world"]), fixed_obstacles(spec)
+    walls, motion = union(fixed), spec["motion"]
+    if motion["name"] == "random_goals":
+        motion = to_waypoints(rng, motion, world, walls, spec["robot"]["shape"]["radius"])
+    path = planned_path(motion, world)[:, :2] if is_drive(motion) else None
+    size_m = np.array([world["width"], world["height"]])
+    site = Site(size_m, spec["clear_radius_m"], path, walls, boundaries(fixed), world["step_time"])
     for _ in range(_RESTARTS):
-        shapes = _place_obstacles(rng, world, population, spec["clear_radius_m"])
-        if shapes is not None:
+        obstacles = sample_obstacles(rng, populations(spec), site)
+        if obstacles is not None:
             break
     else:
         raise ValueError(_no_room(spec))
-    obstacles = [_obstacle(rng, spec, x, y, shape) for x, y, shape in shapes]
-    robot = {**copy.deepcopy(spec["robot"]), "behavior": {**spec["motion"], "direction": 1}}
-    robot["state"] = _start(spec["motion"], world, direction=1)
-    return {"world": world, "robot": robot, "obstacle": obstacles}
+    robot = {**copy.deepcopy(spec["robot"]), "behavior": {**motion, "direction": 1}}
+    robot["state"] = start_pose(motion, world, direction=1)
+    sampled = {"world": world, "robot": robot, "obstacle": [*fixed, *obstacles]}
+    custom = {"fixed": len(fixed)} if fixed else {}
+    if robot["sensors"][0].get("noise"):
+        custom["seed"] = 2 * int(rng.integers(2**30))
+    return {**sampled, "custom": custom} if custom else sampled
+
+
+def fixed_obstacles(spec: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the obstacles that stand in every world of an experiment, as IR-SIM reads them."""
+    return [
+        {"shape": each["shape"], "state": each.get("state", [0.0, 0.0, 0.0]), "kinematics": {"name": "static"}}
+        for each in copy.deepcopy(spec.get("fixed", []))
+    ]
 
 
 def experiment_number(experiment: str) -> int:
@@ -61,20 +81,24 @@ def experiment_number(experiment: str) -> int:
 
 
 def check_spec(spec: dict[str, Any]) -> None:
-    """Check the combination of values: the map is square, and the robot stays in its zone.
+    """Check the combination of values: the map is square, and the robot stays in its zone and off fixed obstacles.
 
     Raises:
-        ValueError: the map is not square, or the robot would leave its zone.
+        ValueError: the map is not square, or the robot would leave its zone or touch a fixed obstacle.
     """
-    world = spec["world"]
-    clear_m = spec["clear_radius_m"]
+    world, motion, clear_m = spec["world"], spec["motion"], spec["clear_radius_m"]
+    radius_m = spec["robot"]["shape"].get("radius", 0)
     if world["width"] != world["height"]:
         raise ValueError(
             f"the world must be square, got world.world.width={world['width']} and height={world['height']}"
         )
-    behavior = {**spec["motion"], "direction": 1}
-    path = robot_path(behavior, _start(spec["motion"], world, direction=1), world["step_time"])
-    reach_m = np.linalg.norm(path[:, :2] - world["width"] / 2, axis=1).max() + spec["robot"]["shape"].get("radius", 0)
+    if motion["name"] != "random_goals":
+        check_path(motion, world, union(fixed_obstacles(spec)), radius_m)
+    if is_drive(motion):
+        if 0 < clear_m < radius_m:
+            raise ValueError(f"clear_radius_m={clear_m} is less than the robot's radius of {radius_m} m")
+        return
+    reach_m = np.linalg.norm(planned_path(motion, world)[:, :2] - world["width"] / 2, axis=1).max() + radius_m
     if clear_m > 0 and reach_m > clear_m:
         raise ValueError(
             f"the robot reaches {reach_m:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
@@ -88,107 +112,54 @@ def _check_room(spec: dict[str, Any]) -> None:
     Raises:
         ValueError: they do not.
     """
-    population, width, clear_m = spec["obstacles"], spec["world"]["width"], spec["clear_radius_m"]
-    stretch = max(math.sqrt(math.pi * (ratio + 1 / ratio)) / 2 for ratio in population["aspect"])  # of a rectangle
-    largest = population["radius_m"][1] * (stretch if population["disc_share"] < 1 else 1)
-    area = population["count"][0] * math.pi * population["radius_m"][0] ** 2
-    if 2 * largest > width or area > width**2 - math.pi * min(clear_m, width / 2) ** 2:
+    width, clear_m, area = spec["world"]["width"], spec["clear_radius_m"], 0.0
+    for population in populations(spec):
+        if "shapes" in population:
+            radii = [shape_radius(shape) for shape in population["shapes"]]
+            smallest, largest = min(radii), max(radii)
+        else:
+            stretch = max(math.sqrt(math.pi * (ratio + 1 / ratio)) / 2 for ratio in population["aspect"])  # rectangles
+            smallest = population["radius_m"][0]
+            largest = population["radius_m"][1] * (stretch if population["disc_share"] < 1 else 1)
+        area += population["count"][0] * math.pi * smallest**2
+        if 2 * largest > width:
+            raise ValueError(_no_room(spec))
+    if area > width**2 - math.pi * min(clear_m, width / 2) ** 2:
         raise ValueError(_no_room(spec))
 
 
 def _no_room(spec: dict[str, Any]) -> str:
-    population = spec["obstacles"]
+    wanted = [
+        f"{population['count']} obstacles of "
+        + (
+            f"{len(population['shapes'])} shapes"
+            if "shapes" in population
+            else f"radius {population['radius_m']} m and aspect {population['aspect']}"
+        )
+        for population in populations(spec)
+    ]
+    place = "the robot" if is_drive(spec["motion"]) else "the center"
     return (
-        f"no room for {population['count']} obstacles of radius {population['radius_m']} m and aspect "
-        f"{population['aspect']} outside {spec['clear_radius_m']} m of the center: use fewer or smaller obstacles, or "
-        "a smaller clear_radius_m"
+        f"no room for {' and '.join(wanted)} outside {spec['clear_radius_m']} m of {place}: use fewer or smaller "
+        "obstacles, or a smaller clear_radius_m"
     )
 
 
 def reverse_direction(world: World) -> World:
-    """Create the twin: the robot moves in the opposite direction among the same obstacles."""
+    """Create the twin: the robot moves in the opposite direction among the same obstacles, with other noise."""
     twin = copy.deepcopy(world)
     behavior = twin["robot"]["behavior"]
     behavior["direction"] = -behavior["direction"]
-    twin["robot"]["state"] = _start(behavior, world["world"], behavior["direction"])
+    twin["robot"]["state"] = start_pose(behavior, world["world"], behavior["direction"])
+    if "seed" in twin.get("custom", {}):
+        twin["custom"]["seed"] ^= 1
     return twin
 
 
 def write_world(world: World, path: Path) -> None:
     """Write a world as plain IR-SIM YAML."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    header = "# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make(this file), 100 times env.step().\n"
+    noise_seed, steps = world.get("custom", {}).get("seed"), recorded_steps(world["robot"]["behavior"])
+    arguments = "this file" if noise_seed is None else f"this file, seed={noise_seed}"
+    header = f"# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make({arguments}), {steps} times env.step().\n"
     path.write_text(header + yaml.safe_dump(world, sort_keys=False, default_flow_style=None), encoding="utf-8")
-
-
-def shape_radius(shape: dict[str, Any]) -> float:
-    """Compute the radius of the circle around the origin of an IR-SIM shape that encloses it [m]."""
-    if shape["name"] == "circle":
-        return float(shape["radius"])
-    return math.hypot(shape["length"], shape["width"]) / 2
-
-
-def _place_obstacles(rng, world: World, population: dict, clear_radius_m: float) -> list | None:
-    """Draw shapes and place them without overlap, inside the map and outside the zone; None if one does not fit."""
-    center = np.array([world["width"], world["height"]]) / 2
-    placed: list[tuple[float, float, dict]] = []
-    for _ in range(rng.integers(population["count"][0], population["count"][1] + 1)):
-        shape = _shape(rng, population)
-        radius = shape_radius(shape)
-        for _ in range(_PLACEMENTS):
-            x, y = rng.uniform(radius, 2 * center - radius)
-            apart = all(math.hypot(x - u, y - v) >= radius + shape_radius(s) for u, v, s in placed)
-            if apart and math.hypot(x - center[0], y - center[1]) >= clear_radius_m + radius:
-                placed.append((float(x), float(y), shape))
-                break
-        else:
-            return None
-    return placed
-
-
-def _shape(rng, population: dict) -> dict[str, Any]:
-    """Draw a disc of random radius or a rectangle of the same area."""
-    radius = rng.uniform(*population["radius_m"])
-    is_disc, aspect = rng.random() < population["disc_share"], rng.uniform(*population["aspect"])
-    if is_disc:
-        return {"name": "circle", "radius": float(radius)}
-    width = math.sqrt(math.pi * radius**2 / aspect)
-    return {"name": "rectangle", "length": float(aspect * width), "width": float(width)}
-
-
-def _obstacle(rng, spec: dict, x: float, y: float, shape: dict) -> dict[str, Any]:
-    """Create one obstacle as IR-SIM reads it; a moving one has its own random stream."""
-    heading, behavior = float(rng.uniform(-math.pi, math.pi)), spec["obstacles"].get("behavior")
-    obstacle = {"shape": shape, "state": [x, y, heading]}
-    if behavior is None:
-        return {**obstacle, "kinematics": {"name": "static"}}
-    speed = float(rng.uniform(*behavior["speed_m_s"]))
-    motion = {
-        **behavior,
-        "seed": int(rng.integers(2**31)),
-        "speed_m_s": speed,
-        "centre_m": [spec["world"]["width"] / 2, spec["world"]["height"] / 2],
-        "keep_out_m": float(spec["clear_radius_m"] + shape_radius(shape)),
-    }
-    limit = 1.01 * speed
-    return {
-        **obstacle,
-        "kinematics": {"name": "omni"},
-        "vel_min": [-limit, -limit],
-        "vel_max": [limit, limit],
-        "behavior": motion,
-    }
-
-
-def _start(motion: dict, world: World, direction: int) -> list[float]:
-    """Return the start pose x, y [m], heading [rad].
-
-    A rotation starts at the center, a square on its left side, `first_steps` before the corner below (direction 1) or
-    above (direction -1).
-    """
-    center_x, center_y = world["width"] / 2, world["height"] / 2
-    if motion["name"] == "rotate":
-        return [center_x, center_y, 0.0]
-    half = motion["side_m"] / 2
-    ahead = motion["side_m"] * motion["first_steps"] / motion["drive_steps"]  # [m] to the first corner
-    return [center_x - half, center_y - direction * (half - ahead), -direction * math.pi / 2]

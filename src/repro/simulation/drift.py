@@ -1,0 +1,104 @@
+"""Drift: the motion of the moving obstacles, independent of IR-SIM.
+
+Paper: "Simulation Approach". Unstated details: DEVIATIONS D5 and D6.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import shapely
+
+_TURNS = 20  # headings tried at a wall before an obstacle stands still for a step
+
+
+class Drift:
+    """Motion in straight lines at constant speed, with turns at random intervals, at the center zone and at walls.
+
+    Paper: obstacles "moved in straight lines at constant speeds, changing directions randomly at specified
+    intervals throughout the run, or whenever they entered the center zone occupied by the robot". A turn at
+    the zone is uniform over the half plane facing away from the center; any other turn is uniform over the circle.
+
+    The paper's worlds have no walls. Where there are some, an obstacle whose next step would touch one turns to a
+    heading in the half plane facing away from it, and stands still for a step where none of 20 headings is free.
+
+    Args:
+        seed: seed of this obstacle's own random stream.
+        speed_m_s: constant speed [m/s].
+        turn_steps: minimum and maximum time steps between two random turns.
+        centre_m: center of the zone (x, y) [m].
+        keep_out_m: least distance between the obstacle's origin and the center [m].
+        walls_m: lines of points (x, y) [m] that the obstacle does not touch.
+        radius_m: least distance between the obstacle's origin and a wall [m].
+    """
+
+    def __init__(
+        self,
+        *,
+        seed: int,
+        speed_m_s: float,
+        turn_steps: tuple[int, int],
+        centre_m: tuple[float, float],
+        keep_out_m: float,
+        walls_m: list[list[list[float]]] | None = None,
+        radius_m: float = 0.0,
+    ) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.speed_m_s = speed_m_s
+        self.turn_steps = turn_steps
+        self.centre_m = centre_m
+        self.keep_out_m = keep_out_m
+        self.walls = shapely.multilinestrings([shapely.LineString(line) for line in walls_m]) if walls_m else None
+        self.radius_m = radius_m
+        self._head(self.rng.uniform(-math.pi, math.pi))
+        self._countdown = self._interval()
+
+    def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
+        """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
+        if self._countdown == 0:
+            self._head(self.rng.uniform(-math.pi, math.pi))
+            self._countdown = self._interval()
+        self._countdown -= 1
+        away_x, away_y = x - self.centre_m[0], y - self.centre_m[1]
+        if self._enters_zone(away_x, away_y, step_time):
+            self._head(math.atan2(away_y, away_x) + self.rng.uniform(-math.pi / 2, math.pi / 2))
+        if self.walls is None or self._is_clear(x, y, step_time):
+            return self.vx, self.vy
+        wall = shapely.get_coordinates(shapely.shortest_line(self.walls, shapely.Point(x, y)))[0]
+        away = math.atan2(y - wall[1], x - wall[0])
+        for _ in range(_TURNS):
+            self._head(away + self.rng.uniform(-math.pi / 2, math.pi / 2))
+            if self._is_clear(x, y, step_time) and not self._enters_zone(away_x, away_y, step_time):
+                return self.vx, self.vy
+        return 0.0, 0.0
+
+    def _enters_zone(self, away_x: float, away_y: float, step_time: float) -> bool:
+        next_m = math.hypot(away_x + self.vx * step_time, away_y + self.vy * step_time)
+        return next_m < self.keep_out_m and self.vx * away_x + self.vy * away_y < 0
+
+    def _is_clear(self, x: float, y: float, step_time: float) -> bool:
+        """Check that the next step ends clear of the walls."""
+        ahead = shapely.Point(x + self.vx * step_time, y + self.vy * step_time)
+        return shapely.distance(self.walls, ahead) >= self.radius_m
+
+    def _interval(self) -> int:
+        return int(self.rng.integers(self.turn_steps[0], self.turn_steps[1] + 1))
+
+    def _head(self, heading: float) -> None:
+        self.vx = self.speed_m_s * math.cos(heading)
+        self.vy = self.speed_m_s * math.sin(heading)
+
+
+def obstacle_states(obstacle: dict[str, Any], steps: int, step_time: float) -> np.ndarray:
+    """Compute the state of an obstacle of a world after each step: x, y [m], constant heading [rad], (T, 3)."""
+    states = np.empty((steps, 3))
+    states[:] = obstacle["state"]
+    if "behavior" not in obstacle:
+        return states
+    motion = Drift(**{key: value for key, value in obstacle["behavior"].items() if key != "name"})
+    x, y, _ = obstacle["state"]
+    for step in range(steps):
+        vx, vy = motion.velocity(x, y, step_time)
+        x, y = x + vx * step_time, y + vy * step_time
+        states[step, :2] = x, y
+    return states

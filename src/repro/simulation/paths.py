@@ -1,0 +1,127 @@
+"""Path of the robot in a world: its start, its random goals, and the check that it keeps clear of fixed obstacles."""
+
+import math
+from typing import Any
+
+import numpy as np
+import shapely
+
+from repro.simulation.motions import DRIVES, recorded_steps, robot_path, waypoint_commands
+
+Motion = dict[str, Any]
+Walls = shapely.Geometry | None
+
+_GOALS = 200  # goals tried from one place
+_STARTS = 50  # starts tried for one world
+
+
+def start_pose(motion: Motion, world: dict[str, Any], direction: int) -> list[float]:
+    """Return the start pose x, y [m], heading [rad].
+
+    A rotation starts at the center, a square on its left side, `first_steps` before the corner below (direction 1) or
+    above (direction -1). A drive along waypoints starts at the first one; the opposite direction starts where it ends.
+    """
+    center_x, center_y = world["width"] / 2, world["height"] / 2
+    if motion["name"] == "rotate":
+        return [center_x, center_y, 0.0]
+    if motion["name"] == "waypoints":
+        (x, y), (next_x, next_y) = motion["points_m"][:2]
+        start = [float(x), float(y), math.atan2(next_y - y, next_x - x)]
+        if direction == 1:
+            return start
+        x, y, heading = robot_path({**motion, "direction": 1}, start, world["step_time"])[-1].tolist()
+        return [x, y, math.remainder(heading + math.pi, 2 * math.pi)]
+    half = motion["side_m"] / 2
+    ahead = motion["side_m"] * motion["first_steps"] / motion["drive_steps"]  # [m] to the first corner
+    return [center_x - half, center_y - direction * (half - ahead), -direction * math.pi / 2]
+
+
+def planned_path(motion: Motion, world: dict[str, Any]) -> np.ndarray:
+    """Compute the poses of the robot moving in direction 1, beginning with the start, (T + 1, 3)."""
+    return robot_path({**motion, "direction": 1}, start_pose(motion, world, 1), world["step_time"])
+
+
+def is_drive(motion: Motion) -> bool:
+    """Return whether the robot drives through the map, rather than in a zone around the center."""
+    return motion["name"] in DRIVES
+
+
+def check_path(motion: Motion, world: dict[str, Any], walls: Walls, radius_m: float) -> None:
+    """Check that a robot stays on the map, for waypoints, and does not touch a fixed obstacle.
+
+    Args:
+        motion: a motion without random goals.
+        world: `world` as IR-SIM reads it.
+        walls: the fixed obstacles.
+        radius_m: radius of the robot [m].
+
+    Raises:
+        ValueError: it does not.
+    """
+    points = motion.get("points_m", [])
+    for number, (x, y) in enumerate(points, start=1):
+        if not (radius_m <= x <= world["width"] - radius_m and radius_m <= y <= world["height"] - radius_m):
+            raise ValueError(
+                f"waypoint {number}, [{x:g}, {y:g}], is outside the map of {world['width']:g} x {world['height']:g} m, "
+                f"or nearer to its border than the robot's radius of {radius_m:g} m"
+            )
+        if walls is not None and shapely.distance(walls, shapely.Point(x, y)) < radius_m:
+            raise ValueError(
+                f"waypoint {number}, [{x:g}, {y:g}], is in a fixed obstacle, or nearer to one than the robot's radius "
+                f"of {radius_m:g} m"
+            )
+    if walls is None:
+        return
+    path = shapely.LineString(points or planned_path(motion, world)[:, :2])
+    if shapely.distance(walls, path) < radius_m:
+        nearest = shapely.get_coordinates(shapely.shortest_line(walls, path))[1]
+        raise ValueError(
+            f"the robot's path touches a fixed obstacle near [{nearest[0]:.2f}, {nearest[1]:.2f}]: it needs its radius "
+            f"of {radius_m:g} m on both sides"
+        )
+
+
+def to_waypoints(
+    rng: np.random.Generator, motion: Motion, world: dict[str, Any], walls: Walls, radius_m: float
+) -> Motion:
+    """Draw a start and random goals on the map, each in sight of the one before, as waypoints for a whole recording.
+
+    Args:
+        rng: random stream of the world.
+        motion: `random_goals` with its parameters.
+        world: `world` as IR-SIM reads it.
+        walls: fixed obstacles, which the robot passes at its radius or more.
+        radius_m: radius of the robot [m].
+
+    Returns:
+        the motion `waypoints`.
+
+    Raises:
+        ValueError: there is no free place for a start and a goal.
+    """
+    size = np.array([world["width"], world["height"]])
+    low, high = np.full(2, radius_m), size - radius_m
+    for _ in range(_STARTS):
+        drive = {**motion, "name": "waypoints", "points_m": [rng.uniform(low, high).tolist()]}
+        while goal := _goal(rng, drive["points_m"][-1], low, high, walls, radius_m):
+            drive["points_m"] = [*drive["points_m"], goal]
+            if _is_long_enough(drive, world["step_time"]):
+                return drive
+    raise ValueError(f"no free place for a robot of radius {radius_m:g} m and its goals: the map is too full")
+
+
+def _goal(rng, place: list[float], low: np.ndarray, high: np.ndarray, walls: Walls, radius_m: float) -> list | None:
+    """Draw a goal that the robot reaches on a straight way; None if none is found."""
+    for _ in range(_GOALS):
+        goal = rng.uniform(low, high).tolist()
+        way = shapely.LineString([place, goal])
+        if way.length >= 2 * radius_m and (walls is None or shapely.distance(walls, way) >= radius_m):
+            return goal
+    return None
+
+
+def _is_long_enough(drive: Motion, step_time: float) -> bool:
+    """Return whether the robot still drives in the last step of the recording."""
+    parameters = {key: value for key, value in drive.items() if key != "name"}
+    commands = waypoint_commands(**parameters, direction=1, step_time=step_time)
+    return bool(commands[recorded_steps(drive) - 1].any())
