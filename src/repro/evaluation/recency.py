@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import rasterize
+from repro.maps.ground_truth import CONVEX, kinds_of, rasterize
 from repro.maps.visibility import newest_in_view, newest_visible
 from repro.recordings.format import ShardContent
 from repro.scans import Scans
@@ -53,11 +53,12 @@ def age_bin(age: np.ndarray) -> np.ndarray:
     return np.minimum((age - 1) // BIN, BINS - 1)
 
 
-def newest_hits_of_obstacles(shard: ShardContent) -> np.ndarray:
+def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.ndarray:
     """Compute the newest step at which each obstacle was hit, in both recordings of its world.
 
     Args:
         shard: recordings of R / 2 worlds with K obstacles in total.
+        noise_m: standard deviation of the ranges [m]; hits count up to three times as far from an obstacle.
 
     Returns:
         the step, counted from 1, or 0 for never, (2, K); the first row is the counter-clockwise twin, the second the
@@ -69,26 +70,42 @@ def newest_hits_of_obstacles(shard: ShardContent) -> np.ndarray:
     hit = torch.isfinite(windows.ranges)
     points = windows.poses[..., None, :2] + torch.where(hit, windows.ranges, 0)[..., None] * rays  # (R, T, N, 2)
     newest = np.zeros((2, len(shard.world)), dtype=np.int64)
+    convex, reach_m = kinds_of(torch.as_tensor(shard.outlines)) == CONVEX, TOUCH_M + 3 * noise_m
     for number, world in enumerate(shard.world):
         outline, states = (torch.as_tensor(array[number]).double() for array in (shard.outlines, shard.states))
         for twin in (0, 1):
-            steps = _steps_touching(points[2 * world + twin], hit[2 * world + twin], outline, states)
+            of = 2 * world + twin
+            steps = _steps_touching(points[of], hit[of], outline, states, reach_m, is_convex=bool(convex[number]))
             newest[twin, number] = steps.max() + 1 if len(steps) else 0
     return newest
 
 
-def _steps_touching(points: torch.Tensor, hit: torch.Tensor, outline: torch.Tensor, states: torch.Tensor) -> np.ndarray:
-    """Return the steps at which any of the points (T, N, 2) is on or inside an obstacle with states (T, 3)."""
+def _steps_touching(
+    points: torch.Tensor,
+    hit: torch.Tensor,
+    outline: torch.Tensor,
+    states: torch.Tensor,
+    reach_m: float,
+    *,
+    is_convex: bool,
+) -> np.ndarray:
+    """Return the steps at which any of the points (T, N, 2) is on an obstacle with states (T, 3), or in a convex one."""
     offset = points - states[:, None, :2]
-    near = hit & (offset.square().sum(-1) <= (outline.square().sum(-1).max().sqrt() + TOUCH_M) ** 2)
+    near = hit & (offset.square().sum(-1) <= (outline.square().sum(-1).max().sqrt() + reach_m) ** 2)
     step, beam = torch.nonzero(near, as_tuple=True)
     cos, sin = torch.cos(states[step, 2]), torch.sin(states[step, 2])
     x, y = offset[step, beam].unbind(-1)
     own = torch.stack([x * cos + y * sin, y * cos - x * sin], dim=-1)  # in the obstacle's frame, (P, 2)
     edge = outline.roll(-1, 0) - outline  # (V, 2)
+    length = edge.square().sum(-1)
+    if not is_convex:
+        to_own = own[:, None] - outline  # (P, V, 2)
+        along = ((to_own * edge).sum(-1) / length.clamp(min=1e-12)).clamp(0, 1)
+        touches = ((to_own - along[..., None] * edge).square().sum(-1) <= reach_m**2).any(-1)
+        return step[touches].numpy()
     turn = torch.sign((outline[:, 0] * edge[:, 1] - outline[:, 1] * edge[:, 0]).sum())  # 1 counter-clockwise
     cross = edge[:, 0] * (own[:, None, 1] - outline[:, 1]) - edge[:, 1] * (own[:, None, 0] - outline[:, 0])
-    inside = (turn * cross >= -TOUCH_M * edge.square().sum(-1).sqrt()).all(-1)
+    inside = (turn * cross >= -reach_m * length.sqrt()).all(-1)
     return step[inside].numpy()
 
 
