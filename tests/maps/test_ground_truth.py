@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
+import shapely
 import torch
-from shapely import affinity, contains_xy
+from shapely import LineString, Point, affinity, contains_xy
 from shapely.geometry import Polygon
 
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import rasterize
+from repro.maps.ground_truth import CONCAVE, CONVEX, LINE, kinds_of, rasterize
 from repro.recordings.reader import read_shards
 
 
@@ -44,3 +45,73 @@ def test_overlapping_obstacles_are_drawn_once_and_those_over_the_border_are_cut(
     free = rasterize(square, states, torch.tensor([0, 0, 0]), 1, Grid(50, 50.0))
     assert (free == 0).sum() == 100 + 25
     assert (free[0, :5, :5] == 0).all()
+
+
+L_SHAPE = [[0.0, 0.0], [4.0, 0.0], [4.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]]
+U_SHAPE = [[-3, -3], [3, -3], [3, 3], [2, 3], [2, -2], [-2, -2], [-2, 3], [-3, 3]]
+STAR = [[(3 if k % 2 else 1) * f(k * np.pi / 5) for f in (np.cos, np.sin)] for k in range(10)]
+COMB = [[0, 0], [7, 0], [7, 3], [6, 3], [6, 1], [5, 1], [5, 3], [4, 3], [4, 1], [3, 1], [3, 3], [2, 3], [2, 1], [0, 1]]
+
+
+def padded(outlines):
+    """Outlines of one length, the last vertex of the shorter ones repeated."""
+    longest = max(map(len, outlines))
+    return torch.tensor([[*outline, *[outline[-1]] * (longest - len(outline))] for outline in outlines]).float()
+
+
+def there_and_back(line):
+    return [*line, *line[-2:0:-1]]
+
+
+@pytest.mark.parametrize("shape", [L_SHAPE, U_SHAPE, STAR, COMB], ids=["L", "U", "star", "comb"])
+@pytest.mark.parametrize("order", [1, -1])
+def test_concave_polygons_agree_with_point_in_polygon(shape, order):
+    grid, rng = Grid(96, 20.0), np.random.default_rng(0)
+    states = np.concatenate([rng.uniform(2, 18, (20, 2)), rng.uniform(-np.pi, np.pi, (20, 1))], axis=1)
+    outlines = padded([shape[::order], [[0, 0]] * 40])[:1].expand(20, -1, -1).double()
+    maps = rasterize(outlines, torch.tensor(states), torch.arange(20), 20, grid)
+    centers = grid.centers().numpy()
+    for drawn, (x, y, heading) in zip(maps, states, strict=True):
+        polygon = affinity.rotate(Polygon(shape), heading, origin=(0, 0), use_radians=True)
+        truth = contains_xy(affinity.translate(polygon, x, y), centers[:, 0], centers[:, 1])
+        assert np.array_equal(drawn.flatten().numpy() == 0, truth)
+        assert truth.sum() > 50
+
+
+def test_a_line_occupies_the_pixels_that_it_crosses():
+    grid, rng = Grid(40, 20.0), np.random.default_rng(1)
+    lines = [rng.uniform(1, 19, (rng.integers(2, 6), 2)).tolist() for _ in range(40)]
+    lines += [[[3.1, 4.3], [15.2, 4.3]], [[3.1, 4.3], [3.1, 17.9]], [[2.1, 2.2], [9.2, 2.2], [9.2, 9.3], [2.1, 2.2]]]
+    outlines = padded([there_and_back(line) for line in lines]).double()
+    maps = rasterize(outlines, torch.zeros(len(lines), 3), torch.arange(len(lines)), len(lines), grid)
+    half = grid.resolution_m / 2
+    pixels = shapely.box(*(grid.centers().numpy().T - half), *(grid.centers().numpy().T + half))
+    for drawn, line in zip(maps, lines, strict=True):
+        truth = shapely.intersects(pixels, LineString(np.float32(line)))
+        assert np.array_equal(drawn.flatten().numpy() == 0, truth)
+
+
+def test_a_line_on_the_border_of_pixels_is_drawn_once():
+    wall = padded([there_and_back([[2.0, 5.0], [8.0, 5.0]]), there_and_back([[5.0, 2.0], [5.0, 8.0]])])
+    drawn = rasterize(wall, torch.zeros(2, 3), torch.arange(2), 2, Grid(10, 10.0)) == 0
+    assert drawn[0].any(1).sum() == 1
+    assert drawn[1].any(0).sum() == 1
+
+
+def test_obstacles_of_all_kinds_overlap_on_one_map():
+    grid = Grid(64, 20.0)
+    outlines = padded([L_SHAPE, L_SHAPE[::-1], U_SHAPE, [[0, 0], [5, 0], [5, 5]], there_and_back([[0, 0], [6, 6]])])
+    states = torch.tensor([[8.0, 8, 0], [8, 8, 0.1], [9, 9, 1], [7, 7, 2], [6, 6, 0.3]])
+    alone = rasterize(outlines, states, torch.arange(5), 5, grid)
+    together = rasterize(outlines, states, torch.zeros(5, dtype=torch.long), 1, grid)
+    assert torch.equal(together[0], alone.amin(0))
+
+
+def test_kinds_of_outlines():
+    thin = [[0, 0], [10, 0], [10, 0.05], [0, 0.05]]
+    disc = np.array(Point(0, 0).buffer(0.01).exterior.coords)[:-1].tolist()
+    far = [[9000 + x, 9000 + y] for x, y in [[0, 0], [1, 0], [1, 0.1], [0, 0.1]]]
+    concave_at_last = [[0, 0], [4, 0], [0, 4], [1, 1]]
+    shapes = [L_SHAPE, STAR, concave_at_last, thin, disc, far, there_and_back([[0, 0], [1, 2], [5, 3], [0, 0]])]
+    expected = [CONCAVE] * 3 + [CONVEX] * 3 + [LINE]
+    assert kinds_of(padded(shapes)).tolist() == expected

@@ -2,8 +2,10 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
-from repro.simulation.motions import Drift, robot_commands, rotate_commands, square_commands
+from repro.simulation.drift import Drift
+from repro.simulation.motions import robot_commands, robot_path, rotate_commands, square_commands, waypoint_commands
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -81,3 +83,53 @@ def test_same_seed_same_path_other_seed_other_path():
     first, again, other = (track(drift(seed), (5.0, 5.0), 50) for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("steps", [7, 100, 200])
+def test_a_drive_turns_and_drives_within_its_rates_and_arrives(steps):
+    points = [[1.0, 1.0], [4.0, 1.0], [4.0, 3.0], [1.0, 1.0]]
+    behavior = {"name": "waypoints", "points_m": points, "speed_m_s": 0.7, "turn_rad_s": 1.1, "steps": steps}
+    commands = robot_commands({**behavior, "direction": 1}, 0.1)
+    assert commands.shape == (steps, 2)
+    assert np.abs(commands).max(axis=0) == pytest.approx([0.7, 1.1 if steps > 40 else 0.0], abs=0.03)
+    assert (np.abs(commands) <= [0.7, 1.1]).all()
+    assert not (commands != 0).all(axis=1).any()  # it turns in place
+    path = robot_path({**behavior, "direction": 1}, [1.0, 1.0, 0.0], 0.1)[:, :2]
+    reached = [np.linalg.norm(path - point, axis=1).min() < 1e-9 for point in points]
+    assert reached == ([True] + [False] * 2 + [True] if steps == 7 else [True] * 4)
+    assert steps < 200 or not commands[-1].any()  # it stands still at the end
+
+
+def test_a_drive_backwards_passes_the_same_places():
+    points = [[1.0, 1.0], [4.0, 1.5], [2.0, 3.0], [9.0, 9.0]]
+    drive = {"points_m": points, "speed_m_s": 1.3, "turn_rad_s": 0.9, "steps": 90}
+    there = robot_path({"name": "waypoints", **drive, "direction": 1}, [1.0, 1.0, math.atan2(0.5, 3.0)], 0.1)
+    x, y, heading = there[-1]
+    back = robot_path({"name": "waypoints", **drive, "direction": -1}, [x, y, heading + math.pi], 0.1)
+    assert np.allclose(back[::-1, :2], there[:, :2], atol=1e-9)
+    assert np.allclose(np.cos(back[::-1, 2] - there[:, 2]), -1)
+    commands = waypoint_commands(**drive, direction=-1, step_time=0.1)
+    assert (commands[:, 0] >= 0).all()  # it drives ahead
+
+
+def test_an_obstacle_between_walls_stays_between_them():
+    walls = [[[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0], [0.0, 0.0]], [[1.5, 0.0], [1.5, 0.8]]]
+    zone = {"centre_m": (0.0, 0.0), "keep_out_m": 0.0}
+    drift = Drift(seed=1, speed_m_s=1.0, turn_steps=(20, 40), **zone, walls_m=walls, radius_m=0.3)
+    x, y, places = 0.5, 1.0, []
+    for _ in range(2000):
+        vx, vy = drift.velocity(x, y, 0.1)
+        x, y = x + 0.1 * vx, y + 0.1 * vy
+        places.append((x, y))
+    places = np.array(places)
+    assert (places >= [0.3 - 1e-9, 0.3 - 1e-9]).all()
+    assert (places <= [2.7 + 1e-9, 1.7 + 1e-9]).all()
+    assert shapely.distance(shapely.LineString(walls[1]), shapely.points(places)).min() >= 0.3 - 1e-9
+    assert np.ptp(places, axis=0) == pytest.approx([2.4, 1.4], abs=0.2)  # it uses the room
+
+
+def test_an_obstacle_without_a_free_heading_stands_still():
+    box = [[[0.0, 0.0], [0.62, 0.0], [0.62, 0.62], [0.0, 0.62], [0.0, 0.0]]]
+    zone = {"centre_m": (0.0, 0.0), "keep_out_m": 0.0}
+    drift = Drift(seed=1, speed_m_s=1.0, turn_steps=(20, 40), **zone, walls_m=box, radius_m=0.3)
+    assert {drift.velocity(0.31, 0.31, 0.1) for _ in range(50)} == {(0.0, 0.0)}

@@ -7,7 +7,8 @@ import yaml
 from conftest import world_spec
 
 from repro.simulation.simulator import drive_robot
-from repro.simulation.worlds import reverse_direction, sample_world, shape_radius, write_world
+from repro.simulation.shapes import shape_radius
+from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 
 def test_same_seed_same_world_other_seed_other_world(spec):

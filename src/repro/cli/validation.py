@@ -121,6 +121,9 @@ def warnings_of(config: Config) -> list[str]:
         found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
     if not config.world["experiments"][config.exp]["clear_radius_m"]:
         found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
+    has_fixed, trains = config.world["experiments"][config.exp].get("fixed"), config.task in ("all", "train")
+    if has_fixed and trains and config.train.flip_augmentation:
+        found.append("train.flip_augmentation=true also shows the network the fixed obstacles upside down")
     return found
 
 

@@ -54,15 +54,15 @@ def load_test_set(recordings: Path, grid: Grid) -> TestSet:
     Raises:
         ValueError: a shard is damaged, see `recordings.reader.read_shards`.
     """
-    range_max_m = read_manifest(recordings).spec["robot"]["sensors"][0]["range_max"]
+    lidar = read_manifest(recordings).spec["robot"]["sensors"][0]
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     first = 0
     for shard in read_shards(recordings, "test"):
         parts["truth"].append(true_maps(shard, grid).numpy())
-        parts["groups"].append(pixel_groups(shard.scans, grid, range_max_m))
+        parts["groups"].append(pixel_groups(shard.scans, grid, lidar["range_max"]))
         parts["masks"].append(obstacle_masks(shard, grid))
         parts["recording"].append(first + 2 * shard.world + np.array([[0], [1]]))
-        parts["newest"].append(newest_hits_of_obstacles(shard))
+        parts["newest"].append(newest_hits_of_obstacles(shard, lidar.get("std") or 0.0))
         first, steps = first + len(shard.scans), shard.scans.ranges.shape[1]
     of_obstacles = ("recording", "newest")
     arrays = {name: np.concatenate(part, axis=int(name in of_obstacles)) for name, part in parts.items()}

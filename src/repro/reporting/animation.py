@@ -20,7 +20,7 @@ from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
 
-TITLES = ("World, robot, 90° lidar", "Network input", "Prediction", "Ground truth")
+TITLES = ("World, robot, {:.0f}° lidar", "Network input", "Prediction", "Ground truth")
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def write_animation(
     with plt.rc_context({**STYLE, "savefig.dpi": 90}):
         figure, axes = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
         for ax, title in zip(axes, TITLES, strict=True):
-            ax.set(xticks=(), yticks=(), title=title)
+            ax.set(xticks=(), yticks=(), title=title.format(np.degrees(np.ptp(recording.scans.angles))))
         panels = [
             ax.imshow(np.zeros_like(frames.images[0]), cmap="gray", vmin=0, vmax=255, interpolation="nearest")
             for ax in axes[1:]
@@ -132,7 +132,7 @@ def _draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -
     beams = [np.stack([pose[:2], end]) for end in ends]
     ax.add_collection(LineCollection(beams, colors=ACCENT, linewidths=0.4, alpha=0.5))
     ax.plot(*recording.scans.poses[: step + 1, :2].T, color=ACCENT, linewidth=1)
-    ax.add_patch(Circle(tuple(pose[:2]), 1.0, color=ACCENT, zorder=3))
+    ax.add_patch(Circle(tuple(pose[:2]), ax.get_xlim()[1] / 50, color=ACCENT, zorder=3))
 
 
 def _writers(fps: int) -> Iterator[tuple[str, PillowWriter | FFMpegWriter]]:

@@ -13,8 +13,9 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from repro.config import PROJECTION
 from repro.evaluation.examples import Example
 from repro.reporting.names import experiment_title
+from repro.simulation.motions import recorded_steps
 from repro.simulation.simulator import make
-from repro.simulation.worlds import World, write_world
+from repro.simulation.worlds import World, reverse_direction, write_world
 
 INK, ACCENT = "#222222", "#0b6e99"
 STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
@@ -47,6 +48,16 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
             plt.close(figure)
             written.append(directory / f"{name}.png")
     return written
+
+
+def write_world_figure(world: World, experiment: str, path: Path) -> None:
+    """Write IR-SIM's rendering of a world and its twin at the end of the recording as PNG, see `data_collection`."""
+    steps = recorded_steps(world["robot"]["behavior"])
+    twins = {f"{experiment}, there": world, f"{experiment}, back": reverse_direction(world)}
+    with plt.rc_context(STYLE):
+        figure = data_collection(twins, steps)
+        figure.savefig(path, bbox_inches="tight", pad_inches=0.05)
+        plt.close(figure)
 
 
 def data_collection(worlds: dict[str, World], step: int = 70) -> Figure:

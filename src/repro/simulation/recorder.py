@@ -7,7 +7,7 @@ import dataclasses
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,14 @@ from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
 from repro.system.resources import process_pool
+
+
+@dataclass(frozen=True)
+class Written:
+    """A written shard: its worlds, and those of its recordings that plain IR-SIM simulated."""
+
+    worlds: int
+    plain: int
 
 
 def record_experiment(
@@ -117,8 +125,8 @@ def record_part(
     return all((directory / shard.name).is_file() for shard in shards)
 
 
-def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_every: int) -> int:
-    """Record one shard and return its number of worlds.
+def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_every: int) -> Written:
+    """Record one shard.
 
     Args:
         directory: directory of the shards.
@@ -152,7 +160,7 @@ def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_ever
     }
     with replacing(directory / shard.name) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
-    return shard.worlds
+    return Written(shard.worlds, sum(item.is_plain for item in recordings))
 
 
 def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
@@ -173,12 +181,19 @@ def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
 def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int, every: int, worlds: int) -> None:
     jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
     # processes even inside a worker of a launcher, because IR-SIM keeps its environment in module variables
-    done = worlds - sum(shard.worlds for shard in shards)
+    done, plain = worlds - sum(shard.worlds for shard in shards), 0
     with (
         process_pool(workers, return_as="generator_unordered") as parallel,
         tqdm(
             total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}", disable=None
         ) as bar,
     ):
-        for count in parallel(jobs):
-            bar.update(2 * count)
+        for written in parallel(jobs):
+            bar.update(2 * written.worlds)
+            plain += written.plain
+    if plain:
+        print(
+            f"plain IR-SIM simulated {plain} of {2 * (worlds - done)} recordings: those with noise of the angles, or "
+            "with a beam through a corner of a fixed obstacle",
+            flush=True,
+        )

@@ -1,0 +1,202 @@
+"""Parts of the schema of conf/world: shapes, the robot and its motions, populations of obstacles."""
+
+import itertools
+import math
+from typing import Annotated, Any, Literal
+
+import shapely
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+
+
+def _ordered(pair: tuple) -> tuple:
+    if pair[0] > pair[1]:
+        raise ValueError("must be ordered, low to high")
+    return pair
+
+
+# Ranges in which IR-SIM, the recorder and float32 compute what the value says
+Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
+LengthRange = Annotated[tuple[Length, Length], AfterValidator(_ordered)]
+Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
+Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
+SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ordered)]
+Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
+Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
+RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(_ordered)]
+Steps = Annotated[int, Field(ge=1, le=1_000_000)]
+StepsRange = Annotated[tuple[Steps, Steps], AfterValidator(_ordered)]
+Coordinate = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]  # [m]
+Point = tuple[Coordinate, Coordinate]
+Number = Annotated[int, Field(ge=1, le=1000)]
+NumberRange = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class World(Part):
+    """The map; obstacles may pass through one another, as they do in the recorder."""
+
+    width: Length
+    height: Length
+    step_time: Duration
+    collision_mode: Literal["unobstructed"]
+
+
+class Lidar(Part):
+    """IR-SIM's lidar at the center of the robot, with normal noise of the ranges [m] and of the beams' angles [rad]."""
+
+    type: Literal["lidar2d"]
+    range_min: Literal[0] = 0
+    range_max: Length
+    angle_range: Annotated[float, Field(ge=0.001, le=2 * math.pi, allow_inf_nan=False)]
+    number: Annotated[int, Field(ge=2, le=100_000)]
+    noise: bool = False
+    std: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] | None = None
+    angle_std: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] | None = None
+
+    @model_validator(mode="after")
+    def _noise_is_complete(self) -> "Lidar":
+        if self.noise and self.std is None:
+            raise ValueError("noise: true needs std, the standard deviation of the ranges [m]")
+        if not self.noise and (self.std is not None or self.angle_std is not None):
+            raise ValueError("std and angle_std need noise: true")
+        return self
+
+
+class Kinematics(Part):
+    name: Literal["diff"]
+
+
+class Disc(Part):
+    name: Literal["circle"]
+    radius: Length
+
+
+class Rectangle(Part):
+    name: Literal["rectangle"]
+    length: Length
+    width: Length
+
+
+def _simple(vertices: list[Point]) -> list[Point]:
+    """Check that a polygon neither crosses itself nor vanishes; IR-SIM would draw its bounding box instead."""
+    polygon = shapely.Polygon(vertices)
+    if not polygon.is_valid:
+        raise ValueError(f"must be a polygon that does not cross or touch itself: {shapely.is_valid_reason(polygon)}")
+    if polygon.area < max(1e-4, 1e-6 * polygon.length**2):
+        raise ValueError("must be a polygon with an area: use a linestring for a thin wall")
+    return vertices
+
+
+def _distinct(points: list[Point]) -> list[Point]:
+    if any(a == b for a, b in itertools.pairwise(points)):
+        raise ValueError("must not name the same point twice in a row")
+    return points
+
+
+class Polygon(Part):
+    """A polygon, convex or not."""
+
+    name: Literal["polygon"]
+    vertices: Annotated[list[Point], Field(min_length=3, max_length=100), AfterValidator(_simple)]
+
+
+class LineString(Part):
+    """A wall without width."""
+
+    name: Literal["linestring"]
+    vertices: Annotated[list[Point], Field(min_length=2, max_length=100), AfterValidator(_distinct)]
+
+
+AnyShape = Annotated[Disc | Rectangle | Polygon | LineString, Field(discriminator="name")]
+
+
+class Fixed(Part):
+    """An obstacle that stands in every world, at x, y [m], heading [rad]."""
+
+    shape: AnyShape
+    state: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+
+
+class Robot(Part):
+    """A disc-shaped differential-drive robot with one lidar; its start pose follows from the motion."""
+
+    kinematics: Kinematics
+    shape: Disc
+    vel_min: tuple[Limit, Limit]
+    vel_max: tuple[Speed, Speed]
+    sensors: Annotated[list[Lidar], Field(min_length=1, max_length=1)]
+
+
+class Rotation(Part):
+    name: Literal["rotate"]
+    steps: Annotated[int, Field(ge=2, le=1_000_000)]
+
+
+class Square(Part):
+    name: Literal["square"]
+    side_m: Length
+    drive_steps: Annotated[int, Field(ge=1, le=100_000)]
+    turn_steps: Annotated[int, Field(ge=1, le=100_000)]
+    first_steps: Annotated[int, Field(ge=0)]
+
+
+class RandomGoals(Part):
+    """Straight drives to random goals, with turns in place."""
+
+    name: Literal["random_goals"]
+    speed_m_s: Speed
+    turn_rad_s: Speed
+    steps: Annotated[int, Field(ge=2, le=1_000_000)]
+
+
+class Waypoints(RandomGoals):
+    """Straight drives along given points, with turns in place."""
+
+    name: Literal["waypoints"]  # type: ignore[assignment]
+    points_m: Annotated[list[Point], Field(min_length=2, max_length=1000), AfterValidator(_distinct)]
+
+
+Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
+
+
+class Drifting(Part):
+    name: Literal["drift"]
+    speed_m_s: SpeedRange
+    turn_steps: StepsRange
+
+
+class Sized(Part):
+    """Discs and rectangles of random size."""
+
+    count: NumberRange
+    radius_m: LengthRange
+    aspect: RatioRange
+    disc_share: Annotated[float, Field(ge=0, le=1)]
+    behavior: Drifting | None = None
+
+
+class Shaped(Part):
+    """Obstacles of given shapes, each with the same probability."""
+
+    count: NumberRange
+    shapes: Annotated[list[AnyShape], Field(min_length=1, max_length=100)]
+    behavior: Drifting | None = None
+
+
+def _kind(value: Any) -> str:
+    return "<shaped>" if isinstance(value, dict) and "shapes" in value else "<sized>"
+
+
+def _amount(value: Any) -> str:
+    return "<several>" if isinstance(value, list) else "<one>"
+
+
+Population = Annotated[Annotated[Sized, Tag("<sized>")] | Annotated[Shaped, Tag("<shaped>")], Discriminator(_kind)]
+Populations = Annotated[
+    Annotated[Population, Tag("<one>")] | Annotated[list[Population], Field(max_length=100), Tag("<several>")],
+    Discriminator(_amount),
+]
