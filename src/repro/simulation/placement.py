@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,14 @@ _PLACEMENTS = 200  # attempts to place one obstacle, and to find it a motion out
 
 Population = dict[str, Any]
 Placed = tuple[float, float, Shape, Population]
+
+
+class Attempts:
+    """What is left of the attempts for one world, over all restarts, so that a full map is refused within seconds."""
+
+    def __init__(self) -> None:
+        self.places = iter(range(20_000))
+        self.motions = iter(range(1000))  # each is simulated
 
 
 @dataclass(frozen=True)
@@ -56,12 +65,14 @@ class Site:
         return bool(distance.min() >= self.clear_m + shape_radius(obstacle["shape"]))
 
 
-def sample_obstacles(rng: np.random.Generator, populations: list[Population], site: Site) -> list[dict] | None:
+def sample_obstacles(
+    rng: np.random.Generator, populations: list[Population], site: Site, attempts: Attempts
+) -> list[dict] | None:
     """Sample all obstacles of a world as IR-SIM reads them; None if one finds no place or no motion."""
     placed: list[Placed] = []
     for population in populations:
         for _ in range(rng.integers(population["count"][0], population["count"][1] + 1)):
-            found = _place(rng, population, placed, site)
+            found = _place(rng, population, placed, site, attempts)
             if found is None:
                 return None
             placed.append(found)
@@ -69,18 +80,20 @@ def sample_obstacles(rng: np.random.Generator, populations: list[Population], si
     lines = [*site.lines, *boundaries(each for each in standing if each)]
     obstacles = []
     for each, still in zip(placed, standing, strict=True):
-        obstacle = still or _moving(rng, *each, site, lines)
+        obstacle = still or _moving(rng, *each, site, lines, attempts)
         if obstacle is None:
             return None
         obstacles.append(obstacle)
     return obstacles
 
 
-def _place(rng: np.random.Generator, population: Population, placed: list[Placed], site: Site) -> Placed | None:
+def _place(
+    rng: np.random.Generator, population: Population, placed: list[Placed], site: Site, attempts: Attempts
+) -> Placed | None:
     """Draw a shape and a place for it without overlap, inside the map and outside the zone; None without a place."""
     shape = _shape(rng, population)
     radius, moves = shape_radius(shape), bool(population.get("behavior"))
-    for _ in range(_PLACEMENTS):
+    for _ in islice(attempts.places, _PLACEMENTS):
         x, y = rng.uniform(radius, site.size_m - radius)
         apart = all(math.hypot(x - u, y - v) >= radius + shape_radius(other) for u, v, other, _ in placed)
         if apart and site.has_room(x, y, radius, moves=moves):
@@ -107,10 +120,17 @@ def _static(rng: np.random.Generator, x: float, y: float, shape: Shape, _: Popul
 
 
 def _moving(
-    rng: np.random.Generator, x: float, y: float, shape: Shape, population: Population, site: Site, lines: list[Line]
+    rng: np.random.Generator,
+    x: float,
+    y: float,
+    shape: Shape,
+    population: Population,
+    site: Site,
+    lines: list[Line],
+    attempts: Attempts,
 ) -> dict[str, Any] | None:
     """Create an obstacle with a random stream of its own that keeps out of the robot's way; None if none does."""
-    for _ in range(_PLACEMENTS):
+    for _ in islice(attempts.motions, _PLACEMENTS):
         heading = float(rng.uniform(-math.pi, math.pi))
         speed = float(rng.uniform(*population["behavior"]["speed_m_s"]))
         limit, radius = 1.01 * speed, shape_radius(shape)

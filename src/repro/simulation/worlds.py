@@ -19,7 +19,7 @@ import yaml
 from repro.config import populations
 from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
-from repro.simulation.placement import Site, sample_obstacles
+from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.shapes import boundaries, shape_radius, union
 
 World = dict[str, Any]
@@ -50,8 +50,9 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     path = planned_path(motion, world)[:, :2] if is_drive(motion) else None
     size_m = np.array([world["width"], world["height"]])
     site = Site(size_m, spec["clear_radius_m"], path, walls, boundaries(fixed), world["step_time"])
+    attempts = Attempts()
     for _ in range(_RESTARTS):
-        obstacles = sample_obstacles(rng, populations(spec), site)
+        obstacles = sample_obstacles(rng, populations(spec), site, attempts)
         if obstacles is not None:
             break
     else:

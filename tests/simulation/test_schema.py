@@ -1,0 +1,123 @@
+"""Descriptions of worlds that are refused, each with a message that names the value."""
+
+import copy
+from typing import Any
+
+import pytest
+from conftest import ROOT
+
+from repro.config import read_world
+from repro.simulation.schema import world_errors
+
+OFFICE = read_world(ROOT / "conf" / "world" / "office.yaml")
+DRIVE = {"name": "waypoints", "points_m": [[2.0, 10.0], [18.0, 10.0]], "speed_m_s": 1.0, "turn_rad_s": 1.0, "steps": 50}
+WALL = {"name": "linestring", "vertices": [[1, 1], [2, 2]]}
+
+
+def office(changes: dict[str, Any]) -> dict[str, Any]:
+    """Return the office with some values changed, by their path; its experiments hold copies, as when composed."""
+    world = copy.deepcopy(OFFICE)
+    for path, value in changes.items():
+        *parents, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        node = world
+        for key in parents:
+            node = node[key]
+        if value is None:
+            del node[last]
+        else:
+            node[last] = value
+    return world
+
+
+MOTION, FIXED, PEOPLE = "experiments.people.motion", "experiments.people.fixed", "obstacles.people"
+LIDAR = "robot.sensors.0"
+BOW = [[0, 0], [2, 2], [2, 0], [0, 2]]
+REFUSED = {
+    "negative radius": ({f"{FIXED}.13.shape.radius": -0.3}, "fixed.13.shape.radius=-0.3", "greater than or equal to"),
+    "unknown shape": ({f"{FIXED}.0.shape": {"name": "compound"}}, "fixed.0.shape", "'linestring'"),
+    "unknown key": ({f"{FIXED}.0.color": "red"}, "fixed.0.color=red", "not a known key"),
+    "shape of another": ({f"{FIXED}.0.shape": {**WALL, "radius": 1}}, "fixed.0.shape.radius=1", "not a known key"),
+    "crossing polygon": ({f"{FIXED}.12.shape.vertices": BOW}, "fixed.12.shape.vertices", "Self-intersection[1 1]"),
+    "polygon without area": (
+        {f"{FIXED}.12.shape.vertices": [[0, 0], [1, 1], [2, 2]]},
+        "fixed.12.shape.vertices",
+        "does not cross or touch itself",
+    ),
+    "thin polygon": ({f"{FIXED}.12.shape.vertices": [[0, 0], [9, 0], [9, 1e-6]]}, "vertices", "use a linestring"),
+    "two corners": ({f"{FIXED}.12.shape.vertices": [[0, 0], [9, 0]]}, "vertices", "at least 3 items"),
+    "101 corners": ({f"{FIXED}.0.shape.vertices": [[k, k] for k in range(101)]}, "vertices", "at most 100 items"),
+    "point twice": ({f"{FIXED}.0.shape.vertices": [[0, 0], [0, 0]]}, "vertices", "the same point twice in a row"),
+    "no number": ({f"{FIXED}.0.shape.vertices": [[0, "a"], [0, 0]]}, "vertices.0.1=a", "must be a valid number"),
+    "off the map": ({f"{FIXED}.13.state": [40, 3, 0]}, "experiments.people", "fixed obstacle 14 is outside the map"),
+    "absurd count": ({f"{PEOPLE}.count": [9, 10**9]}, "obstacles.people.count.1=1000000000", "less than or equal to"),
+    "too many": ({"experiments.people.obstacles.1.count": [900, 900]}, "experiments.people", "no room for"),
+    "no shapes": ({PEOPLE: {"count": [1, 2], "shapes": []}}, "obstacles.people.shapes=[]", "at least 1 item"),
+    "two kinds": ({f"{PEOPLE}.shapes": [WALL]}, "obstacles.people.radius_m", "not a known key"),
+    "no obstacles": (
+        {"experiments.people.obstacles": [], FIXED: []},
+        "experiments.people",
+        "has no obstacles",
+    ),
+    "unknown motion": ({MOTION: {"name": "fly"}}, "experiments.people.motion", "'random_goals'"),
+    "no speed": ({f"{MOTION}.speed_m_s": 0}, "motion.speed_m_s=0", "greater than or equal to"),
+    "too fast": ({f"{MOTION}.speed_m_s": 5}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
+    "waypoint in an obstacle": (
+        {MOTION: {**DRIVE, "points_m": [[2, 10], [8.5, 4.0]]}},
+        "experiments.people",
+        "waypoint 2, [8.5, 4], is in a fixed obstacle",
+    ),
+    "waypoint off the map": (
+        {MOTION: {**DRIVE, "points_m": [[2, 10], [25, 10]]}},
+        "experiments.people",
+        "waypoint 2, [25, 10], is outside the map of 20 x 20 m",
+    ),
+    "way through a wall": (
+        {MOTION: {**DRIVE, "points_m": [[2, 10], [2, 14]]}},
+        "experiments.people",
+        "touches a fixed obstacle near [2.00, 11.50]",
+    ),
+    "one waypoint": ({MOTION: {**DRIVE, "points_m": [[2, 10]]}}, "motion.points_m", "at least 2 items"),
+    "turning on a wall": (
+        {MOTION: {"name": "rotate", "steps": 60}, f"{FIXED}.13.state": [10.4, 10, 0]},
+        "experiments.people",
+        "the robot's path touches a fixed obstacle",
+    ),
+    "endless": ({f"{MOTION}.steps": 10**6}, "experiments.people", "more than 2000000 readings"),
+    "long": ({f"{MOTION}.steps": 40_000, f"{LIDAR}.number": 4}, "experiments.people", "longer than 30000"),
+    "noise without std": ({f"{LIDAR}.std": None}, "robot.sensors.0", "noise: true needs std"),
+    "std without noise": ({f"{LIDAR}.noise": False}, "robot.sensors.0", "std and angle_std need noise: true"),
+    "negative noise": ({f"{LIDAR}.std": -1}, "robot.sensors.0.std=-1", "greater than or equal to 0"),
+    "zone within the robot": (
+        {"experiments.people.clear_radius_m": 0.2},
+        "experiments.people",
+        "less than the robot's radius of 0.3 m",
+    ),
+    "no free place": (
+        {"robot.shape.radius": 4.3, "experiments.people.clear_radius_m": 5.0}, "experiments.people", "no free place for a robot of radius 4.3 m",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_wrong_world_is_refused_with_key_and_reason(name):
+    changes, key, reason = REFUSED[name]
+    errors = [str(error) for error in world_errors(office(changes))]
+    assert any(key in error and reason in error for error in errors), errors
+
+
+ALLOWED = {
+    "the office": {},
+    "any field of view": {f"{LIDAR}.angle_range": 6.283185307179586, f"{LIDAR}.number": 361},
+    "noise of the angles": {f"{LIDAR}.angle_std": 0.01},
+    "walls alone": {"experiments.people.obstacles": []},
+    "waypoints": {MOTION: DRIVE},
+    "a rotation": {MOTION: {"name": "rotate", "steps": 60}},
+    "moving shapes": {"experiments.people.obstacles.1.shapes": [{"name": "linestring", "vertices": [[0, 0], [0.3, 0.2]]}]}
+    | {f"experiments.people.obstacles.1.{key}": None for key in ("radius_m", "aspect", "disc_share")},
+    "another step and window": {"world.step_time": 0.05, f"{MOTION}.steps": 333},
+}
+
+
+@pytest.mark.parametrize("name", ALLOWED)
+def test_a_usual_world_is_accepted(name):
+    assert [str(error) for error in world_errors(office(ALLOWED[name]))] == []
