@@ -128,7 +128,6 @@ NEEDS_MORE = (
     "task=curves",
     "scale=paper",
     "task=docs",
-    "world=office",
 )
 
 

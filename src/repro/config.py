@@ -209,12 +209,12 @@ def world_spec(world: dict[str, Any], experiment: str) -> dict[str, Any]:
     }
 
 
-def populations(experiment: dict[str, Any]) -> list[dict[str, Any]]:
+def populations(experiment: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the populations of obstacles of an experiment or a world spec, which may name one or a list of them."""
     obstacles = experiment["obstacles"]
     return obstacles if isinstance(obstacles, list) else [obstacles]
 
 
-def is_moving(experiment: dict[str, Any]) -> bool:
+def is_moving(experiment: Mapping[str, Any]) -> bool:
     """Return whether any obstacles of an experiment or a world spec move."""
     return any(population.get("behavior") for population in populations(experiment))

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from conftest import run_config
+from conftest import ROOT, run_config
 
+from repro.config import read_world, world_spec
 from repro.evaluation.analysis import gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
@@ -13,6 +14,7 @@ from repro.metrics.counts import count_quantized
 from repro.recordings.reader import read_shards
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.simulation.recorder import record_experiment
 
 GRID = Grid(32, 50.0)
 
@@ -57,6 +59,22 @@ def test_hit_obstacles_are_those_of_the_recorder(recorded):
     for twin in (0, 1):
         assert np.array_equal(newest[twin] > 0, shard.seen[2 * shard.world + twin, rank])
     assert newest.max() <= 100
+
+
+@pytest.mark.parametrize("noise", [{}, {"noise": True, "std": 0.02}], ids=["exact", "noise"])
+def test_hits_of_walls_and_concave_obstacles_are_those_of_the_recorder(noise, tmp_path):
+    world = read_world(ROOT / "conf" / "world" / "office.yaml")
+    lidar = {key: value for key, value in world["robot"]["sensors"][0].items() if key not in ("noise", "std")} | noise
+    spec = world_spec(world | {"robot": world["robot"] | {"sensors": [lidar]}}, "people")
+    record_experiment(tmp_path, spec, {"train": 2, "val": 2, "test": 8}, workers=1)
+    shard = next(read_shards(tmp_path, "test"))
+    newest = newest_hits_of_obstacles(shard, noise.get("std", 0.0))
+    rank = np.arange(len(shard.world)) - np.searchsorted(shard.world, shard.world)
+    for twin in (0, 1):
+        seen = shard.seen[2 * shard.world + twin, rank]
+        assert (newest[twin][seen] > 0).mean() > 0.98  # noise of more than three deviations is rare
+        assert (newest[twin][~seen] > 0).mean() < 0.1  # where walls meet, a hit touches both
+        assert 0.1 < seen.mean() < 0.9
 
 
 def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):

@@ -83,9 +83,10 @@ def test_a_wall_hides_what_is_behind_it():
     assert nearer[0, 25, 33] == 0
 
 
-def test_a_lidar_of_360_degrees_sees_all_directions():
-    angles = torch.arange(360) * math.pi / 180 - math.pi
-    scans = Scans(torch.full((1, 1, 360), torch.inf), angles, torch.tensor([[[25.0, 25.0, 1.0]]]))
+@pytest.mark.parametrize("last", [179, 180], ids=["once", "backward beam twice, as in IR-SIM"])
+def test_a_lidar_of_360_degrees_sees_all_directions(last):
+    angles = torch.arange(-180, last + 1) * math.pi / 180
+    scans = Scans(torch.full((1, 1, len(angles)), torch.inf), angles, torch.tensor([[[25.0, 25.0, 1.0]]]))
     grid = Grid(64, 50.0)
     visible = newest_visible(scans, grid, 20.0)
     distance = (grid.centers() - 25).norm(dim=-1).view(64, 64)

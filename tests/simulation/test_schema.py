@@ -31,6 +31,7 @@ def office(changes: dict[str, Any]) -> dict[str, Any]:
 
 MOTION, FIXED, PEOPLE = "experiments.people.motion", "experiments.people.fixed", "obstacles.people"
 LIDAR = "robot.sensors.0"
+SHORT = {"name": "linestring", "vertices": [[0, 0], [0.3, 0.2]]}
 BOW = [[0, 0], [2, 2], [2, 0], [0, 2]]
 REFUSED = {
     "negative radius": ({f"{FIXED}.13.shape.radius": -0.3}, "fixed.13.shape.radius=-0.3", "greater than or equal to"),
@@ -87,13 +88,20 @@ REFUSED = {
     "noise without std": ({f"{LIDAR}.std": None}, "robot.sensors.0", "noise: true needs std"),
     "std without noise": ({f"{LIDAR}.noise": False}, "robot.sensors.0", "std and angle_std need noise: true"),
     "negative noise": ({f"{LIDAR}.std": -1}, "robot.sensors.0.std=-1", "greater than or equal to 0"),
+    "beams too far apart": (
+        {f"{LIDAR}.angle_range": 6.28, f"{LIDAR}.number": 2},
+        "robot.sensors.0",
+        "less than half a turn apart",
+    ),
     "zone within the robot": (
         {"experiments.people.clear_radius_m": 0.2},
         "experiments.people",
         "less than the robot's radius of 0.3 m",
     ),
     "no free place": (
-        {"robot.shape.radius": 4.3, "experiments.people.clear_radius_m": 5.0}, "experiments.people", "no free place for a robot of radius 4.3 m",
+        {"robot.shape.radius": 4.3, "experiments.people.clear_radius_m": 5.0},
+        "experiments.people",
+        "no free place for a robot of radius 4.3 m",
     ),
 }
 
@@ -112,7 +120,9 @@ ALLOWED = {
     "walls alone": {"experiments.people.obstacles": []},
     "waypoints": {MOTION: DRIVE},
     "a rotation": {MOTION: {"name": "rotate", "steps": 60}},
-    "moving shapes": {"experiments.people.obstacles.1.shapes": [{"name": "linestring", "vertices": [[0, 0], [0.3, 0.2]]}]}
+    "moving shapes": {
+        "experiments.people.obstacles.1.shapes": [{"name": "linestring", "vertices": [[0, 0], [0.3, 0.2]]}]
+    }
     | {f"experiments.people.obstacles.1.{key}": None for key in ("radius_m", "aspect", "disc_share")},
     "another step and window": {"world.step_time": 0.05, f"{MOTION}.steps": 333},
 }

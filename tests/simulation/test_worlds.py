@@ -6,8 +6,8 @@ import pytest
 import yaml
 from conftest import world_spec
 
-from repro.simulation.simulator import drive_robot
 from repro.simulation.shapes import shape_radius
+from repro.simulation.simulator import drive_robot
 from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 

@@ -9,7 +9,6 @@ import shapely
 from repro.simulation.motions import DRIVES, recorded_steps, robot_path, waypoint_commands
 
 Motion = dict[str, Any]
-Walls = shapely.Geometry | None
 
 _GOALS = 200  # goals tried from one place
 _STARTS = 50  # starts tried for one world
@@ -46,7 +45,7 @@ def is_drive(motion: Motion) -> bool:
     return motion["name"] in DRIVES
 
 
-def check_path(motion: Motion, world: dict[str, Any], walls: Walls, radius_m: float) -> None:
+def check_path(motion: Motion, world: dict[str, Any], walls: shapely.Geometry | None, radius_m: float) -> None:
     """Check that a robot stays on the map, for waypoints, and does not touch a fixed obstacle.
 
     Args:
@@ -82,7 +81,7 @@ def check_path(motion: Motion, world: dict[str, Any], walls: Walls, radius_m: fl
 
 
 def to_waypoints(
-    rng: np.random.Generator, motion: Motion, world: dict[str, Any], walls: Walls, radius_m: float
+    rng: np.random.Generator, motion: Motion, world: dict[str, Any], walls: shapely.Geometry | None, radius_m: float
 ) -> Motion:
     """Draw a start and random goals on the map, each in sight of the one before, as waypoints for a whole recording.
 
@@ -110,7 +109,9 @@ def to_waypoints(
     raise ValueError(f"no free place for a robot of radius {radius_m:g} m and its goals: the map is too full")
 
 
-def _goal(rng, place: list[float], low: np.ndarray, high: np.ndarray, walls: Walls, radius_m: float) -> list | None:
+def _goal(
+    rng, place: list[float], low: np.ndarray, high: np.ndarray, walls: shapely.Geometry | None, radius_m: float
+) -> list | None:
     """Draw a goal that the robot reaches on a straight way; None if none is found."""
     for _ in range(_GOALS):
         goal = rng.uniform(low, high).tolist()

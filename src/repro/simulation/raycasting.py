@@ -62,7 +62,9 @@ def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: 
     """
     heading = poses[:, 2:] + angles
     cos, sin = np.cos(heading), np.sin(heading)
-    corners = [_at_states(_corners(outline), state[:1])[:, 0].T for outline, state in zip(outlines, states, strict=True)]
+    corners = [
+        _at_states(_corners(outline), state[:1])[:, 0].T for outline, state in zip(outlines, states, strict=True)
+    ]
     return any(
         bool((np.abs(cos * (y - poses[:, 1:2]) - sin * (x - poses[:, :1])) <= GRAZE_M).any())
         for x, y in np.unique(np.concatenate(corners), axis=0)

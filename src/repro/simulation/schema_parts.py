@@ -58,7 +58,9 @@ class Lidar(Part):
     angle_std: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")
-    def _noise_is_complete(self) -> "Lidar":
+    def _is_complete(self) -> "Lidar":
+        if self.angle_range / (self.number - 1) >= math.pi:
+            raise ValueError("the beams must be less than half a turn apart: use more")
         if self.noise and self.std is None:
             raise ValueError("noise: true needs std, the standard deviation of the ranges [m]")
         if not self.noise and (self.std is not None or self.angle_std is not None):

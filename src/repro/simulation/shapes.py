@@ -52,7 +52,7 @@ def union(obstacles: Iterable[Obstacle]) -> shapely.Geometry | None:
 
 
 def boundaries(obstacles: Iterable[Obstacle]) -> list[Line]:
-    """Return the outlines of obstacles at their initial states as lines of points x, y [m]; those of areas are closed."""
+    """Return the outlines of obstacles at their initial states as lines of points x, y [m], closed around areas."""
     lines = []
     for obstacle in obstacles:
         whole = geometry(obstacle["shape"], obstacle["state"])

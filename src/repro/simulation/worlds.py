@@ -162,5 +162,7 @@ def write_world(world: World, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     noise_seed, steps = world.get("custom", {}).get("seed"), recorded_steps(world["robot"]["behavior"])
     arguments = "this file" if noise_seed is None else f"this file, seed={noise_seed}"
-    header = f"# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make({arguments}), {steps} times env.step().\n"
+    header = (
+        f"# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make({arguments}), {steps} times env.step().\n"
+    )
     path.write_text(header + yaml.safe_dump(world, sort_keys=False, default_flow_style=None), encoding="utf-8")
