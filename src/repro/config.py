@@ -3,6 +3,7 @@
 The values themselves are in conf/, Hydra composes them, `cli.validation` checks them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any

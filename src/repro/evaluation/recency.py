@@ -89,7 +89,7 @@ def _steps_touching(
     *,
     is_convex: bool,
 ) -> np.ndarray:
-    """Return the steps at which any of the points (T, N, 2) is on an obstacle with states (T, 3), or in a convex one."""
+    """Return the steps at which any point (T, N, 2) is on an obstacle with states (T, 3), or in a convex one."""
     offset = points - states[:, None, :2]
     near = hit & (offset.square().sum(-1) <= (outline.square().sum(-1).max().sqrt() + reach_m) ** 2)
     step, beam = torch.nonzero(near, as_tuple=True)

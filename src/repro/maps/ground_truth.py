@@ -49,7 +49,7 @@ def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid:
 
 
 def kinds_of(outlines: Tensor) -> Tensor:
-    """Return whether each outline (K, V, 2) is a line there and back, convex, or neither: LINE, CONVEX, CONCAVE, (K,)."""
+    """Return the kind of each outline (K, V, 2), (K,): LINE there and back, CONVEX, or neither."""
     own = outlines.double()
     own = own - own[:, :1]
     x, y = own.unbind(-1)

@@ -27,7 +27,7 @@ class Experiment(Part):
     motion: Motion
     obstacles: Populations
     clear_radius_m: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)]
-    fixed: FixedList = []
+    fixed: FixedList = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _has_obstacles(self) -> "Experiment":
@@ -43,7 +43,7 @@ class Worlds(Part):
     robot: Robot
     motions: dict[Name, Motion]
     obstacles: dict[Name, Populations]
-    fixed: dict[Name, FixedList] = {}
+    fixed: dict[Name, FixedList] = Field(default_factory=dict)
     experiments: dict[Name, Experiment]
 
 
