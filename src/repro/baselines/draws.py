@@ -18,7 +18,7 @@ def draw_ends(
     most: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, int]:
-    """Draw where an obstacle is after the last step, by the law of `motions.Drift`, given that no scan hits it.
+    """Draw where an obstacle is after the last step, by the law of `drift.Drift`, given that no scan hits it.
 
     Args:
         outline: outline at its heading around its origin [m], (V, 2).

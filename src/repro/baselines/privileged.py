@@ -1,7 +1,7 @@
 """An upper bound: a predictor that knows the true state of every obstacle at its last hit, and the true laws.
 
 The scans tell less than this predictor knows: of every obstacle that a beam has hit, its shape and its past up to the
-last hit; of the others, their number. The rest it draws: the motion after the last hit from the law of `motions.Drift`,
+last hit; of the others, their number. The rest it draws: the motion after the last hit from the law of `drift.Drift`,
 obstacles without a hit from other sampled worlds. It keeps the draws that agree with the scans, those in which no beam
 would have hit the obstacle. Given all this the obstacles are independent of one another, so that a pixel is free with
 the product of their probabilities. Up to the number of draws, no predictor from the scans has a lower expected log loss
@@ -42,9 +42,22 @@ class Obstacles:
     paths: np.ndarray
 
 
+def knows(spec: dict[str, Any]) -> bool:
+    """Return whether the laws of a world spec are those that this predictor draws from, the paper's."""
+    is_exact = not spec["robot"]["sensors"][0].get("noise")
+    has_zone = spec["motion"]["name"] in ("rotate", "square")
+    return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
+
+
 def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
-    """Predict the test recordings; nothing is tuned on the validation set."""
+    """Predict the test recordings; nothing is tuned on the validation set.
+
+    Raises:
+        ValueError: the worlds have other laws than the paper's.
+    """
     assert test.truth, "the privileged predictor needs the true obstacles"
+    if not knows(test.truth.spec):
+        raise ValueError("the upper bound draws from the paper's laws: no walls, noise, drives or several populations")
     others = _sampled_obstacles(test.truth.spec)
     indices = tqdm(range(len(test)), desc="drawing motions", delay=2, leave=False, disable=None)
     free = [_predict(test, test.truth, index, others) for index in indices]
