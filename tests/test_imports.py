@@ -19,11 +19,11 @@ PACKAGES = (  # top-level modules and packages, each importing from those before
     "recordings",
     "simulation",
     "maps",
+    "prediction",
     "networks",
     "learning",
     "baselines",
     "evaluation",
-    "prediction",
     "reporting",
     "cli",
 )

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from segmentation_models_pytorch.base.modules import Activation
 from torch import Tensor
@@ -26,6 +27,7 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.validity import check_windows
 from repro.networks.create import Network, architecture_of, load_network
+from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
@@ -66,6 +68,20 @@ class Predictor:
         self.network.eval()
         parts = tqdm(images.split(batch), desc="predicting", delay=2, leave=False, disable=None)
         return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in parts])
+
+    def stream(
+        self,
+        angles: np.ndarray,
+        center: str | tuple[float, float] = "robot",
+        steps: int = 100,
+        step_s: float = 0.1,
+    ) -> PredictionStream:
+        """Return an object whose `update` takes scans one by one and predicts a map for each, see `PredictionStream`.
+
+        stream = predictor.stream(angles)
+        predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
+        """
+        return PredictionStream(self, angles, center=center, steps=steps, step_s=step_s)
 
     def to(self, device: str) -> "Predictor":
         """Return a predictor with the network on a device."""

@@ -58,19 +58,60 @@ def cut(
         raise ValueError(f"the log has {duration:.1f} s of scans, a window of {steps} steps takes {length:.1f} s")
     ends = log.stamps[0] + length + stride_s * np.arange(int(max(duration - length, 0) / stride_s + 1e-6) + 1)
     for number, end in enumerate(np.minimum(ends, log.stamps[-1]), 1):
-        times = end - step_s * np.arange(steps - 1, -1, -1)
-        index = _nearest(log.stamps, times)
-        gap = np.abs(log.stamps[index] - times).max()
-        if gap > MAX_AGE_STEPS * step_s:
-            yield f"no scan for {gap:.1f} s before {end:.2f} s"
+        try:
+            index = steps_before(log.stamps, end, steps=steps, step_s=step_s)
+        except ValueError as error:
+            yield str(error)
             continue
         origin = _center(center, log, index[-1]) - size_m / 2
         last = index[-1] + 1
-        following = _scans(log, slice(last, last + 1), origin) if last < len(log) else None
-        yield Window(number, float(end), _scans(log, index, origin), (float(origin[0]), float(origin[1])), following)
+        following = _on_map(log, slice(last, last + 1), origin) if last < len(log) else None
+        yield Window(number, float(end), _on_map(log, index, origin), (float(origin[0]), float(origin[1])), following)
+
+
+def steps_before(stamps: np.ndarray, end: float, *, steps: int, step_s: float) -> np.ndarray:
+    """Return the index of the scan nearest in time to each step of a window.
+
+    Args:
+        stamps: times of the scans [s], (S,), increasing.
+        end: time of the last step [s].
+        steps: steps of the window, T.
+        step_s: time of a step [s].
+
+    Returns:
+        the indices, (T,), oldest step first.
+
+    Raises:
+        ValueError: the window begins before the first scan, or a step has no scan within `MAX_AGE_STEPS` steps.
+    """
+    times = end - step_s * np.arange(steps - 1, -1, -1)
+    if stamps[0] - times[0] > (0.5 + 1e-6) * step_s:
+        raise ValueError(f"scans of {end - stamps[0]:.1f} s before {end:.2f} s, a window takes {end - times[0]:.1f} s")
+    index = _nearest(stamps, times)
+    gap = np.abs(stamps[index] - times).max()
+    if gap > MAX_AGE_STEPS * step_s:
+        raise ValueError(f"no scan for {gap:.1f} s before {end:.2f} s")
+    return index
+
+
+def on_map(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, origin: np.ndarray) -> Scans:
+    """Return a window whose poses are moved from the frame of a log onto a map.
+
+    Args:
+        ranges: ranges [m], (T, N).
+        angles: beam angles [rad], (N,).
+        poses: x, y [m] and heading [rad] in the frame of the log, (T, 3).
+        origin: x, y of the lower left corner of the map in the frame of the log [m], (2,).
+    """
+    poses = poses.copy()
+    poses[:, :2] -= origin
+    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    return Scans(np.ascontiguousarray(ranges), angles, poses)
 
 
 def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    if len(stamps) == 1:
+        return np.zeros(len(times), dtype=int)
     after = np.searchsorted(stamps, times).clip(1, len(stamps) - 1)
     return np.where(times - stamps[after - 1] <= stamps[after] - times, after - 1, after)
 
@@ -81,8 +122,5 @@ def _center(center: str | tuple[float, float], log: ScanLog, last: int) -> np.nd
     return np.array(center, dtype=float)
 
 
-def _scans(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans:
-    poses = log.poses[index].copy()
-    poses[:, :2] -= origin
-    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    return Scans(np.ascontiguousarray(log.ranges[index]), log.angles, poses)
+def _on_map(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans:
+    return on_map(log.ranges[index], log.angles, log.poses[index], origin)

@@ -1,0 +1,151 @@
+"""Maps from scans as they arrive: the window of each scan, as `windows.cut` makes it, in constant memory."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from repro.prediction.windows import on_map, steps_before
+
+if TYPE_CHECKING:
+    from repro.networks.predictor import Predictor
+
+
+@dataclass(frozen=True)
+class StreamMap:
+    """A predicted map.
+
+    Args:
+        free: probability of free, (H, W); row 0 is the top.
+        origin: x, y of the lower left corner of the map in the frame of the poses [m].
+        resolution_m: side of a pixel [m].
+        stamp: time of the scan at the end of the window [s].
+    """
+
+    free: np.ndarray
+    origin: tuple[float, float]
+    resolution_m: float
+    stamp: float
+
+
+class PredictionStream:
+    """Predicts a map for every scan from the window that ends with it.
+
+    Each step of the window takes the scan nearest in time, as in `windows.cut`; the map equals that of
+    `Predictor.predict` for the same window, bit by bit. Scans are kept for the duration of a window, so memory is
+    constant. A scan that follows the last one by less than half a step is left out, as in the prediction of a log.
+
+    The window is drawn anew for each map: the hits of 100 steps take about a millisecond, the network takes most of
+    the time, and a map that moves with the robot has no pixel in common with the one before.
+
+    Args:
+        predictor: network, encoding and grid.
+        angles: beam angles [rad], (N,), increasing.
+        center: center of the map: `robot` (the newest pose), or x, y in the frame of the poses [m].
+        steps: steps of a window, T, as in training.
+        step_s: time of a step [s], as in training.
+
+    Raises:
+        ValueError: an argument has another shape or value.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        angles: np.ndarray,
+        *,
+        center: str | tuple[float, float] = "robot",
+        steps: int = 100,
+        step_s: float = 0.1,
+    ) -> None:
+        self.predictor, self.angles, self.steps, self.step_s = predictor, np.array(angles, dtype=float), steps, step_s
+        if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
+            raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
+        if steps < 1 or not 0 < step_s < math.inf:
+            raise ValueError(f"expected steps of at least 1 and a positive step_s [s], got {steps} and {step_s}")
+        self.center = None if isinstance(center, str) and center == "robot" else _point(center)
+        self.reason: str | None = None
+        self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
+
+    def __len__(self) -> int:
+        """Return the number of scans in memory."""
+        return len(self._kept)
+
+    def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
+        """Take a scan and predict the map at its time.
+
+        A scan that is not later than the last one is left out. If it is earlier by more than a window, the clock was
+        set back, and the stream begins again with it.
+
+        Args:
+            ranges: ranges [m], (N,); a miss is inf.
+            pose: x, y [m] and heading [rad] of the lidar, (3,).
+            stamp: time of the scan [s].
+
+        Returns:
+            the map; None while the scans do not fill a window, after a gap in it, or if the scan was left out, and then
+            `reason` says which.
+
+        Raises:
+            ValueError: the scan cannot be one of this lidar, and is left out; or its window cannot be predicted, see
+                `Predictor.predict`.
+        """
+        ranges, pose = self._checked(ranges, pose, stamp)
+        self.reason = self._add(float(stamp), ranges, pose)
+        if self.reason:
+            return None
+        stamps = np.array([kept[0] for kept in self._kept])
+        try:
+            index = steps_before(stamps, stamp, steps=self.steps, step_s=self.step_s)
+        except ValueError as error:
+            self.reason = str(error)
+            return None
+        grid = self.predictor.grid
+        origin = (pose[:2] if self.center is None else self.center) - grid.size_m / 2
+        window_ranges, window_poses = (np.stack([self._kept[i][part] for i in index]) for part in (1, 2))
+        window = on_map(window_ranges, self.angles, window_poses, origin)
+        free = self.predictor.predict(window)[0].numpy()
+        return StreamMap(free, (float(origin[0]), float(origin[1])), grid.resolution_m, float(stamp))
+
+    def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> str | None:
+        """Keep a scan and forget those that no later window needs; return why it is left out, None if it is not."""
+        duration = (self.steps - 1) * self.step_s
+        if self._kept:
+            since = stamp - self._kept[-1][0]
+            if since < -max(duration, self.step_s):
+                self._kept.clear()
+            elif since <= 0:
+                return f"the scan at {stamp:.2f} s is not later than the one before"
+            elif since < self.step_s / 2:
+                return f"the scan at {stamp:.2f} s follows the one before by less than half a step"
+        self._kept.append((stamp, ranges, pose))
+        while len(self._kept) > 1 and self._kept[1][0] <= stamp - duration:
+            self._kept.popleft()
+        return None
+
+    def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
+        ranges, pose = np.array(ranges, dtype=np.float32), np.array(pose, dtype=float)
+        if ranges.shape != self.angles.shape or pose.shape != (3,):
+            raise ValueError(
+                f"expected ranges {self.angles.shape} and a pose (3,), got {ranges.shape} and {pose.shape}"
+            )
+        if np.isnan(ranges).any() or (ranges < 0).any():
+            raise ValueError("ranges: some are NaN or negative: expected meters, and inf for a miss")
+        if not np.isfinite(pose).all() or not math.isfinite(stamp):
+            raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
+        return ranges, pose
+
+
+def _point(center: str | tuple[float, float]) -> np.ndarray:
+    try:
+        point = np.array(center, dtype=float)
+    except (TypeError, ValueError):
+        point = np.array(math.nan)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise ValueError(f"center: expected robot or x, y [m], got {center!r}")
+    return point

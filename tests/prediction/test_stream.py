@@ -1,0 +1,185 @@
+"""The stream against `cut` with `Predictor.predict`, and against its own definition, scan by scan."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+import torch
+from conftest import ROOT
+
+from repro.config import paper_model
+from repro.maps.encodings import ObservedFree, Stack
+from repro.maps.grid import Grid
+from repro.maps.projection import Projection
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor
+from repro.prediction.logs import ScanLog
+from repro.prediction.readers import read_log
+from repro.prediction.windows import Window, cut
+from repro.scans import Scans
+
+STEPS, GRID = 10, Grid(64, 50.0)
+
+
+@pytest.fixture(scope="module")
+def log() -> ScanLog:
+    return read_log(ROOT / "examples" / "square.npz", 0.05)
+
+
+@pytest.fixture(scope="module", params=[Projection(), ObservedFree(), Stack(4)], ids=lambda encoding: encoding.name)
+def predictor(request) -> Predictor:
+    torch.manual_seed(0)
+    return Predictor(create_network(paper_model("unet"), request.param.channels).eval(), request.param, GRID)
+
+
+@pytest.fixture(scope="module")
+def small() -> Predictor:
+    torch.manual_seed(0)
+    return Predictor(create_network(paper_model("fpn")).eval(), Projection(), Grid(32, 50.0))
+
+
+def windows(log: ScanLog, center) -> dict[float, Window]:
+    found = cut(log, steps=STEPS, step_s=0.1, stride_s=0.1, center=center, size_m=GRID.size_m)
+    return {round(window.stamp, 3): window for window in found if isinstance(window, Window)}
+
+
+def part(log: ScanLog, index) -> ScanLog:
+    return ScanLog(log.stamps[index], log.ranges[index], log.angles, log.poses[index])
+
+
+@pytest.mark.parametrize("center", ["robot", (25.0, 25.0)])
+def test_every_map_is_that_of_the_window_of_the_log(predictor, log, center):
+    log = part(log, slice(0, 30))
+    stream, expected = predictor.stream(log.angles, center=center, steps=STEPS), windows(log, center)
+    maps = [stream.update(*scan) for scan in zip(log.ranges, log.poses, log.stamps, strict=True)]
+    assert [each is None for each in maps] == [number < STEPS - 1 for number in range(30)]
+    encoded = []
+    for each in maps[STEPS - 1 :]:
+        window = expected[round(each.stamp, 3)]
+        assert torch.equal(torch.as_tensor(each.free), predictor.predict(window.scans)[0])
+        assert (each.origin, each.resolution_m) == (window.origin, GRID.resolution_m)
+        encoded.append(window.scans)
+    batch = torch.cat([predictor.encoding.encode(each.tensors(), GRID) for each in encoded])
+    together = predictor.predict_images(batch, batch=1)[:, 0]
+    assert torch.equal(together, torch.stack([torch.as_tensor(each.free) for each in maps[STEPS - 1 :]]))
+
+
+@pytest.mark.parametrize("rate", [7, 23, 90])
+def test_uneven_scans_are_resampled_to_the_steps(small, rate):
+    """Against a search through all scans that are kept, without the code of windows.py."""
+    random = np.random.default_rng(rate)
+    stamps = 1e9 + np.cumsum(random.uniform(0.5, 1.5, 6 * rate)) / rate
+    ranges = random.uniform(2, 12, (len(stamps), 20)).astype(np.float32)
+    poses = random.uniform(20, 30, (len(stamps), 3))
+    angles = np.linspace(-0.7, 0.7, 20)
+    stream, kept, count = small.stream(angles, center=(25, 25), steps=STEPS), [], 0
+    for number, stamp in enumerate(stamps):
+        predicted = stream.update(ranges[number], poses[number], stamp)
+        if kept and stamp - stamps[kept[-1]] < 0.05:
+            assert predicted is None
+            assert "less than half a step" in stream.reason
+            continue
+        kept.append(number)
+        if stamp - stamps[0] < 0.1 * (STEPS - 1.5):
+            assert predicted is None
+            continue
+        index = [min(kept, key=lambda scan: abs(stamps[scan] - stamp + 0.1 * age)) for age in range(STEPS)][::-1]
+        scans = Scans(ranges[index], angles, poses[index])
+        wrapped = scans.poses - [0, 0, 2 * np.pi] * np.round(scans.poses[:, 2:] / (2 * np.pi))
+        expected = small.predict(Scans(scans.ranges, angles, wrapped))[0].numpy()
+        assert np.abs(predicted.free - expected).max() < 1e-6
+        count += 1
+    assert count > 20
+
+
+def feed(stream, log: ScanLog, stamps) -> list:
+    return [
+        stream.update(*scan) for scan in zip(log.ranges[: len(stamps)], log.poses[: len(stamps)], stamps, strict=True)
+    ]
+
+
+def test_a_gap_gives_no_map_until_it_has_left_the_window(small, log):
+    stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(5, 8, 0.1)])
+    maps = feed(small.stream(log.angles, steps=STEPS), log, stamps)
+    has_map = np.array([each is not None for each in maps])
+    assert has_map[(stamps > 0.85) & (stamps < 2) | (stamps > 5.45)].all()
+    assert not has_map[(stamps < 0.85) | (stamps > 2) & (stamps < 5.35)].any()
+
+
+def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(small, log):
+    stream = small.stream(log.angles, steps=STEPS)
+    feed(stream, log, 100 + np.arange(0, 2, 0.1))
+    before = stream.update(log.ranges[20], log.poses[20], 102.0)
+    for late in (102.0, 101.5):
+        assert stream.update(log.ranges[30], log.poses[30], late) is None
+        assert "not later than the one before" in stream.reason
+    after = stream.update(log.ranges[21], log.poses[21], 102.1)
+    undisturbed = small.stream(log.angles, steps=STEPS)
+    expected = feed(undisturbed, log, 100 + np.arange(0, 2.15, 0.1))
+    assert np.array_equal(before.free, expected[20].free)
+    assert np.array_equal(after.free, expected[21].free)
+    again = feed(stream, log, np.arange(0, 1.95, 0.1))
+    assert [each is None for each in again] == [True] * 9 + [False] * 11
+    assert np.array_equal(again[15].free, expected[15].free)
+
+
+def test_memory_is_constant(small, log):
+    for rate in (10, 40, 1000):
+        stream = small.stream(log.angles, center=(25, 25), steps=STEPS)
+        lengths = []
+        for number in range(600):
+            stream._add(number / rate, log.ranges[0], log.poses[0])
+            lengths.append(len(stream))
+        assert max(lengths) <= 2 * STEPS
+    stream = small.stream(log.angles, steps=STEPS)
+    feed(stream, log, np.arange(0, 3, 0.1))
+    tracemalloc.start()
+    feed(stream, log, np.arange(3, 20, 0.1))
+    first, _ = tracemalloc.get_traced_memory()
+    feed(stream, log, np.arange(20, 45, 0.1))
+    second, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert second < first + 20_000
+
+
+def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
+    stream, expected = small.stream(log.angles, steps=STEPS), small.stream(log.angles, steps=STEPS)
+    ranges, pose = np.empty_like(log.ranges[0]), np.empty(3)
+    for number in range(15):
+        ranges[:], pose[:] = log.ranges[number], log.poses[number]
+        found = stream.update(ranges, pose, log.stamps[number])
+        ranges[:], pose[:] = 1, 25
+    other = [expected.update(*scan) for scan in zip(log.ranges[:15], log.poses[:15], log.stamps[:15], strict=True)]
+    assert np.array_equal(found.free, other[-1].free)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"ranges": np.ones(7)}, r"expected ranges \(100,\) and a pose \(3,\), got \(7,\)"),
+        ({"ranges": np.full(100, np.nan)}, "NaN or negative"),
+        ({"ranges": np.full(100, -1.0)}, "NaN or negative"),
+        ({"pose": np.array([0, np.nan, 0])}, "finite pose and time"),
+        ({"stamp": float("nan")}, "finite pose and time"),
+    ],
+)
+def test_a_scan_that_cannot_be_is_refused_and_left_out(small, log, change, message):
+    stream = small.stream(log.angles, steps=STEPS)
+    feed(stream, log, np.arange(0, 1.45, 0.1))
+    with pytest.raises(ValueError, match=message):
+        stream.update(**({"ranges": log.ranges[15], "pose": log.poses[15], "stamp": 1.5} | change))
+    found = stream.update(log.ranges[15], log.poses[15], 1.5)
+    expected = feed(small.stream(log.angles, steps=STEPS), log, np.arange(0, 1.55, 0.1))
+    assert np.array_equal(found.free, expected[-1].free)
+
+
+def test_a_window_without_information_is_refused(small, log):
+    stream = small.stream(log.angles, center=(1000.0, 0.0), steps=STEPS)
+    with pytest.raises(ValueError, match="poses are outside the map"):
+        feed(stream, log, np.arange(0, 1.45, 0.1))
+
+
+@pytest.mark.parametrize("center", ["start", (1,), (0, float("nan")), None])
+def test_an_unknown_center_is_refused(small, log, center):
+    with pytest.raises(ValueError, match="center: expected robot or x, y"):
+        small.stream(log.angles, center=center)
