@@ -15,7 +15,8 @@ from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
-from repro.reporting.publish import doubts, export_weights, publish
+from repro.reporting.export import export_weights
+from repro.reporting.publish import doubts, publish
 from repro.reporting.readme import with_results
 from repro.reporting.results import OURS, read_published, read_results
 from repro.reporting.rows import read_rows

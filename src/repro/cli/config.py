@@ -47,13 +47,14 @@ class Prediction:
     """Settings of task=predict.
 
     Args:
-        weights: directory of a trained or exported network.
+        weights: a run, its model directory, an exported directory, or an ONNX file.
         steps: steps of a window, T.
         step_s: time of a step [s].
         stride_s: time between two windows [s].
         center: center of the map: robot, start, or x, y in the frame of the log [m].
         fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
         range_max_m: range up to which a beam shows free space [m].
+        animate: whether to write an animation of all windows.
         scan_topic: topic of the scans in a bag; None to find it.
         odometry_topic: topic of the odometry in a bag; None to find it.
     """
@@ -67,6 +68,7 @@ class Prediction:
     center: Annotated[Any, AfterValidator(_is_center)]
     fov_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] | None
     range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]
+    animate: bool
     scan_topic: str | None
     odometry_topic: str | None
 
@@ -105,6 +107,7 @@ class Config:
     scale: Scale
     train: Training
     runtime: Runtime
+    format: Annotated[str, choice("torch", "onnx")]
     scans: str | None
     prediction: Prediction
     publish: Publish

@@ -33,6 +33,7 @@ class Job:
         runtime: workers, accelerator, precision, time limit.
         force: whether published results may be replaced against the checks.
         add: whether runs are added to published results instead of replacing them.
+        format: form of an exported network, torch or onnx.
         scans: the log of task=predict.
         prediction: settings of task=predict.
     """
@@ -47,6 +48,7 @@ class Job:
     runtime: Runtime
     force: bool
     add: bool
+    format: str
     scans: str | None
     prediction: Prediction
 
@@ -88,6 +90,7 @@ def resolve(config: Config) -> Job:
         runtime=config.runtime,
         force=config.publish.force,
         add=config.publish.add,
+        format=config.format,
         scans=config.scans,
         prediction=config.prediction,
     )

@@ -27,7 +27,7 @@ from repro.learning.callbacks import CPUContention, History, Stop, exponential_m
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
-from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run
+from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.networks.create import Network, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.reader import check_worlds, recordings_hash
@@ -144,7 +144,7 @@ def train(
             module.network.compile()
         run.begin_step("trained", Status.training, precision=precision, compiled=compile)
         try:
-            finished = _fit(run, module, config, device, precision, budget)
+            finished = _fit(run, module, config, recordings, device, precision, budget)
         except FloatingPointError as error:
             run.end_step(Status.failed, str(error))
             raise
@@ -166,7 +166,13 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
 
 
 def _fit(
-    run: Run, module: TrainingModule, config: RunConfig, device: str, precision: str, budget: Budget | None
+    run: Run,
+    module: TrainingModule,
+    config: RunConfig,
+    recordings: Path,
+    device: str,
+    precision: str,
+    budget: Budget | None,
 ) -> bool:
     """Train until early stopping, the last epoch or the time limit; return whether the training is finished."""
     settings = module.settings
@@ -195,7 +201,7 @@ def _fit(
     if stop.paused:
         run.end_step(Status.paused, **facts)
         return False
-    run.end_step(Status.trained, **facts, weights_sha256=_keep_best(run, module, config))
+    run.end_step(Status.trained, **facts, weights_sha256=_keep_best(run, module, config, recordings))
     return True
 
 
@@ -217,15 +223,16 @@ def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Cal
     )
 
 
-def _keep_best(run: Run, module: TrainingModule, config: RunConfig) -> str:
-    """Save the best weights with their encoding and grid; return their checksum."""
+def _keep_best(run: Run, module: TrainingModule, config: RunConfig, recordings: Path) -> str:
+    """Save the best weights with encoding, grid and statistics of the training scans; return their checksum."""
     checkpoints = run.path / "checkpoints"
     best = find_best(checkpoints)
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
         raise ValueError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
-    return Predictor(module.network, encoding_of(config), grid_of(config)).save(run.model)
+    statistics = training_statistics(recordings, config)
+    return Predictor(module.network, encoding_of(config), grid_of(config), statistics).save(run.model)
 
 
 def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:

@@ -14,10 +14,13 @@ from tqdm import tqdm
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.maps.statistics import Statistics, summarize
 from repro.recordings.format import ShardContent, widen
 from repro.recordings.reader import read_manifest, read_shards
 from repro.runs.config import RunConfig
 from repro.scans import Scans
+
+STATISTICS_PAIRS = 4000  # more change the quantiles little
 
 
 @dataclass(frozen=True)
@@ -203,6 +206,13 @@ def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: s
     """Create the pairs of a split for the configuration of a run, see `load_pairs`."""
     count = getattr(config.data.pairs, split)
     return load_pairs(recordings, split, grid_of(config), encoding_of(config), count=count, device=device)
+
+
+def training_statistics(recordings: Path, config: RunConfig) -> Statistics:
+    """Compute the statistics of the training scans of a run, of the first `STATISTICS_PAIRS` at most."""
+    count = min(config.data.pairs.train, STATISTICS_PAIRS)
+    shards = read_shards(recordings, "train", count)
+    return summarize((shard.scans.tensors() for shard in shards), grid_of(config))
 
 
 def _flip(images: Tensor, flipped: Tensor) -> Tensor:

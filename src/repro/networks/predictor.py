@@ -3,8 +3,9 @@
     predictor = load_predictor("outputs/laptop/runs/exp4/unet/projection/seed0/model")
     free = predictor.predict(Scans(ranges, angles, poses))
 
-The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for a ConvLSTM)
-and one additional file, predictor.json, with the encoding of the scans and the grid of the map.
+The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for an own
+architecture) and one additional file, predictor.json, with the encoding of the scans, the grid of the map, and the
+statistics of the training scans. The other form is an ONNX file, see `onnx_files`.
 """
 
 import contextlib
@@ -15,16 +16,19 @@ import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import torch
+from pydantic import TypeAdapter
 from segmentation_models_pytorch.base.modules import Activation
 from torch import Tensor
 from tqdm import tqdm
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
+from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
 from repro.networks.create import Network, architecture_of, load_network
 from repro.prediction.stream import PredictionStream
@@ -32,15 +36,24 @@ from repro.scans import Scans
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
 DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
+ONNX = "model.onnx"
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """A network from encoded scans to logits, with the encoding of its input and the grid of its maps."""
+    """A network from encoded scans to logits, with the encoding of its input and the grid of its maps.
+
+    Args:
+        network: a network of torch, or one in ONNX Runtime.
+        encoding: the encoding of the scans.
+        grid: the grid of the maps.
+        statistics: statistics of the training scans; None if they are unknown.
+    """
 
     network: Network
     encoding: Encoding
     grid: Grid
+    statistics: Statistics | None = None
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
         """Predict the map at the last step of each window of scans.
@@ -56,7 +69,7 @@ class Predictor:
         Raises:
             ValueError: the scans cannot be those of a lidar on this map, see `validity.check_windows`.
         """
-        device = next(self.network.parameters()).device
+        device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
         windows = scans.tensors(device)
         check_windows(windows, self.grid, allow_empty=allow_empty)
         parts = [windows[first : first + batch] for first in range(0, len(windows), batch)]
@@ -96,27 +109,79 @@ class Predictor:
 
         Returns:
             the SHA-256 checksum of the weights file.
+
+        Raises:
+            ValueError: the network was loaded from an ONNX file.
         """
+        self._check_torch()
         with replacing_directory(directory) as new:
             copy.deepcopy(self.network).to(dtype).save_pretrained(new)
-            parameters = dataclasses.asdict(self.encoding)  # type: ignore[call-overload]
-            content = {
-                "architecture": architecture_of(self.network),
-                "encoding": {"name": self.encoding.name, "parameters": parameters},
-                "grid": dataclasses.asdict(self.grid),
-            }
+            content = {"architecture": architecture_of(self.network), **self._description()}
             write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
             return sha256(new / WEIGHTS)
 
+    def save_onnx(self, path: Path | str, card: str = "") -> float:
+        """Write the network with its encoding and grid to an ONNX file, see `onnx_files.write_onnx`.
 
-def load_predictor(directory: str | Path) -> Predictor:
-    """Load a predictor that `Predictor.save` wrote, in float32 on the CPU.
+        Args:
+            path: the file to create or replace.
+            card: the model card, which the metadata of the file hold.
+
+        Returns:
+            the largest difference of a probability from that of torch.
+
+        Raises:
+            ValueError: the network was loaded from an ONNX file, or ONNX Runtime gives other maps than torch.
+        """
+        self._check_torch()
+        description = self._description() | {"channels": self.encoding.channels}
+        return _onnx_files().write_onnx(Path(path), copy.deepcopy(self.network), description, card)
+
+    def _check_torch(self) -> None:
+        if not hasattr(self.network, "save_pretrained"):
+            raise ValueError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
+
+    def _description(self) -> dict[str, Any]:
+        parameters = dataclasses.asdict(self.encoding)  # type: ignore[call-overload]
+        content = {
+            "encoding": {"name": self.encoding.name, "parameters": parameters},
+            "grid": dataclasses.asdict(self.grid),
+        }
+        return content | ({"statistics": dataclasses.asdict(self.statistics)} if self.statistics else {})
+
+
+def load_predictor(path: str | Path) -> Predictor:
+    """Load a predictor in float32 on the CPU; the content of the path decides its kind.
+
+    Args:
+        path: a directory that `Predictor.save` wrote, a run that has one, an exported directory, or an ONNX file.
 
     Raises:
-        ValueError: the directory holds no predictor, its files differ from the saved checksum, or the network is not
-            one from encoded scans to one map of finite logits.
+        ValueError: the path holds no predictor, its files differ from the saved checksum, or the network is not one
+            from encoded scans to one map of finite logits.
     """
-    directory = Path(directory)
+    path = Path(path)
+    if path.is_file():
+        return _load_onnx(path)
+    if not (path / DESCRIPTION).is_file():
+        if (path / ONNX).is_file():
+            return _load_onnx(path / ONNX)
+        path = path / "model" if (path / "model").is_dir() else path
+    return _load_torch(path)
+
+
+def describe(directory: Path, statistics: Statistics) -> None:
+    """Add the statistics of the training scans to a saved predictor; its weights and configuration stay untouched.
+
+    Raises:
+        ValueError: the directory holds no predictor, see `load_predictor`.
+    """
+    predictor = dataclasses.replace(_load_torch(directory), statistics=statistics)
+    content = {"architecture": architecture_of(predictor.network), **predictor._description()}
+    write_json(directory / DESCRIPTION, content | {"sha256": _checksum(content, directory)})
+
+
+def _load_torch(directory: Path) -> Predictor:
     content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
     expected = content.pop("sha256", None)
     missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
@@ -124,13 +189,40 @@ def load_predictor(directory: str | Path) -> Predictor:
         problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
         raise ValueError(f"{directory} {problem}: restore its files, or train or export it again")
     try:
-        encoding, grid = create_encoding(**content["encoding"]), Grid(**content["grid"])
         with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
             network = load_network(directory, content["architecture"])
-        _check_network(network, encoding)
+        predictor = _predictor(network, content)
+        _check_network(network, predictor.encoding)
     except Exception as error:  # of smp, safetensors or ours: the files are complete, and describe no predictor
         raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
-    return Predictor(network, encoding, grid)
+    return predictor
+
+
+def _load_onnx(path: Path) -> Predictor:
+    network, content = _onnx_files().read_onnx(path)
+    try:
+        predictor = _predictor(network, content)
+        if predictor.encoding.channels != content["channels"]:
+            raise ValueError(f"its encoding has {predictor.encoding.channels} images, not {content['channels']}")
+    except Exception as error:  # of pydantic or ours
+        raise ValueError(f"{path} cannot be used ({error}): export it with task=export") from error
+    return predictor
+
+
+def _predictor(network: Network, content: dict[str, Any]) -> Predictor:
+    statistics = content.get("statistics")
+    return Predictor(
+        network,
+        create_encoding(**content["encoding"]),
+        Grid(**content["grid"]),
+        statistics and TypeAdapter(Statistics).validate_python(statistics),
+    )
+
+
+def _onnx_files() -> ModuleType:
+    from repro.networks import onnx_files  # imports onnx and ONNX Runtime, which nothing else needs
+
+    return onnx_files
 
 
 def _checksum(content: dict[str, Any], directory: Path) -> str:

@@ -1,4 +1,4 @@
-"""Publishing: copies of results from an outputs directory to reproduce/results, and exported weights.
+"""Publishing: copies of results from an outputs directory to reproduce/results.
 
 A published directory contains main.csv and ablation.csv, runs.csv (every run with its seed, metrics and times),
 provenance.json (the provenance of every run), the figures, and a README.md with hardware, versions and the commands to
@@ -12,17 +12,14 @@ import shutil
 from pathlib import Path
 
 import pandas as pd
-import torch
 
 from repro.config import NETWORKS, NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
-from repro.metrics.names import METRICS
-from repro.networks.predictor import load_predictor
-from repro.reporting.names import SETUPS, model_title, predictor_title
+from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, caption, read_published, read_results
 from repro.reporting.rows import keys_of
 from repro.reporting.tables import make_tables
 from repro.reporting.uptodate import STAMP
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
@@ -147,68 +144,3 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         minutes = own_runs["training_seconds"].mean() / 60
         lines.append(f"| {predictor_title(model, encoding)} | {len(own_runs)} | {minutes:.1f} | `{command}` |")
     return "\n".join(lines) + "\n"
-
-
-def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
-    """Write the best weights of a run as float16, with a model card.
-
-    Args:
-        run: an evaluated run directory.
-        target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
-        force: whether to replace existing weights of a higher resolution.
-
-    Raises:
-        ValueError: the run is not evaluated, or the existing weights have a higher resolution.
-    """
-    if not run.is_evaluated:
-        raise ValueError(
-            f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
-        )
-    predictor = load_predictor(run.model)
-    if (target / "predictor.json").is_file() and not force:
-        existing_px = load_predictor(target).grid.size_px
-        if existing_px > predictor.grid.size_px:
-            raise ValueError(
-                f"{target} has weights for {existing_px} px, {run} has {predictor.grid.size_px} px: "
-                "publish.force=true replaces them anyway"
-            )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with lock(target.parent), replacing_directory(target) as new:
-        clear_leftovers(target.parent, keep=new)
-        predictor.save(new, torch.float16)
-        write_text(new / "README.md", _card(run, "/".join(target.parts[-2:])))
-
-
-def _card(run: Run, directory: str) -> str:
-    """Return the model card: input, output, data, metrics, limits."""
-    config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
-    assert config.encoding, "a network has an encoding"
-    trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
-    numbers = ", ".join(f"{metric} {metrics[metric]:.4f}" for metric in (*METRICS, "obstacle_iou"))
-    size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
-    setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
-    parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
-    return f"""# {model_title(config.model.name)} ({config.model.encoder_name}), experiment {config.experiment}
-
-```python
-from repro.networks.predictor import load_predictor
-from repro.scans import Scans
-
-predictor = load_predictor("reproduce/results/{directory}")
-free = predictor.predict(Scans(ranges, angles, poses))  # probability of free at the last step, (B, H, W)
-```
-
-**Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
-in a map of {size} with its origin at the lower left; NumPy arrays or tensors. `predictor.json` defines the encoding
-({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
-**Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
-
-**Data**: {origin.fact("train_pairs")} simulated pairs ({setup}),
-recordings {origin.fact("recordings")[:12]}, seed {config.seed}, {origin.fact("epochs")} epochs,
-commit {trained["commit"]}.
-
-**Test set** ({origin.fact("test_pairs")} pairs): {numbers}.
-
-**Limits**: trained on simulated scans without noise, obstacles with the sizes and speeds of `conf/world/paper.yaml` and
-one robot path; float16 weights.
-"""

@@ -1,11 +1,17 @@
-"""task=export: write the weights of one run with a model card into reproduce/results."""
+"""task=export: write the network of one run with a model card, as published weights or as an ONNX file."""
 
 from repro.cli.jobs import RESULTS, Job
-from repro.reporting.publish import export_weights
+from repro.reporting.export import export_onnx, export_weights
 
 
 def run(job: Job) -> None:
-    """Write the weights as float16."""
-    target = RESULTS / job.scale.name / f"exp{job.key.experiment}-{job.key.model}"
+    """Write the weights as float16 into reproduce/results, or with format=onnx an ONNX file into the outputs."""
+    name = f"exp{job.key.experiment}-{job.key.model}"
+    if job.format == "onnx":
+        target = job.outputs.path / "exports" / name
+        difference = export_onnx(job.run, target)
+        print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
+        return
+    target = RESULTS / job.scale.name / name
     export_weights(job.run, target, force=job.force)
     print(target)

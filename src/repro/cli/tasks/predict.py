@@ -8,12 +8,16 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.cli.jobs import Job
+from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog
 from repro.prediction.output import agreement, draw, last_image, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
 from repro.system.files import replacing_directory, write_text
+
+Row = dict[str, float | str]
 
 
 def run(job: Job) -> None:
@@ -34,7 +38,8 @@ def run(job: Job) -> None:
     grid = predictor.grid
     options = {"steps": settings.steps, "step_s": settings.step_s, "stride_s": settings.stride_s}
     windows = cut(log, **options, center=settings.center, size_m=grid.size_m)  # type: ignore[arg-type]
-    rows, left_out = [], 0
+    rows: list[Row] = []
+    left_out = 0
     with replacing_directory(target) as new:
         for window in tqdm(windows, unit="window", disable=None):
             try:
@@ -46,11 +51,19 @@ def run(job: Job) -> None:
                 print(f"left out: {error}", flush=True)
         if not rows:
             raise ValueError(f"{path}: none of its {left_out} windows can be used, see above")
+        if settings.animate:
+            write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=_number))
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
+    _warn(pd.DataFrame(rows), predictor.statistics)
     _summarize(rows, target)
 
 
-def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> dict[str, float]:
+def _number(figure: Path) -> int:
+    """Return the number of a window, which may have more digits than its file name has zeros."""
+    return int(figure.stem.split("-")[1])
+
+
+def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> Row:
     """Predict one window, write its files and return its row."""
     grid = predictor.grid
     try:
@@ -64,14 +77,38 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     figure = draw(window, image, free, grid)
     figure.savefig(stem.with_suffix(".png"), dpi=120)
     plt.close(figure)
-    row = {"window": window.number, "stamp": window.stamp, "obstacle_share": float((free < 0.5).mean())}
+    row: Row = {"window": window.number, "stamp": window.stamp, "obstacle_share": float((free < 0.5).mean())}
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
+    measured = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
+    row |= measured | {"outside_training": " ".join(_outside(measured, predictor.statistics))}
     if window.following:
         hits, passed = agreement(free, window.following, grid, range_max_m)
         row |= {"hits_on_obstacles": hits, "passed_pixels_free": passed}
         line += f"; next scan: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free"
     print(line, flush=True)
     return row
+
+
+def _outside(measured: dict[str, float], statistics: Statistics | None) -> list[str]:
+    return statistics.outside(measured) if statistics else []
+
+
+def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
+    """Print one warning for each statistic of the scans that is outside the training data in some window."""
+    if statistics is None:
+        print("the weights hold no statistics of their training data: the log is not compared with them")
+        return
+    for name in statistics.quantiles:
+        is_outside = table["outside_training"].str.split().map(set(name.split()).issubset)
+        if is_outside.any():
+            low, high = statistics.range_of(name)
+            values = table.loc[is_outside, name]
+            spread = f"{values.min():.3g}" + (f" to {values.max():.3g}" if values.max() > values.min() else "")
+            known = f"{low:.3g}" + (f" to {high:.3g}" if high > low else "")
+            print(
+                f"warning: {TITLES.get(name, name)}: {spread} in {is_outside.sum()} of {len(table)} windows, {known} "
+                f"in the {statistics.windows} windows of the training"
+            )
 
 
 def _describe(log: ScanLog) -> None:
@@ -82,7 +119,7 @@ def _describe(log: ScanLog) -> None:
         print(f"skipped: {count} scans {reason}", flush=True)
 
 
-def _summarize(rows: list[dict[str, float]], target: Path) -> None:
+def _summarize(rows: list[Row], target: Path) -> None:
     table = pd.DataFrame(rows)
     if "hits_on_obstacles" in table:
         means = table[["hits_on_obstacles", "passed_pixels_free"]].mean()

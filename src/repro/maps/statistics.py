@@ -1,0 +1,99 @@
+"""Statistics of the scans that a network was trained with, and whether other scans are within them.
+
+A network gives some map for any scans. Scans whose statistics no training window had are a reason to doubt it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from repro.maps.grid import Grid
+from repro.maps.projection import newest_hits
+from repro.scans import Scans
+
+LEVELS = (0.0, 0.01, 0.5, 0.99, 1.0)
+MARGIN = 0.01  # relative; some statistics are constant in training, such as the field of view
+TITLES = {
+    "hit_share": "share of the beams with a hit",
+    "occupied_share": "share of the pixels of the map with a hit",
+    "hit_age_steps": "mean age of the newest hits of the pixels [steps]",
+    "hit_range_m": "median range of the hits [m]",
+    "path_m": "length of the path of the robot [m]",
+    "turn_deg": "sum of the changes of its heading [degrees]",
+    "fov_deg": "field of view [degrees]",
+    "beams": "number of beams",
+}
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Quantiles of the statistics of training windows.
+
+    Args:
+        windows: number of windows.
+        quantiles: the quantiles at `LEVELS` by the name of the statistic, see `TITLES`.
+    """
+
+    windows: int
+    quantiles: dict[str, tuple[float, float, float, float, float]]
+
+    def range_of(self, name: str) -> tuple[float, float]:
+        """Return the lowest and highest value in training."""
+        return self.quantiles[name][0], self.quantiles[name][-1]
+
+    def outside(self, values: Mapping[str, float]) -> list[str]:
+        """Return the names of the statistics that are outside their range in training by more than one percent."""
+        return [name for name, value in values.items() if name in self.quantiles and not self._covers(name, value)]
+
+    def _covers(self, name: str, value: float) -> bool:
+        low, high = self.range_of(name)
+        margin = MARGIN * max(abs(low), abs(high))
+        return low - margin <= value <= high + margin
+
+
+def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:
+    """Compute the statistics of windows of scans.
+
+    Args:
+        scans: a batch of windows, as tensors, whose poses are on the map.
+        grid: grid of the map.
+
+    Returns:
+        one value per window, (B,), by the name of the statistic; NaN where a window has no hit.
+    """
+    ranges, angles, poses = scans.ranges.double(), scans.angles.double(), scans.poses.double()
+    count, steps, beams = ranges.shape
+    newest = newest_hits(scans, grid).flatten(1)
+    is_occupied = newest > 0
+    moves = poses.diff(dim=1)
+    turns = torch.remainder(moves[..., 2] + torch.pi, 2 * torch.pi) - torch.pi
+    hits = torch.where(torch.isfinite(ranges), ranges, torch.nan).flatten(1)
+    values = {
+        "hit_share": torch.isfinite(ranges).double().mean(dim=(1, 2)),
+        "occupied_share": is_occupied.double().mean(dim=1),
+        "hit_age_steps": ((steps - newest) * is_occupied).sum(dim=1) / is_occupied.sum(dim=1),
+        "hit_range_m": hits.nanmedian(dim=1).values,
+        "path_m": moves[..., :2].norm(dim=-1).sum(dim=1),
+        "turn_deg": turns.abs().sum(dim=1).rad2deg(),
+        "fov_deg": (angles[-1] - angles[0]).rad2deg().expand(count),
+        "beams": torch.full((count,), float(beams)),
+    }
+    return {name: value.cpu().numpy() for name, value in values.items()}
+
+
+def summarize(batches: Iterable[Scans], grid: Grid) -> Statistics:
+    """Compute the quantiles of the statistics of windows in batches, see `measure`; windows without a hit are left out.
+
+    Raises:
+        ValueError: no window has a hit.
+    """
+    measured = [measure(batch, grid) for batch in batches]
+    table = np.stack([np.concatenate([each[name] for each in measured]) for name in TITLES])
+    table = table[:, np.isfinite(table).all(axis=0)]
+    if not table.shape[1]:
+        raise ValueError("no training window has a hit: record other worlds")
+    quantiles = np.quantile(table, LEVELS, axis=1).T
+    rounded = {name: tuple(float(f"{v:.6g}") for v in row) for name, row in zip(TITLES, quantiles, strict=True)}
+    return Statistics(table.shape[1], rounded)  # type: ignore[arg-type]

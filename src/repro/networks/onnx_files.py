@@ -1,0 +1,196 @@
+"""Predictors as ONNX files: one file with the network, its encoding, its grid and its model card.
+
+The network maps encoded scans (B, C, H, W) in [0, 1] to logits (B, 1, H, W). The metadata of the file hold the encoding
+and the grid (`repro.predictor`, JSON) and the model card (`repro.model_card`, Markdown).
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from onnx import AttributeProto, ModelProto, NodeProto, TensorProto
+from torch import Tensor, nn
+
+from repro.system.files import replacing
+
+DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
+INPUT, OUTPUT = "scans", "logits"
+TOLERANCE = 1e-4  # largest difference of a probability of free from that of torch
+STANDARD_DOMAINS = ("", "ai.onnx")
+MAX_BYTES = 2**31 - 1  # of a protobuf message, and so of an ONNX file without external data
+FLOAT, EXTERNAL = TensorProto.FLOAT, TensorProto.EXTERNAL
+
+
+class OnnxNetwork(nn.Module):
+    """A network in ONNX Runtime on the CPU, with as many threads as torch.
+
+    Args:
+        content: the ONNX file.
+
+    Raises:
+        ValueError: ONNX Runtime cannot run the file.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__()
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = torch.get_num_threads()
+        options.log_severity_level = 3  # errors
+        try:
+            self.session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # classes of its own, without a common base
+            raise ValueError(f"ONNX Runtime cannot run it ({_first_line(error)})") from error
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return logits, (B, 1, H, W), of images, (B, C, H, W)."""
+        (logits,) = self.session.run([OUTPUT], {INPUT: images.cpu().numpy()})
+        return torch.from_numpy(logits)
+
+
+def write_onnx(path: Path, network: nn.Module, description: dict[str, Any], card: str = "") -> float:
+    """Write a network as an ONNX file, atomically, if it gives the same probabilities as torch.
+
+    Args:
+        path: the file to create or replace.
+        network: a network of torch.
+        description: see `networks.predictor`: `encoding`, `grid` and the `channels` of the encoding.
+        card: the model card.
+
+    Returns:
+        the largest difference of a probability from that of torch.
+
+    Raises:
+        ValueError: a probability differs from that of torch by more than `TOLERANCE`.
+    """
+    network = network.cpu().float().eval()
+    channels, size = description["channels"], description["grid"]["size_px"]
+    example = torch.rand(2, channels, size, size, generator=torch.Generator().manual_seed(0))
+    program = torch.onnx.export(
+        network,
+        (example,),
+        dynamo=True,
+        external_data=False,
+        verbose=False,
+        input_names=[INPUT],
+        output_names=[OUTPUT],
+        dynamic_shapes=({0: torch.export.Dim("batch", min=1, max=4096)},),
+    )
+    assert program is not None, "with dynamo"
+    model = program.model_proto
+    del model.metadata_props[:]
+    text = json.dumps(description | {"sha256": _checksum(model, description)}, sort_keys=True)
+    onnx.helper.set_model_props(model, {DESCRIPTION: text, CARD: card})
+    content = model.SerializeToString()
+    difference = _difference(network, OnnxNetwork(content), example)
+    if not difference <= TOLERANCE:
+        raise ValueError(
+            f"{path} is not written: in ONNX Runtime a probability differs by {difference:.2g} from that of torch, "
+            f"expected at most {TOLERANCE:g}"
+        )
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+    return difference
+
+
+def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
+    """Read an ONNX file that `write_onnx` wrote.
+
+    Only plain graphs of standard operators are accepted: no custom operators, functions, subgraphs (loops and
+    branches) or external data. Nothing beside the file is read.
+
+    Returns:
+        the network and its description.
+
+    Raises:
+        ValueError: the file is of another kind, damaged, or not a network from encoded scans to one map.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ValueError(f"it is larger than {MAX_BYTES / 1e9:.1f} GB")
+        content = path.read_bytes()
+        model = onnx.load_model_from_string(content)
+        description = _description(model)
+        _check_structure(model)
+        onnx.checker.check_model(model, full_check=True)
+        if _checksum(model, {key: value for key, value in description.items() if key != "sha256"}) != description.get(
+            "sha256"
+        ):
+            raise ValueError("it differs from its checksum")
+        network = OnnxNetwork(content)
+        _check_output(network, description)
+    except Exception as error:  # of protobuf, onnx, ONNX Runtime or ours
+        raise ValueError(f"{path} cannot be used ({_first_line(error)}): export it with task=export") from error
+    return network, description
+
+
+def _description(model: ModelProto) -> dict[str, Any]:
+    properties = {each.key: each.value for each in model.metadata_props}
+    if DESCRIPTION not in properties:
+        raise ValueError(f"its metadata lack {DESCRIPTION}")
+    description = json.loads(properties[DESCRIPTION])
+    if not isinstance(description, dict) or not {"encoding", "grid", "channels"} <= set(description):
+        raise ValueError(f"its metadata {DESCRIPTION} lack encoding, grid or channels")
+    return description
+
+
+def _check_structure(model: ModelProto) -> None:
+    """Refuse everything that a network of `write_onnx` does not have."""
+    graph = model.graph
+    domains = {each.domain for each in model.opset_import} | {each.domain for each in graph.node}
+    custom = sorted(domains - set(STANDARD_DOMAINS))
+    if custom:
+        raise ValueError(f"it has custom operators, of {', '.join(custom)}")
+    if model.functions or model.training_info or graph.sparse_initializer:
+        raise ValueError("it has functions, training information or sparse weights")
+    for tensor in (*graph.initializer, *_tensors(graph.node)):
+        if tensor.data_location == EXTERNAL or tensor.external_data:
+            raise ValueError(f"its weights {tensor.name} are in another file")
+        if tensor.data_type == FLOAT and not np.isfinite(onnx.numpy_helper.to_array(tensor)).all():
+            raise ValueError(f"its weights {tensor.name} are not finite")
+    names = [each.name for each in graph.input], [each.name for each in graph.output]
+    if names != ([INPUT], [OUTPUT]):
+        raise ValueError(f"expected the input {INPUT} and the output {OUTPUT}, it has {names[0]} and {names[1]}")
+
+
+def _tensors(nodes: Iterator[NodeProto]) -> Iterator[TensorProto]:
+    """Yield the tensors in the attributes of nodes; refuse subgraphs."""
+    for node in nodes:
+        for attribute in node.attribute:
+            if attribute.type in (AttributeProto.GRAPH, AttributeProto.GRAPHS):
+                raise ValueError(f"it has a subgraph, in {node.op_type}")
+            yield from (attribute.t, *attribute.tensors)
+
+
+def _check_output(network: OnnxNetwork, description: dict[str, Any]) -> None:
+    size, channels = description["grid"]["size_px"], description["channels"]
+    given = network.session.get_inputs()[0]
+    if given.type != "tensor(float)" or len(given.shape) != 4 or given.shape[1:] != [channels, size, size]:
+        raise ValueError(f"its input is {given.type} {given.shape}, its metadata say {channels} images of {size} px")
+    logits = network(torch.zeros(1, channels, size, size))
+    if logits.shape != (1, 1, size, size) or not torch.isfinite(logits).all():
+        raise ValueError(f"the network must map {channels} images to one map of finite logits")
+
+
+def _difference(network: nn.Module, exported: OnnxNetwork, example: Tensor) -> float:
+    """Return the largest difference of a probability over inputs of several batch sizes, uniform, white and black."""
+    inputs = [example, example[:1], torch.cat([example.round(), torch.ones_like(example[:1])]), 0 * example[:1]]
+    with torch.inference_mode():
+        differences = [float((network(each).sigmoid() - exported(each).sigmoid()).abs().max()) for each in inputs]
+    return math.nan if any(map(math.isnan, differences)) else max(differences)
+
+
+def _checksum(model: ModelProto, description: dict[str, Any]) -> str:
+    """Return the SHA-256 of the graph and the description."""
+    graph = model.graph.SerializeToString(deterministic=True)
+    return hashlib.sha256(graph + json.dumps(description, sort_keys=True).encode()).hexdigest()
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().split("\n")[0] or type(error).__name__

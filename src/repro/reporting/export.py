@@ -1,0 +1,162 @@
+"""Export of a trained network: its weights, or an ONNX file, with a model card for the Hugging Face Hub."""
+
+from pathlib import Path
+
+import torch
+from huggingface_hub import EvalResult, ModelCard, ModelCardData
+
+from repro.metrics.names import METRICS
+from repro.networks.predictor import ONNX, load_predictor
+from repro.reporting.names import SETUPS, model_title
+from repro.runs.directories import Run
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
+
+CARD_METRICS = (*METRICS, "obstacle_iou")
+LICENSE = "mit"
+
+
+def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
+    """Write the best weights of a run as float16, with a model card.
+
+    Args:
+        run: an evaluated run directory.
+        target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
+        force: whether to replace existing weights of a higher resolution.
+
+    Raises:
+        ValueError: the run is not evaluated, or the existing weights have a higher resolution.
+    """
+    _check_evaluated(run)
+    predictor = load_predictor(run.model)
+    if (target / "predictor.json").is_file() and not force:
+        existing_px = load_predictor(target).grid.size_px
+        if existing_px > predictor.grid.size_px:
+            raise ValueError(
+                f"{target} has weights for {existing_px} px, {run} has {predictor.grid.size_px} px: "
+                "publish.force=true replaces them anyway"
+            )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with lock(target.parent), replacing_directory(target) as new:
+        clear_leftovers(target.parent, keep=new)
+        predictor.save(new, torch.float16)
+        card = make_card(run, f"reproduce/results/{'/'.join(target.parts[-2:])}", "float16 weights")
+        write_text(new / "README.md", card)
+
+
+def export_onnx(run: Run, target: Path) -> float:
+    """Write the best weights of a run as an ONNX file, model.onnx in float32, with a model card beside and in it.
+
+    Args:
+        run: an evaluated run directory.
+        target: the directory to create or replace; `networks.predictor.load_predictor` reads it.
+
+    Returns:
+        the largest difference of a probability from that of torch.
+
+    Raises:
+        ValueError: the run is not evaluated, or ONNX Runtime gives other maps than torch.
+    """
+    _check_evaluated(run)
+    predictor = load_predictor(run.model)
+    card = make_card(run, str(target / ONNX), "float32 weights in ONNX; the batch is dynamic")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with lock(target.parent), replacing_directory(target) as new:
+        clear_leftovers(target.parent, keep=new)
+        difference = predictor.save_onnx(new / ONNX, card)
+        write_text(new / "README.md", card)
+    return difference
+
+
+def make_card(run: Run, path: str, form: str) -> str:
+    """Return the model card: metadata of the Hugging Face Hub, input, output, data, metrics, limits.
+
+    Args:
+        run: an evaluated run directory.
+        path: what `load_predictor` is given in the example.
+        form: form of the weights.
+
+    Raises:
+        ValueError: huggingface_hub cannot read the card.
+    """
+    config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
+    assert config.encoding, "a network has an encoding"
+    trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
+    measured = {name: float(metrics[name]) for name in CARD_METRICS}
+    numbers = ", ".join(f"{metric} {value:.4f}" for metric, value in measured.items())
+    size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
+    setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
+    parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
+    title = f"{model_title(config.model.name)} ({config.model.encoder_name}), experiment {config.experiment}"
+    body = f"""# {title}
+
+```python
+from repro.networks.predictor import load_predictor
+from repro.scans import Scans
+
+predictor = load_predictor("{path}")
+free = predictor.predict(Scans(ranges, angles, poses))  # probability of free at the last step, (B, H, W)
+```
+
+**Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
+in a map of {size} with its origin at the lower left; NumPy arrays or tensors. `predictor.json` defines the encoding
+({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
+**Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
+
+**Data**: {origin.fact("train_pairs")} simulated pairs ({setup}),
+recordings {origin.fact("recordings")[:12]}, seed {config.seed}, {origin.fact("epochs")} epochs,
+commit {trained["commit"]}.
+
+**Test set** ({origin.fact("test_pairs")} pairs): {numbers}.
+
+**Limits**: trained on simulated scans without noise, obstacles with the sizes and speeds of `conf/world/paper.yaml` and
+one robot path; {form}.
+"""
+    if path.endswith(ONNX):
+        body = body.replace("`predictor.json` defines", "The metadata of the file define")
+    return with_front_matter(body, title, setup, measured)
+
+
+def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, float]) -> str:
+    """Return a model card with the metadata of the Hugging Face Hub before its text.
+
+    Args:
+        body: the text, Markdown.
+        title: name of the model.
+        dataset: name of the worlds of the test set.
+        metrics: the metrics on the test set by name.
+
+    Raises:
+        ValueError: huggingface_hub reads other metadata from the card.
+    """
+    results = [
+        EvalResult(
+            task_type="image-segmentation",
+            dataset_type="simulated",
+            dataset_name=dataset,
+            dataset_split="test",
+            metric_type=name,
+            metric_value=round(value, 4),
+        )
+        for name, value in metrics.items()
+    ]
+    data = ModelCardData(
+        license=LICENSE,
+        library_name="segmentation-models-pytorch",
+        pipeline_tag="image-segmentation",
+        tags=["robotics", "lidar", "occupancy-grid"],
+        metrics=list(metrics),
+        model_name=title,
+        eval_results=results,
+    )
+    card = f"---\n{data.to_yaml()}\n---\n\n{body}"
+    read = ModelCard(card, ignore_metadata_errors=False)  # raises ValueError if it cannot be parsed
+    if read.data.to_dict() != data.to_dict():
+        raise ValueError(f"the metadata of the model card of {title} are not those that huggingface_hub reads")
+    return card
+
+
+def _check_evaluated(run: Run) -> None:
+    if not run.is_evaluated:
+        raise ValueError(
+            f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
+        )

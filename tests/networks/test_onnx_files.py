@@ -1,0 +1,172 @@
+"""ONNX files against the network of torch that they come from, and ONNX files that nobody should run."""
+
+import json
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from onnx import TensorProto, helper, numpy_helper
+
+from repro.maps.encodings import ObservedFree, create_encoding
+from repro.maps.grid import Grid
+from repro.maps.statistics import Statistics
+from repro.networks import onnx_files
+from repro.networks.convlstm import ConvLSTM
+from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
+from repro.networks.predictor import Predictor, load_predictor
+
+pytestmark = pytest.mark.slow
+STATISTICS = Statistics(4, {"hit_share": (0.1, 0.2, 0.3, 0.4, 0.5)})
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """Export a small predictor; return it and the file."""
+    torch.manual_seed(0)
+    network = torch.nn.Sequential(torch.nn.Conv2d(2, 4, 3, padding=1), torch.nn.ReLU(), torch.nn.Conv2d(4, 1, 1))
+    network.save_pretrained = None
+    predictor = Predictor(network.eval(), ObservedFree(range_max_m=20.0), Grid(32, 40.0), STATISTICS)
+    path = tmp_path_factory.mktemp("onnx") / "any name"
+    assert predictor.save_onnx(path, "# Card") <= onnx_files.TOLERANCE
+    return predictor, path
+
+
+def changed(source, target, change) -> None:
+    """Write a changed copy of a file, with a checksum that fits."""
+    model = onnx.load(source)
+    description = json.loads(model.metadata_props[0].value)
+    change(model, description)
+    description.pop("sha256", None)
+    description["sha256"] = onnx_files._checksum(model, description)
+    model.metadata_props[0].value = json.dumps(description)
+    target.write_bytes(model.SerializeToString())
+
+
+def test_a_file_holds_the_whole_predictor(exported):
+    predictor, path = exported
+    again = load_predictor(path)
+    assert (again.encoding, again.grid, again.statistics) == (predictor.encoding, predictor.grid, STATISTICS)
+    for batch in (1, 2, 7):
+        images = torch.randint(0, 256, (batch, 2, 32, 32), dtype=torch.uint8)
+        assert torch.allclose(again.predict_images(images), predictor.predict_images(images), atol=1e-4)
+    properties = {each.key: each.value for each in onnx.load(path).metadata_props}
+    assert set(properties) == {DESCRIPTION, "repro.model_card"}
+    assert properties["repro.model_card"] == "# Card"
+    with pytest.raises(ValueError, match="the network is in ONNX Runtime"):
+        again.save_onnx(path)
+
+
+def test_a_recurrent_network_is_exported(tmp_path):
+    torch.manual_seed(0)
+    encoding = create_encoding("stack4", {"frames": 4})
+    predictor = Predictor(ConvLSTM(4, hidden=16).eval(), encoding, Grid(32, 50.0))
+    assert predictor.save_onnx(tmp_path / "model.onnx") <= onnx_files.TOLERANCE
+    images = torch.randint(0, 256, (3, 4, 32, 32), dtype=torch.uint8)
+    found = load_predictor(tmp_path).predict_images(images)
+    assert torch.allclose(found, predictor.predict_images(images), atol=1e-4)
+
+
+def test_a_network_that_differs_from_torch_is_not_written(exported, tmp_path, monkeypatch):
+    predictor, _ = exported
+    run = onnx_files.OnnxNetwork.forward
+    monkeypatch.setattr(onnx_files.OnnxNetwork, "forward", lambda self, images: run(self, images) + 1e-2)
+    with pytest.raises(ValueError, match=r"a probability differs by 0.002. from that of torch, expected at most"):
+        predictor.save_onnx(tmp_path / "model.onnx")
+    assert not list(tmp_path.iterdir())
+
+
+def external(model, _) -> None:
+    tensor = model.graph.initializer[0]
+    tensor.ClearField("raw_data")
+    tensor.data_location = TensorProto.EXTERNAL
+    tensor.external_data.add(key="location", value="/etc/hostname")
+
+
+def custom(model, _) -> None:
+    model.graph.node[0].domain = "com.microsoft"
+    model.opset_import.append(helper.make_opsetid("com.microsoft", 1))
+
+
+def subgraph(model, _) -> None:
+    (name,) = (each.name for each in model.graph.output)
+    body = [
+        helper.make_graph([helper.make_node("Identity", [model.graph.node[-1].input[0]], [f"{name}{n}"])], f"g{n}",
+                          [], [helper.make_tensor_value_info(f"{name}{n}", TensorProto.FLOAT, None)])
+        for n in range(2)
+    ]  # fmt: skip
+    model.graph.node.append(helper.make_node("If", ["condition"], ["x"], then_branch=body[0], else_branch=body[1]))
+
+
+def function(model, _) -> None:
+    node = helper.make_node("Identity", ["x"], ["y"])
+    model.functions.append(helper.make_function("", "F", ["x"], ["y"], [node], [helper.make_opsetid("", 20)]))
+
+
+def not_finite(model, _) -> None:
+    weights = numpy_helper.to_array(model.graph.initializer[0]).copy()
+    weights.flat[0] = np.nan
+    model.graph.initializer[0].CopyFrom(numpy_helper.from_array(weights, model.graph.initializer[0].name))
+
+
+def renamed(model, _) -> None:
+    model.graph.input[0].name = "images"
+
+
+def other_grid(_, description) -> None:
+    description["grid"]["size_px"] = 64
+
+
+def other_encoding(_, description) -> None:
+    description["encoding"] = {"name": "projection", "parameters": {}}
+
+
+def unknown_encoding(_, description) -> None:
+    description["encoding"]["name"] = "os.system"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (external, "are in another file"),
+        (custom, "it has custom operators, of com.microsoft"),
+        (subgraph, "it has a subgraph, in If"),
+        (function, "it has functions"),
+        (not_finite, "are not finite"),
+        (renamed, f"expected the input {INPUT} and the output {OUTPUT}"),
+        (other_grid, r"its metadata say 2 images of 64 px"),
+        (other_encoding, "its encoding has 1 images, not 2"),
+        (unknown_encoding, "encoding must be one of"),
+    ],
+)
+def test_what_the_exporter_does_not_write_is_refused(exported, tmp_path, change, message):
+    path = tmp_path / "changed.onnx"
+    changed(exported[1], path, change)
+    with pytest.raises(ValueError, match=rf"changed.onnx cannot be used \(.*{message}"):
+        load_predictor(path)
+
+
+@pytest.mark.parametrize("damage", ["empty", "text", "half", "a flipped byte", "of another program"])
+def test_a_damaged_file_is_refused(exported, tmp_path, damage):
+    content = bytearray(exported[1].read_bytes())
+    if damage == "a flipped byte":
+        weights = onnx.load(exported[1]).graph.initializer[0].raw_data
+        content[content.find(weights) + 1] ^= 1
+    path = tmp_path / "model.onnx"
+    foreign = onnx.load(exported[1])
+    del foreign.metadata_props[:]
+    path.write_bytes(
+        {"empty": b"", "text": b"hello", "half": content[: len(content) // 2], "a flipped byte": content,
+         "of another program": foreign.SerializeToString()}[damage]
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=r"model.onnx cannot be used \(.*\): export it with task=export"):
+        read_onnx(path)
+
+
+def test_write_onnx_replaces_a_file(exported, tmp_path):
+    predictor, _ = exported
+    path = tmp_path / "model.onnx"
+    path.write_text("old")
+    write_onnx(path, predictor.network, predictor._description() | {"channels": 2})
+    assert [each.name for each in tmp_path.iterdir()] == ["model.onnx"]
+    assert load_predictor(path).grid == predictor.grid
