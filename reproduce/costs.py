@@ -3,9 +3,8 @@
     python reproduce/costs.py reproduce/results/laptop
 
 writes costs.csv there, at the resolution of those results and at that of the paper scale. The latency is that of one
-run, the projection of its 100 scans and the prediction: the median of 20 calls after a warm-up. ONNX Runtime is
-measured if it is installed (`pip install -e ".[costs]"`), and compilation if torch.compile works. Values that cannot be
-measured stay empty.
+run, the projection of its 100 scans and the prediction: the median of 20 calls after a warm-up. Compilation is
+measured if torch.compile works. Values that cannot be measured stay empty.
 """
 
 import argparse

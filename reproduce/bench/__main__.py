@@ -1,6 +1,6 @@
 """Benchmark speed and memory against straightforward implementations, all in the same run on this machine.
 
-make bench        or        python reproduce/bench [recording projection training sharing]
+make bench        or        python reproduce/bench [recording projection streaming training sharing]
 """
 
 import argparse
@@ -9,11 +9,13 @@ import warnings
 from projection import bench_projection
 from recording import bench_recording
 from sharing import bench_sharing
+from streaming import bench_streaming
 from training import bench_training
 
 PARTS = {  # with the time that each takes on 2 idle cores
     "recording": (bench_recording, "1 minute"),
     "projection": (bench_projection, "half a minute"),
+    "streaming": (bench_streaming, "2 minutes"),
     "training": (bench_training, "4 minutes"),
     "sharing": (bench_sharing, "1 minute"),
 }

@@ -9,11 +9,20 @@ import pytest
 import torch
 from conftest import ROOT, cpu_seconds
 
+from repro.maps.statistics import TITLES
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 
 pytestmark = pytest.mark.slow
+WEIGHTS = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 EXAMPLE = ROOT / "examples" / "square.npz"
+
+
+def paths(ends: list[int]) -> list[float]:
+    """Return the length of the path in the 100 steps before each end."""
+    poses = np.load(EXAMPLE)["poses"]
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    return [steps[end - 100 : end - 1].sum() for end in ends]
 
 
 def predict(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -22,20 +31,33 @@ def predict(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
-    done = predict(f"scans={EXAMPLE}", "prediction.stride_s=10", "prediction.center=[25,25]", f"outputs={tmp_path}")
+    done = predict(
+        f"scans={EXAMPLE}", "prediction.stride_s=10", "prediction.center=[25,25]", f"outputs={tmp_path}", *ANIMATE
+    )
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "square"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
-    assert {path.name for path in directory.iterdir()} == names | {"windows.csv"}
+    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "animation.gif"}
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
     assert table["passed_pixels_free"][:2].min() > 0.95
     assert done.stdout.count("window ") >= 3
 
+    # the example drives slower than the robot of the training, whose path has one length
+    assert table["outside_training"].tolist() == ["path_m turn_deg"] * 3
+    assert done.stdout.count("warning: ") == 2
+    assert "length of the path of the robot [m]: 12.7 to 13.4 in 3 of 3 windows, 39.5 in the 3000" in done.stdout
+    assert set(TITLES) <= set(table)
+    assert table["fov_deg"].tolist() == pytest.approx([90] * 3)
+    assert table["path_m"].to_numpy() == pytest.approx(paths([100, 200, 300]), abs=1e-3)
+
     log = np.load(EXAMPLE)
     scans = Scans(log["ranges"][100:200], log["angles"], log["poses"][100:200])
-    free = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet").predict(scans)[0]
+    free = load_predictor(WEIGHTS).predict(scans)[0]
     with np.load(directory / "window-0002.npz") as content:
+        stream = load_predictor(WEIGHTS).stream(log["angles"], center=(25.0, 25.0))
+        maps = [stream.update(*scan) for scan in zip(log["ranges"], log["poses"], log["stamps"][:200], strict=False)]
+        assert np.array_equal(content["free"], maps[199].free)
         assert torch.as_tensor(content["free"]) == pytest.approx(free, abs=1e-3)
         assert content["origin"].tolist() == [0, 0]
 

@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 MAX_FRAMES = 600  # of which all are in memory while the file is written
-WIDTH, COLORS = 900, 64
+WIDTH, COLORS = 900, 128
 FRAME_MS, LAST_MS = 100, 1000
 
 
@@ -30,11 +30,9 @@ def write_animation(path: Path, figures: Sequence[Path]) -> int:
 
 
 def _frames(figures: Sequence[Path]) -> Iterator[Image.Image]:
-    """Yield the figures at the width of the animation, all with the colors of the first."""
-    palette: Image.Image | None = None
+    """Yield the figures at the width of the animation, in few colors."""
     for figure in figures:
         with Image.open(figure) as content:
             height = round(content.height * WIDTH / content.width)
             small = content.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
-        palette = palette or small.quantize(COLORS)
-        yield small.quantize(palette=palette, dither=Image.Dither.NONE)
+        yield small.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)

@@ -1,0 +1,73 @@
+"""Benchmark the stream: one scan to one map, on one thread of the CPU, in torch and in ONNX Runtime.
+
+The times are CPU times, which on one thread are the latencies on an idle core, also where other processes run.
+"""
+
+import dataclasses
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from table import head, row
+
+from repro.maps.encodings import create_encoding
+from repro.maps.grid import Grid
+from repro.networks.convlstm import ConvLSTM
+from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.logs import ScanLog
+from repro.prediction.readers import read_log
+from repro.prediction.windows import on_map
+
+ROOT = Path(__file__).parents[2]
+TARGET_MS = 20
+STEPS, SCANS = 100, 130  # the first `STEPS` - 1 scans fill the window
+
+
+def bench_streaming() -> None:
+    """Print the median CPU time of an update, and of its encoding alone, at 128 and 256 px."""
+    log = read_log(ROOT / "examples" / "square.npz", 0.05)
+    unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
+    series = create_encoding("stack10", {"frames": 10})
+    predictors = {"U-Net, projection": unet, "ConvLSTM, stack10": Predictor(ConvLSTM(10).eval(), series, unet.grid)}
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        head(
+            f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",
+            *("network", "size", "encoding", "torch", "ONNX Runtime", "largest difference"),
+        )
+        for name, predictor in predictors.items():
+            for size_px in (128, 256):
+                _bench(name, dataclasses.replace(predictor, grid=Grid(size_px, unet.grid.size_m)), log)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _bench(name: str, predictor: Predictor, log: ScanLog) -> None:
+    origin = log.poses[STEPS - 1, :2] - predictor.grid.size_m / 2
+    window = on_map(log.ranges[:STEPS], log.angles, log.poses[:STEPS], origin).tensors()
+    times = []
+    for _ in range(30):
+        began = time.process_time()
+        predictor.encoding.encode(window, predictor.grid)
+        times.append(time.process_time() - began)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.onnx"
+        predictor.save_onnx(path)
+        (torch_ms, maps), (onnx_ms, others) = (_update(each, log) for each in (predictor, load_predictor(path)))
+    cells = (f"{1e3 * np.median(times):.1f} ms", f"{torch_ms:.0f} ms", f"{onnx_ms:.0f} ms")
+    row(name, f"{predictor.grid.size_px} px", *cells, f"{np.abs(maps - others).max():.0e}")
+
+
+def _update(predictor: Predictor, log: ScanLog) -> tuple[float, np.ndarray]:
+    """Return the median time of an update with a full window [ms], and all maps."""
+    stream, times, maps = predictor.stream(log.angles, steps=STEPS), [], []
+    for scan in zip(log.ranges[:SCANS], log.poses[:SCANS], log.stamps[:SCANS], strict=True):
+        began = time.process_time()
+        predicted = stream.update(*scan)
+        if predicted is not None:
+            times.append(time.process_time() - began)
+            maps.append(predicted.free)
+    return 1e3 * float(np.median(times)), np.stack(maps)

@@ -1,0 +1,73 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from repro.maps.grid import Grid
+from repro.maps.statistics import LEVELS, TITLES, measure, summarize
+from repro.scans import Scans
+
+GRID = Grid(10, 10.0)
+
+
+def windows() -> Scans:
+    """Two windows of 4 steps: a robot that stands and turns once, and one that drives 3 m and sees nothing new."""
+    ranges = np.full((2, 4, 3), np.inf)
+    ranges[0, 0] = 2.0  # three hits at age 3
+    ranges[0, 3, 1] = 4.0  # one at age 0
+    ranges[1, :, 1] = 3.0  # in another pixel at each step
+    poses = np.zeros((2, 4, 3))
+    poses[..., :2] = 1.5
+    poses[0, :, :2] = 5.5
+    poses[0, :, 2] = [0, 3, -3, -3]  # 3, then 0.283 across half a turn
+    poses[1, :, 0] += np.arange(4)
+    return Scans(ranges, np.radians([-45.0, 0.0, 45.0]), poses).tensors()
+
+
+def test_the_statistics_of_two_windows_by_hand():
+    values = measure(windows(), GRID)
+    assert set(values) == set(TITLES)
+    turn = np.degrees(3 + 2 * np.pi - 6)
+    expected = {
+        "hit_share": [4 / 12, 4 / 12],
+        "occupied_share": [0.04, 0.04],
+        "hit_age_steps": [9 / 4, 6 / 4],
+        "hit_range_m": [2, 3],
+        "path_m": [0, 3],
+        "turn_deg": [turn, 0],
+        "fov_deg": [90, 90],
+        "beams": [3, 3],
+    }
+    for name, value in expected.items():
+        assert values[name] == pytest.approx(value, abs=1e-4), name
+
+
+def test_quantiles_are_those_of_all_windows_with_a_hit():
+    random = np.random.default_rng(0)
+    ranges = random.uniform(1, 4, (50, 4, 3))
+    ranges[random.random(ranges.shape) < 0.3] = np.inf
+    ranges[7] = np.inf
+    scans = Scans(ranges, np.array([-0.5, 0, 0.5]), np.full((50, 4, 3), 5.0)).tensors()
+    found = summarize([scans[:20], scans[20:]], GRID)
+    share = np.delete(np.isfinite(ranges).mean(axis=(1, 2)), 7)
+    assert found.windows == 49
+    assert found.quantiles["hit_share"] == pytest.approx(np.quantile(share, LEVELS), rel=1e-5)
+    assert found.range_of("hit_share") == pytest.approx((share.min(), share.max()), rel=1e-5)
+
+
+def test_windows_outside_the_training_are_named():
+    statistics = summarize([windows()], GRID)
+    values = {name: float(value[1]) for name, value in measure(windows(), GRID).items()}
+    assert statistics.outside(values) == []
+    assert statistics.outside(values | {"fov_deg": 90.8, "path_m": 3.02}) == []  # within one percent
+    changed = values | {"fov_deg": 91.0, "path_m": 3.1, "hit_share": 0.2}
+    assert set(statistics.outside(changed)) == {"fov_deg", "path_m", "hit_share"}
+    known = dataclasses.replace(statistics, quantiles={"beams": statistics.quantiles["beams"]})
+    assert known.outside(values | {"fov_deg": 270.0}) == []
+
+
+def test_windows_without_hits_have_no_quantiles():
+    empty = windows()
+    with pytest.raises(ValueError, match="no training window has a hit"):
+        summarize([Scans(torch.full_like(empty.ranges, torch.inf), empty.angles, empty.poses)], GRID)

@@ -1,0 +1,123 @@
+import json
+
+import onnx
+import pandas as pd
+import pytest
+import torch
+import yaml
+from conftest import ROOT, fake_run, prepared
+from huggingface_hub import ModelCard
+
+from repro.config import paper_model
+from repro.evaluation.evaluate import evaluate
+from repro.learning.training import train
+from repro.maps.datasets import training_statistics
+from repro.maps.grid import Grid
+from repro.maps.projection import Projection
+from repro.maps.statistics import TITLES
+from repro.metrics.names import METRICS
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor, describe, load_predictor
+from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, with_front_matter
+from repro.runs.directories import Run
+from repro.system.files import sha256
+
+PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
+
+
+@pytest.fixture
+def run(tmp_path) -> Run:
+    """Create an evaluated run with a network that is not trained."""
+    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4)
+    values = {name: 0.1 * number for number, name in enumerate(CARD_METRICS, 1)}
+    pd.DataFrame([values]).to_csv(run.metrics, index=False)
+    Predictor(create_network(paper_model("unet")), Projection(), Grid(32, 50.0)).save(run.model)
+    return run
+
+
+def check_card(text: str) -> ModelCard:
+    """Check the metadata with the parser of huggingface_hub, and against the rules of its hub for model-index."""
+    card = ModelCard(text, ignore_metadata_errors=False)
+    head = yaml.safe_load(text.split("---\n")[1])
+    assert (head["license"], head["pipeline_tag"]) == ("mit", "image-segmentation")
+    (model,) = head["model-index"]
+    for result in model["results"]:
+        assert result["task"]["type"] == "image-segmentation"
+        assert set(result["dataset"]) >= {"name", "type"}
+        assert all(set(metric) == {"type", "value"} for metric in result["metrics"])
+    assert card.text.lstrip().startswith("# ")
+    return card
+
+
+@pytest.mark.slow
+def test_an_onnx_export_predicts_as_the_run_does(run, tmp_path):
+    target = tmp_path / "exports" / "exp3-unet"
+    assert export_onnx(run, target) < 1e-4
+    assert {path.name for path in target.iterdir()} == {"model.onnx", "README.md"}
+    expected = load_predictor(run.model)
+    images = torch.randint(0, 256, (3, 1, 32, 32), dtype=torch.uint8)
+    for path in (target, target / "model.onnx"):
+        found = load_predictor(path)
+        assert (found.encoding, found.grid) == (expected.encoding, expected.grid)
+        assert torch.allclose(found.predict_images(images), expected.predict_images(images), atol=1e-4)
+    text = (target / "README.md").read_text()
+    properties = {each.key: each.value for each in onnx.load(target / "model.onnx").metadata_props}
+    assert properties["repro.model_card"] == text
+    results = check_card(text).data.eval_results
+    assert {each.metric_type: each.metric_value for each in results} == pytest.approx(
+        {name: 0.1 * number for number, name in enumerate(CARD_METRICS, 1)}
+    )
+
+
+def test_weights_are_exported_with_a_card(run, tmp_path):
+    export_weights(run, tmp_path / "weights")
+    check_card((tmp_path / "weights" / "README.md").read_text())
+    assert set(METRICS) < set(CARD_METRICS)
+
+
+def test_a_run_is_loaded_by_its_directory(run):
+    assert load_predictor(run.path).grid == load_predictor(run.model).grid == Grid(32, 50.0)
+
+
+def test_text_that_breaks_the_metadata_is_quoted():
+    title, dataset = "a: [b\n---\n# c", "{d: 'e"
+    card = ModelCard(with_front_matter("# A\n", title, dataset, {"ssim": 0.5}), ignore_metadata_errors=False)
+    assert (card.data.model_name, card.data.eval_results[0].dataset_name) == (title, dataset)
+
+
+def test_the_published_card_and_statistics_are_complete():
+    card = check_card((PUBLISHED / "README.md").read_text())
+    runs = pd.read_csv(PUBLISHED.parent / "runs.csv").astype({"experiment": str, "seed": str})
+    row = runs.query("experiment == '4' and model == 'unet' and encoding == 'projection' and seed == '0.0'").iloc[0]
+    measured = {each.metric_type: each.metric_value for each in card.data.eval_results}
+    assert measured == pytest.approx({name: row[name] for name in CARD_METRICS}, abs=1e-4)
+    statistics = load_predictor(PUBLISHED).statistics
+    assert statistics.windows == 3000
+    assert set(statistics.quantiles) == set(TITLES)
+
+
+def test_statistics_are_added_without_a_change_of_the_weights(run):
+    files = {name: sha256(run.model / name) for name in ("model.safetensors", "config.json")}
+    assert load_predictor(run.model).statistics is None
+    statistics = load_predictor(PUBLISHED).statistics
+    describe(run.model, statistics)
+    assert load_predictor(run.model).statistics == statistics
+    assert {name: sha256(run.model / name) for name in files} == files
+    content = json.loads((run.model / "predictor.json").read_text())
+    content["statistics"]["quantiles"]["beams"][0] = 1
+    (run.model / "predictor.json").write_text(json.dumps(content))
+    with pytest.raises(ValueError, match="differs from its checksum"):
+        load_predictor(run.model)
+
+
+@pytest.mark.slow
+def test_a_training_keeps_the_statistics_of_its_scans(recorded, tmp_path):
+    run = prepared(tmp_path / "run", max_epochs=1)
+    train(run, recorded, accelerator="cpu")
+    evaluate(run, recorded, accelerator="cpu")
+    statistics = load_predictor(run.model).statistics
+    assert statistics == training_statistics(recorded, run.config())
+    assert statistics.windows == 24
+    assert statistics.range_of("fov_deg") == pytest.approx((90, 90))
+    export_weights(run, tmp_path / "weights")
+    assert load_predictor(tmp_path / "weights").statistics == statistics
