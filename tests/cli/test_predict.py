@@ -31,9 +31,8 @@ def predict(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
-    done = predict(
-        f"scans={EXAMPLE}", "prediction.stride_s=10", "prediction.center=[25,25]", f"outputs={tmp_path}", *ANIMATE
-    )
+    options = ("prediction.stride_s=10", "prediction.center=[25,25]", "prediction.animate=true")
+    done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "square"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
