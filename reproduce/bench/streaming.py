@@ -14,7 +14,7 @@ from table import head, row
 
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.convlstm import ConvLSTM
+from repro.networks.convgru import ConvGRU
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
@@ -29,8 +29,9 @@ def bench_streaming() -> None:
     """Print the median CPU time of an update, and of its encoding alone, at 128 and 256 px."""
     log = read_log(ROOT / "examples" / "square.npz", 0.05)
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
-    series = create_encoding("stack10", {"frames": 10})
-    predictors = {"U-Net, projection": unet, "ConvLSTM, stack10": Predictor(ConvLSTM(10).eval(), series, unet.grid)}
+    series = create_encoding("series10", {"frames": 10})
+    gru = Predictor(ConvGRU(series.channels, frames=10).eval(), series, unet.grid)  # not trained
+    predictors = {"ConvGRU, series10": gru, "U-Net, projection": unet}
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -12,6 +12,7 @@ from repro.maps.encodings import ObservedFree, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
+from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
@@ -57,12 +58,13 @@ def test_a_file_holds_the_whole_predictor(exported):
         again.save_onnx(path)
 
 
-def test_a_recurrent_network_is_exported(tmp_path):
+@pytest.mark.parametrize(("network", "name"), [(ConvLSTM, "stack4"), (ConvGRU, "series4")])
+def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
-    encoding = create_encoding("stack4", {"frames": 4})
-    predictor = Predictor(ConvLSTM(4, hidden=16).eval(), encoding, Grid(32, 50.0))
+    encoding = create_encoding(name, {"frames": 4})
+    predictor = Predictor(network(encoding.channels, frames=4, hidden=16).eval(), encoding, Grid(32, 50.0))
     assert predictor.save_onnx(tmp_path / "model.onnx") <= onnx_files.TOLERANCE
-    images = torch.randint(0, 256, (3, 4, 32, 32), dtype=torch.uint8)
+    images = torch.randint(0, 256, (3, encoding.channels, 32, 32), dtype=torch.uint8)
     found = load_predictor(tmp_path).predict_images(images)
     assert torch.allclose(found, predictor.predict_images(images), atol=1e-4)
 

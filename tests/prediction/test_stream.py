@@ -8,7 +8,7 @@ import torch
 from conftest import ROOT
 
 from repro.config import paper_model
-from repro.maps.encodings import ObservedFree, Stack
+from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
@@ -26,7 +26,11 @@ def log() -> ScanLog:
     return read_log(ROOT / "examples" / "square.npz", 0.05)
 
 
-@pytest.fixture(scope="module", params=[Projection(), ObservedFree(), Stack(4)], ids=lambda encoding: encoding.name)
+@pytest.fixture(
+    scope="module",
+    params=[Projection(), create_encoding("series10", {"frames": 10})],
+    ids=lambda encoding: encoding.name,
+)
 def predictor(request) -> Predictor:
     torch.manual_seed(0)
     return Predictor(create_network(paper_model("unet"), request.param.channels).eval(), request.param, GRID)

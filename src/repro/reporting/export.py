@@ -86,7 +86,8 @@ def make_card(run: Run, path: str, form: str) -> str:
     size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
     setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
-    title = f"{model_title(config.model.name)} ({config.model.encoder_name}), experiment {config.experiment}"
+    encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
+    title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
     body = f"""# {title}
 
 ```python
@@ -113,10 +114,13 @@ one robot path; {form}.
 """
     if path.endswith(ONNX):
         body = body.replace("`predictor.json` defines", "The metadata of the file define")
-    return with_front_matter(body, title, setup, measured)
+    library = "segmentation-models-pytorch" if encoder else "pytorch"
+    return with_front_matter(body, title, setup, measured, library)
 
 
-def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, float]) -> str:
+def with_front_matter(
+    body: str, title: str, dataset: str, metrics: dict[str, float], library: str = "segmentation-models-pytorch"
+) -> str:
     """Return a model card with the metadata of the Hugging Face Hub before its text.
 
     Args:
@@ -124,6 +128,7 @@ def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, fl
         title: name of the model.
         dataset: name of the worlds of the test set.
         metrics: the metrics on the test set by name.
+        library: the library of the network.
 
     Raises:
         ValueError: huggingface_hub reads other metadata from the card.
@@ -141,7 +146,7 @@ def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, fl
     ]
     data = ModelCardData(
         license=LICENSE,
-        library_name="segmentation-models-pytorch",
+        library_name=library,
         pipeline_tag="image-segmentation",
         tags=["robotics", "lidar", "occupancy-grid"],
         metrics=list(metrics),
