@@ -11,7 +11,8 @@ import shapely
 from repro.simulation.drift import obstacle_states
 from repro.simulation.shapes import Line, Shape, boundaries, shape_radius
 
-_PLACEMENTS = 200  # attempts to place one obstacle, and to find it a motion out of the robot's way
+_PLACEMENTS = 200  # attempts to place one obstacle
+_MOTIONS = 50  # attempts to find it a motion out of the robot's way
 
 Population = dict[str, Any]
 Placed = tuple[float, float, Shape, Population]
@@ -22,7 +23,7 @@ class Attempts:
 
     def __init__(self) -> None:
         self.places = iter(range(20_000))
-        self.motions = iter(range(1000))  # each is simulated
+        self.motions = iter(range(2000))  # each is simulated
 
 
 @dataclass(frozen=True)
@@ -45,14 +46,13 @@ class Site:
     lines: list[Line]
     step_time: float
 
-    def has_room(self, x: float, y: float, radius: float, *, moves: bool) -> bool:
-        """Check a place for the circle around an obstacle; a moving one need only keep clear of where robots start."""
+    def has_room(self, x: float, y: float, radius: float) -> bool:
+        """Check a place for the circle around an obstacle: off the walls, and off the zone or the whole path."""
         if self.path is None:
             center = self.size_m / 2
             is_clear = math.hypot(x - center[0], y - center[1]) >= self.clear_m + radius
         else:
-            places = self.path[[0, -1]] if moves else self.path
-            is_clear = np.hypot(*(places - [x, y]).T).min() >= self.clear_m + radius
+            is_clear = np.hypot(*(self.path - [x, y]).T).min() >= self.clear_m + radius
         return is_clear and (self.walls is None or shapely.distance(self.walls, shapely.Point(x, y)) >= radius)
 
     def keeps_clear(self, obstacle: dict[str, Any]) -> bool:
@@ -92,11 +92,11 @@ def _place(
 ) -> Placed | None:
     """Draw a shape and a place for it without overlap, inside the map and outside the zone; None without a place."""
     shape = _shape(rng, population)
-    radius, moves = shape_radius(shape), bool(population.get("behavior"))
+    radius = shape_radius(shape)
     for _ in islice(attempts.places, _PLACEMENTS):
         x, y = rng.uniform(radius, site.size_m - radius)
         apart = all(math.hypot(x - u, y - v) >= radius + shape_radius(other) for u, v, other, _ in placed)
-        if apart and site.has_room(x, y, radius, moves=moves):
+        if apart and site.has_room(x, y, radius):
             return float(x), float(y), shape, population
     return None
 
@@ -130,7 +130,7 @@ def _moving(
     attempts: Attempts,
 ) -> dict[str, Any] | None:
     """Create an obstacle with a random stream of its own that keeps out of the robot's way; None if none does."""
-    for _ in islice(attempts.motions, _PLACEMENTS):
+    for _ in islice(attempts.motions, _MOTIONS):
         heading = float(rng.uniform(-math.pi, math.pi))
         speed = float(rng.uniform(*population["behavior"]["speed_m_s"]))
         limit, radius = 1.01 * speed, shape_radius(shape)

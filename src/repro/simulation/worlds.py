@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 import yaml
 
 from repro.config import populations
 from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
 from repro.simulation.placement import Attempts, Site, sample_obstacles
-from repro.simulation.shapes import boundaries, shape_radius, union
+from repro.simulation.shapes import Line, boundaries, shape_radius, union
 
 World = dict[str, Any]
 
@@ -44,15 +45,12 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     _check_room(spec)
     rng = np.random.default_rng([experiment_number(spec["experiment"]), seed])
     world, fixed = copy.deepcopy(spec["world"]), fixed_obstacles(spec)
-    walls, motion = union(fixed), spec["motion"]
-    if motion["name"] == "random_goals":
-        motion = to_waypoints(rng, motion, world, walls, spec["robot"]["shape"]["radius"])
-    path = planned_path(motion, world)[:, :2] if is_drive(motion) else None
-    size_m = np.array([world["width"], world["height"]])
-    site = Site(size_m, spec["clear_radius_m"], path, walls, boundaries(fixed), world["step_time"])
-    attempts = Attempts()
+    walls, attempts = union(fixed), Attempts()
     for _ in range(_RESTARTS):
-        obstacles = sample_obstacles(rng, populations(spec), site, attempts)
+        motion = spec["motion"]
+        if motion["name"] == "random_goals":
+            motion = to_waypoints(rng, motion, world, walls, spec["robot"]["shape"]["radius"])
+        obstacles = sample_obstacles(rng, populations(spec), _site(spec, motion, walls, boundaries(fixed)), attempts)
         if obstacles is not None:
             break
     else:
@@ -64,6 +62,14 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     if robot["sensors"][0].get("noise"):
         custom["seed"] = 2 * int(rng.integers(2**30))
     return {**sampled, "custom": custom} if custom else sampled
+
+
+def _site(spec: dict[str, Any], motion: dict[str, Any], walls: shapely.Geometry | None, lines: list[Line]) -> Site:
+    """Describe where obstacles may stand in a world with this motion of the robot."""
+    world = spec["world"]
+    path = planned_path(motion, world)[:, :2] if is_drive(motion) else None
+    size_m = np.array([world["width"], world["height"]])
+    return Site(size_m, spec["clear_radius_m"], path, walls, lines, world["step_time"])
 
 
 def fixed_obstacles(spec: dict[str, Any]) -> list[dict[str, Any]]:
