@@ -96,6 +96,8 @@ def _steps_touching(
     cos, sin = torch.cos(states[step, 2]), torch.sin(states[step, 2])
     x, y = offset[step, beam].unbind(-1)
     own = torch.stack([x * cos + y * sin, y * cos - x * sin], dim=-1)  # in the obstacle's frame, (P, 2)
+    if not is_convex:  # the padding repeats the last vertex
+        outline = torch.cat([outline[:1], outline[1:][(outline[1:] != outline[:-1]).any(-1)]])
     edge = outline.roll(-1, 0) - outline  # (V, 2)
     length = edge.square().sum(-1)
     if not is_convex:
