@@ -10,7 +10,7 @@ POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:200
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce analysis curves test test-fast test-slurm stress check bench docs clean
+.PHONY: help setup reproduce analysis curves test test-fast test-slurm stress check bench demo docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -73,6 +73,9 @@ check: setup ## ruff (lint and format) and mypy
 
 bench: setup ## speed and memory as ratios to a plain implementation, on this machine
 	$(PY) reproduce/bench
+
+demo: setup ## one HTML file that runs a network in the browser
+	$(PY) run.py task=demo $(SCALE_ARG) $(ARGS)
 
 docs: setup ## update the generated tables of README.md and docs/ from reproduce/results
 	$(PY) run.py task=docs

@@ -25,6 +25,7 @@ PACKAGES = (  # top-level modules and packages, each importing from those before
     "baselines",
     "evaluation",
     "reporting",
+    "demo",
     "cli",
 )
 INNER_IMPORTS = 11  # imports inside functions that are worth their cost

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, TypeAdapter
 from repro.config import STRICT, Encoding, Gray, Model, NotNegative, Scale, Training, choice
 
 RUN_TASKS = ("all", "record", "train", "evaluate", "world", "animate", "generalization", "export", "predict")
-STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs")  # once for all runs
+STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo")  # once for all runs
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
 Directory = Annotated[str, Field(min_length=1), AfterValidator(os.path.expanduser)]
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
@@ -74,6 +74,21 @@ class Prediction:
 
 
 @dataclass(frozen=True)
+class Demo:
+    """Settings of task=demo.
+
+    Args:
+        networks: directories of trained or exported networks; the page starts with the first.
+        runtime: npm package of ONNX Runtime Web; None takes it from the user's cache or downloads it.
+    """
+
+    __pydantic_config__ = STRICT
+
+    networks: Annotated[list[str], Field(min_length=1)]
+    runtime: Directory | None
+
+
+@dataclass(frozen=True)
 class Publish:
     """Settings of task=publish and task=export.
 
@@ -110,6 +125,7 @@ class Config:
     format: Annotated[str, choice("torch", "onnx")]
     scans: str | None
     prediction: Prediction
+    demo: Demo
     publish: Publish
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from repro.cli.config import Config, Prediction, Runtime
+from repro.cli.config import Config, Demo, Prediction, Runtime
 from repro.config import Scale, world_spec
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
@@ -36,6 +36,7 @@ class Job:
         format: form of an exported network, torch or onnx.
         scans: the log of task=predict.
         prediction: settings of task=predict.
+        demo: settings of task=demo.
     """
 
     task: str
@@ -51,6 +52,7 @@ class Job:
     format: str
     scans: str | None
     prediction: Prediction
+    demo: Demo
 
     @property
     def key(self) -> RunKey:
@@ -93,6 +95,7 @@ def resolve(config: Config) -> Job:
         format=config.format,
         scans=config.scans,
         prediction=config.prediction,
+        demo=config.demo,
     )
 
 

@@ -1,0 +1,24 @@
+"""task=demo: one HTML file that runs networks in the browser."""
+
+from pathlib import Path
+
+from repro.cli.jobs import Job
+from repro.demo.networks import load_network
+from repro.demo.page import render
+from repro.demo.runtime import load_runtime
+from repro.system.files import write_text
+
+
+def run(job: Job) -> None:
+    """Write the page.
+
+    Raises:
+        ValueError: a network or the runtime cannot be used, or the page would be too large.
+    """
+    runtime = load_runtime(Path(job.demo.runtime) if job.demo.runtime else None)
+    networks = [load_network(Path(directory)) for directory in job.demo.networks]
+    spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.experiments}
+    page = render(networks, runtime, spec, job.prediction.steps)
+    path = job.outputs.path / "demo.html"
+    write_text(path, page)
+    print(f"{path} ({len(page) / 1e6:.1f} MB)")

@@ -1,0 +1,29 @@
+// Conversion between meters and pixels, and true maps; row 0 is the top, as in repro.maps.grid and ground_truth.
+
+/**
+ * Draw the true map: a pixel is an obstacle if its center lies in one.
+ *
+ * @param {Float64Array[]} outlines convex outlines in the world frame [m]
+ * @param {{size_px: number, size_m: number}} grid
+ * @returns {Uint8Array} 1 is free, 0 is an obstacle, row-major, H * W
+ */
+export function rasterize(outlines, grid) {
+  const size = grid.size_px, resolution = grid.size_m / size;
+  const map = new Uint8Array(size * size).fill(1);
+  const firstColumn = (x) => Math.min(Math.max(Math.ceil(x / resolution - 0.5), 0), size);
+  for (const outline of outlines) {
+    for (let row = 0; row < size; row++) {
+      const y = (size - 0.5 - row) * resolution;
+      let left = Infinity, right = -Infinity;
+      for (let i = 0, j = outline.length - 2; i < outline.length; j = i, i += 2) {
+        const x0 = outline[j], y0 = outline[j + 1], x1 = outline[i], y1 = outline[i + 1];
+        if (y0 <= y === y1 <= y) continue;
+        const crossing = x0 + ((y - y0) * (x1 - x0)) / (y1 - y0);
+        left = Math.min(left, crossing);
+        right = Math.max(right, crossing);
+      }
+      if (left <= right) map.fill(0, row * size + firstColumn(left), row * size + Math.max(firstColumn(left), firstColumn(right)));
+    }
+  }
+  return map;
+}

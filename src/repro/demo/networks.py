@@ -1,0 +1,122 @@
+"""Networks for the page: ONNX with weights stored as float16, checked against PyTorch."""
+
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from onnx import TensorProto, helper, numpy_helper
+
+from repro.maps.grid import Grid
+from repro.networks.predictor import Predictor, load_predictor
+from repro.reporting.names import model_title, predictor_title
+from repro.runs.keys import RunKey
+
+ENCODINGS = ("projection", "negative", "stack", "series")  # that assets/encodings.js draws, with a number or without
+TOLERANCE = 1e-3  # largest difference of a probability to PyTorch
+SMALLEST = 256  # values of a tensor that is stored as float16
+
+
+@dataclass(frozen=True)
+class DemoNetwork:
+    """A network of the page.
+
+    Args:
+        title: name of the network, encoding and experiment.
+        note: size and training in one sentence.
+        experiment: the experiment in which it was trained; None if that is unknown.
+        encoding: name and parameters of its encoding, as in predictor.json.
+        grid: grid of its maps.
+        onnx: the network, from the input (1, C, H, W) to logits (1, 1, H, W).
+    """
+
+    title: str
+    note: str
+    experiment: str | None
+    encoding: dict[str, Any]
+    grid: Grid
+    onnx: bytes
+
+
+def load_network(directory: Path) -> DemoNetwork:
+    """Load a trained or exported network for the page.
+
+    Raises:
+        ValueError: the directory holds no predictor, the page cannot draw its encoding, or float16 weights change its
+            output by more than 0.001.
+    """
+    predictor = load_predictor(directory)
+    encoding = {"name": predictor.encoding.name, "parameters": asdict(predictor.encoding)}  # type: ignore[call-overload]
+    if encoding["name"].rstrip("0123456789") not in ENCODINGS:
+        raise ValueError(
+            f"{directory} has the encoding {encoding['name']}, expected {', '.join(ENCODINGS)}: the page draws no other"
+        )
+    content = with_float16_weights(_export(predictor))
+    _check(content, predictor, directory)
+    title, experiment = _names(directory, predictor)
+    parameters = sum(weights.numel() for weights in predictor.network.parameters())
+    count = f"{parameters / 1e6:.1f} million" if parameters >= 1e6 else f"{parameters / 1000:.0f} thousand"
+    trained = f"trained in experiment {experiment}, " if experiment else ""
+    note = f"{count} parameters, {trained}input {encoding['name']}, {predictor.grid.size_px} px."
+    return DemoNetwork(title, note[0].upper() + note[1:], experiment, encoding, predictor.grid, content)
+
+
+def with_float16_weights(content: bytes) -> bytes:
+    """Store the large float32 weights of an ONNX model as float16; ONNX Runtime converts them back when it loads them.
+
+    Raises:
+        ValueError: a weight is too large for float16.
+    """
+    model = onnx.load_from_string(content)
+    graph, casts = model.graph, []
+    for tensor in graph.initializer:
+        if tensor.data_type != TensorProto.FLOAT or np.prod(tensor.dims) < SMALLEST:
+            continue
+        name, values = tensor.name, numpy_helper.to_array(tensor)
+        if np.abs(values).max() > np.finfo(np.float16).max:
+            raise ValueError(f"weights {name}: expected values within float16, the largest is {np.abs(values).max()}")
+        tensor.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}.float16"))
+        casts.append(helper.make_node("Cast", [f"{name}.float16"], [name], to=TensorProto.FLOAT))
+    nodes = [*casts, *graph.node]
+    del graph.node[:], graph.value_info[:]
+    graph.node.extend(nodes)
+    return model.SerializeToString()
+
+
+def _export(predictor: Predictor) -> bytes:
+    size_px = predictor.grid.size_px
+    images = torch.zeros(1, predictor.encoding.channels, size_px, size_px)
+    options = {"input_names": ["images"], "output_names": ["logits"], "external_data": False, "verbose": False}
+    program = torch.onnx.export(predictor.network.eval(), (images,), dynamo=True, **options)
+    return program.model_proto.SerializeToString()
+
+
+def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
+    """Compare with PyTorch on images of random gray values of which most are white."""
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+    generator = torch.Generator().manual_seed(0)
+    shape = (1, predictor.encoding.channels, predictor.grid.size_px, predictor.grid.size_px)
+    gray = torch.randint(0, 256, shape, generator=generator, dtype=torch.uint8)
+    images = torch.where(torch.rand(shape, generator=generator) < 0.1, gray, 255)
+    feeds = {session.get_inputs()[0].name: predictor.encoding.to_input(images).numpy()}
+    free = torch.as_tensor(session.run(None, feeds)[0]).sigmoid()
+    error = float((free - predictor.predict_images(images)).abs().max())
+    if error > TOLERANCE:
+        raise ValueError(f"{directory}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}")
+
+
+def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:
+    """Return the title of a network and its experiment, from the path of an exported folder or a run directory."""
+    parts = directory.resolve().parts
+    exported = re.fullmatch(r"exp(\w+?)-(\w+)", parts[-1])
+    if exported:
+        experiment, model = exported.groups()
+        return f"{predictor_title(model, predictor.encoding.name)}, experiment {experiment}", experiment
+    if parts[-1] == "model" and "runs" in parts[-6:-5]:
+        key = RunKey.parse(Path(*parts[-6:-1]))
+        return f"{predictor_title(key.model, key.encoding)}, experiment {key.experiment}", key.experiment
+    return f"{model_title(type(predictor.network).__name__.lower())}, {directory.name}", None

@@ -1,0 +1,110 @@
+"""The browser demo: one self-contained HTML file that runs networks in a world that the user changes.
+
+The page consists of `assets/`: ES modules without a build step, which `loader.js` links in the browser. ONNX Runtime Web
+and the networks are embedded as base64 of gzip.
+"""
+
+import base64
+import gzip
+import json
+import re
+from dataclasses import asdict
+from graphlib import TopologicalSorter
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from repro.demo.networks import DemoNetwork
+from repro.demo.runtime import VERSION, Runtime
+
+ASSETS = Path(str(files("repro.demo"))) / "assets"
+RUNTIME_MODULE = "ort.mjs"
+IMPORTS = re.compile(r'from "\./([\w.]+)"')
+MAX_BYTES = 25_000_000
+MOTIONS = {"square": "Square", "rotate": "Rotation in place"}
+
+
+def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], steps: int) -> str:
+    """Return the page.
+
+    Args:
+        networks: the networks to choose from; the first is selected.
+        runtime: ONNX Runtime Web.
+        spec: the worlds: `world`, `robot` and `experiments` of conf/world.
+        steps: steps of a window, T.
+
+    Raises:
+        ValueError: the page is larger than 25 MB.
+    """
+    environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
+    lidar = spec["robot"]["sensors"][0]
+    motions = {each["motion"]["name"]: each["motion"] for each in spec["experiments"].values()}
+    settings = {"spec": spec | {"motions": motions}, "steps": steps, "networks": [_describe(network) for network in networks]}
+    page = environment.get_template("index.html").render(
+        style=_read("style.css"),
+        loader=_read("loader.js"),
+        modules=_to_script(link_modules(runtime)),
+        settings=_to_script(settings),
+        wasm=_pack(runtime.wasm),
+        weights=[_pack(network.onnx) for network in networks],
+        networks=networks,
+        experiments={name: _experiment(name, each) for name, each in spec["experiments"].items()},
+        experiment=_default_experiment(networks[0], spec),
+        motions={name: MOTIONS.get(name, name) for name in motions},
+        size=networks[0].grid.size_px,
+        size_m=f"{networks[0].grid.size_m:g}",
+        steps=steps,
+        seconds=f"{steps * spec['world']['step_time']:g}",
+        beams=lidar["number"],
+        range_max=f"{lidar['range_max']:g}",
+        runtime=VERSION,
+    )
+    if len(page.encode()) > MAX_BYTES:
+        sizes = ", ".join(f"{network.title} {len(network.onnx) / 1e6:.1f} MB" for network in networks)
+        raise ValueError(
+            f"the page has {len(page) / 1e6:.1f} MB, at most {MAX_BYTES / 1e6:.0f} are allowed: name fewer or smaller "
+            f"networks with demo.networks= (now {sizes})"
+        )
+    return page
+
+
+def link_modules(runtime: Runtime) -> dict[str, str]:
+    """Return the source of all JavaScript modules of the page, each after those that it imports."""
+    sources = {path.name: path.read_text(encoding="utf-8") for path in ASSETS.glob("*.js") if path.name != "loader.js"}
+    sources[RUNTIME_MODULE] = runtime.script
+    graph = {name: IMPORTS.findall(source) for name, source in sources.items() if name != RUNTIME_MODULE}
+    return {name: sources[name] for name in TopologicalSorter(graph).static_order()}
+
+
+def _describe(network: DemoNetwork) -> dict[str, Any]:
+    return {
+        "title": network.title,
+        "note": network.note,
+        "encoding": network.encoding,
+        "grid": asdict(network.grid),
+    }
+
+
+def _experiment(name: str, experiment: dict[str, Any]) -> str:
+    obstacles = "moving" if "behavior" in experiment["obstacles"] else "static"
+    return f"{name}: {obstacles}, robot {'rotates' if experiment['motion']['name'] == 'rotate' else 'drives'}"
+
+
+def _default_experiment(network: DemoNetwork, spec: dict[str, Any]) -> str:
+    """Return the experiment in which a network was trained, the last one if that is unknown."""
+    return network.experiment if network.experiment in spec["experiments"] else list(spec["experiments"])[-1]
+
+
+def _read(name: str) -> str:
+    return (ASSETS / name).read_text(encoding="utf-8")
+
+
+def _to_script(content: Any) -> str:
+    """Return JSON that cannot close the script element around it."""
+    return json.dumps(content, ensure_ascii=False).replace("<", "\\u003c")
+
+
+def _pack(content: bytes) -> str:
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()

@@ -1,0 +1,82 @@
+"""ONNX Runtime Web for the page: the npm package at a pinned version, checked against its hash and cached."""
+
+import base64
+import hashlib
+import os
+import tarfile
+import urllib.request
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+from repro.system.files import replacing
+
+VERSION = "1.30.0"
+ARCHIVE = f"onnxruntime-web-{VERSION}.tgz"
+URL = f"https://registry.npmjs.org/onnxruntime-web/-/{ARCHIVE}"
+SHA512 = "q0y+JrrtukXSzsBWEMccVfqX25LRmosXHF+CaRJmg8pZClzcV7svNc4rKY3jL02Vb7QmRMDs1SigqR4CXAfKYQ=="  # of the registry
+SCRIPT, WASM = "package/dist/ort.wasm.bundle.min.mjs", "package/dist/ort-wasm-simd-threaded.wasm"
+TIMEOUT_S = 60
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """The two files of ONNX Runtime Web that the page needs.
+
+    Args:
+        script: source of the JavaScript module.
+        wasm: the compiled runtime.
+    """
+
+    script: str
+    wasm: bytes
+
+
+def load_runtime(archive: Path | None = None) -> Runtime:
+    """Read ONNX Runtime Web from its npm package.
+
+    Args:
+        archive: the npm package; None takes it from the cache, or downloads it.
+
+    Raises:
+        ValueError: the package cannot be downloaded or read, or is another one than expected.
+    """
+    path = archive or cached_archive()
+    if archive is None and not path.is_file():
+        _download(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"demo.runtime={path} cannot be read: {error.strerror}; expected {ARCHIVE}") from error
+    digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
+    if digest != SHA512:
+        raise ValueError(f"{path} has the hash sha512-{digest}, expected sha512-{SHA512} ({URL}): delete or replace it")
+    with tarfile.open(fileobj=BytesIO(content)) as package:
+        script, wasm = (_member(package, name) for name in (SCRIPT, WASM))
+    return Runtime(script.decode(), wasm)
+
+
+def cached_archive() -> Path:
+    """Return where the npm package is cached, in the user's cache directory; the file may be missing."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "repro" / ARCHIVE
+
+
+def _download(path: Path) -> None:
+    print(f"downloading {URL} (33 MB) to {path}", flush=True)
+    try:
+        with urllib.request.urlopen(URL, timeout=TIMEOUT_S) as response:
+            content = response.read()
+    except OSError as error:
+        raise ValueError(
+            f"{URL} cannot be downloaded ({error}): connect to the internet once, or download the file elsewhere and "
+            "name it with demo.runtime="
+        ) from error
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _member(package: tarfile.TarFile, name: str) -> bytes:
+    file = package.extractfile(name)
+    assert file, f"{name} is a file of the package, whose hash is checked"
+    return file.read()
