@@ -106,7 +106,9 @@ def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
     free = torch.as_tensor(session.run(None, feeds)[0]).sigmoid()
     error = float((free - predictor.predict_images(images)).abs().max())
     if error > TOLERANCE:
-        raise ValueError(f"{directory}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}")
+        raise ValueError(
+            f"{directory}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}"
+        )
 
 
 def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:

@@ -41,7 +41,11 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], 
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
     lidar = spec["robot"]["sensors"][0]
     motions = {each["motion"]["name"]: each["motion"] for each in spec["experiments"].values()}
-    settings = {"spec": spec | {"motions": motions}, "steps": steps, "networks": [_describe(network) for network in networks]}
+    settings = {
+        "spec": spec | {"motions": motions},
+        "steps": steps,
+        "networks": [_describe(network) for network in networks],
+    }
     page = environment.get_template("index.html").render(
         style=_read("style.css"),
         loader=_read("loader.js"),

@@ -43,14 +43,12 @@ def load_runtime(archive: Path | None = None) -> Runtime:
     """
     path = archive or cached_archive()
     if archive is None and not path.is_file():
-        _download(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"demo.runtime={path} cannot be read: {error.strerror}; expected {ARCHIVE}") from error
-    digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
-    if digest != SHA512:
-        raise ValueError(f"{path} has the hash sha512-{digest}, expected sha512-{SHA512} ({URL}): delete or replace it")
+        content = _checked(_download(), URL)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
+    else:
+        content = _checked(_read(path), f"{path}, which should be {URL},")
     with tarfile.open(fileobj=BytesIO(content)) as package:
         script, wasm = (_member(package, name) for name in (SCRIPT, WASM))
     return Runtime(script.decode(), wasm)
@@ -61,19 +59,30 @@ def cached_archive() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "repro" / ARCHIVE
 
 
-def _download(path: Path) -> None:
-    print(f"downloading {URL} (33 MB) to {path}", flush=True)
+def _download() -> bytes:
+    print(f"downloading {URL} (33 MB) to {cached_archive()}", flush=True)
     try:
         with urllib.request.urlopen(URL, timeout=TIMEOUT_S) as response:
-            content = response.read()
+            return response.read()
     except OSError as error:
         raise ValueError(
             f"{URL} cannot be downloaded ({error}): connect to the internet once, or download the file elsewhere and "
             "name it with demo.runtime="
         ) from error
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"demo.runtime={path} cannot be read: {error.strerror}; expected {ARCHIVE}") from error
+
+
+def _checked(content: bytes, source: str) -> bytes:
+    digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
+    if digest != SHA512:
+        raise ValueError(f"{source} has the hash sha512-{digest}, expected sha512-{SHA512}")
+    return content
 
 
 def _member(package: tarfile.TarFile, name: str) -> bytes:

@@ -30,6 +30,7 @@ export function drawChart(canvas, points, span, colors) {
   }
   context.textAlign = "left";
   context.fillText(`${span} s ago`, PAD.left, height - 8);
+  context.fillText("Obstacle IoU", PAD.left + 2, PAD.top + 8);
   context.textAlign = "right";
   context.fillText("now", width - PAD.right, height - 8);
   context.strokeStyle = colors.accent;
@@ -38,4 +39,9 @@ export function drawChart(canvas, points, span, colors) {
   context.beginPath();
   for (const { time, value } of points) if (now - time <= span) context.lineTo(x(time), y(value));
   context.stroke();
+  if (!points.length) return;
+  context.fillStyle = colors.accent;
+  context.beginPath();
+  context.arc(x(now), y(points.at(-1).value), 3.5, 0, 2 * Math.PI);
+  context.fill();
 }

@@ -106,8 +106,9 @@ export function stepWorld(world) {
   const stays = isOutside(world, next) || world.obstacles.some((obstacle) => isBlocked(world, next, obstacle));
   world.robotBefore = stands;
   // the paper's motions keep to the clear zone; only an obstacle that the user put into it can stop them
+  world.isStopped = stays && command[0] !== 0;
   world.robot = stays ? { ...stands, heading: next.heading } : next;
-  if (stays && !byHand && command[0]) world.round = (world.round + world.commands.length - 1) % world.commands.length;
+  if (world.isStopped && !byHand) world.round = (world.round + world.commands.length - 1) % world.commands.length;
   takeScan(world);
 }
 

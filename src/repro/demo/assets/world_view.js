@@ -74,13 +74,13 @@ function drawObstacle(context, obstacle, world, pixel, { colors, selected, steps
   context.stroke();
   context.setLineDash([]);
   const length = obstacle.speed * ARROW_S;
-  if (length > 0) drawArrow(context, obstacle, length, pixel, isSeen ? colors.ground : colors.ink);
+  if (length > 0) drawArrow(context, obstacle, length, pixel, colors.ink);
 }
 
 function drawArrow(context, { x, y, course }, length, pixel, color) {
   const tip = [x + length * Math.cos(course), y + length * Math.sin(course)], head = Math.min(6 * pixel, length);
   context.strokeStyle = color;
-  context.lineWidth = 1.6 * pixel;
+  context.lineWidth = 1.3 * pixel;
   context.beginPath();
   context.moveTo(x, y);
   context.lineTo(...tip);

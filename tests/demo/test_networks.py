@@ -1,0 +1,97 @@
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+import torch
+from conftest import ROOT
+from onnx import TensorProto, helper, numpy_helper
+
+from repro.config import paper_model
+from repro.demo import networks, page
+from repro.demo.runtime import Runtime
+from repro.maps.encodings import create_encoding
+from repro.maps.grid import Grid
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor
+
+
+def matrix_model(weights):
+    """Return an ONNX model that multiplies its input (1, K) by weights (K, K)."""
+    size = len(weights)
+    values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, size]) for name in "xy"]
+    nodes = [helper.make_node("MatMul", ["x", "w"], ["y"])]
+    graph = helper.make_graph(nodes, "g", values[:1], values[1:], [numpy_helper.from_array(weights, "w")])
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10).SerializeToString()
+
+
+def test_float16_weights_take_half_the_space_and_give_the_same_output():
+    weights = np.random.default_rng(0).normal(size=(64, 64)).astype(np.float16).astype(np.float32)
+    whole, half = matrix_model(weights), networks.with_float16_weights(matrix_model(weights))
+    assert len(half) < 0.6 * len(whole)
+    onnx.checker.check_model(onnx.load_from_string(half), full_check=True)
+    given = {"x": np.ones((1, 64), np.float32)}
+    outputs = [onnxruntime.InferenceSession(each).run(None, given)[0] for each in (whole, half)]
+    np.testing.assert_array_equal(*outputs)  # the weights are exact in float16
+
+
+def test_weights_beyond_float16_are_refused():
+    with pytest.raises(ValueError, match=r"weights w: expected values within float16, the largest is 100000"):
+        networks.with_float16_weights(matrix_model(np.full((64, 64), 1e5, np.float32)))
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Return a function that saves an untrained network with an encoding."""
+
+    def save(directory, name, **parameters):
+        encoding = create_encoding(name, parameters)
+        torch.manual_seed(0)
+        network = create_network(paper_model("unet"), encoding.channels).eval()
+        Predictor(network, encoding, Grid(32, 50.0)).save(tmp_path / directory)
+        return tmp_path / directory
+
+    return save
+
+
+def test_an_encoding_that_the_page_cannot_draw_is_refused(saved):
+    with pytest.raises(ValueError, match=r"has the encoding ages, expected projection, negative, stack, series"):
+        networks.load_network(saved("exp4-unet", "ages"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("directory", "title", "experiment"),
+    [
+        ("exp2-unet", "U-Net, experiment 2", "2"),
+        ("runs/exp3/unet/projection/seed0/model", "U-Net, experiment 3", "3"),
+        ("mine", "U-Net, mine", None),
+    ],
+)
+def test_a_network_is_described_by_its_directory(saved, directory, title, experiment):
+    loaded = networks.load_network(saved(directory, "projection"))
+    assert (loaded.title, loaded.experiment, loaded.grid.size_px) == (title, experiment, 32)
+    assert loaded.encoding == {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}}
+    assert loaded.note.startswith("5.5 million parameters")
+
+
+def test_modules_come_after_those_they_import():
+    modules = page.link_modules(Runtime("// runtime", b""))
+    order = list(modules)
+    assert {path.name for path in page.ASSETS.glob("*.js")} - {"loader.js"} == set(order) - {"ort.mjs"}
+    for name, source in modules.items():
+        assert all(order.index(other) < order.index(name) for other in page.IMPORTS.findall(source))
+
+
+def test_a_page_that_is_too_large_is_refused():
+    large = networks.DemoNetwork("Large", "", "4", {}, Grid(32, 50.0), np.random.default_rng(0).bytes(20_000_000))
+    spec = {"world": {"step_time": 0.1}, "robot": {"sensors": [{"number": 100, "range_max": 30}]}, "experiments": {}}
+    spec["experiments"]["4"] = {"motion": {"name": "rotate"}, "obstacles": {}}
+    with pytest.raises(ValueError, match=r"has 26.* MB, at most 25 are allowed.*Large 20.0 MB"):
+        page.render([large], Runtime("", b""), spec, 100)
+
+
+def test_the_assets_are_installed_with_the_package():
+    assert 'repro.demo" = ["assets/*"]' in (ROOT / "pyproject.toml").read_text()
+    assert Path(page.ASSETS / "index.html").is_file()
