@@ -90,8 +90,11 @@ def with_float16_weights(content: bytes) -> bytes:
 def _export(predictor: Predictor) -> bytes:
     size_px = predictor.grid.size_px
     images = torch.zeros(1, predictor.encoding.channels, size_px, size_px)
-    options = {"input_names": ["images"], "output_names": ["logits"], "external_data": False, "verbose": False}
-    program = torch.onnx.export(predictor.network.eval(), (images,), dynamo=True, **options)
+    network, names = predictor.network.eval(), (["images"], ["logits"])
+    program = torch.onnx.export(
+        network, (images,), dynamo=True, input_names=names[0], output_names=names[1], external_data=False, verbose=False
+    )
+    assert program, "only the exporter without dynamo returns nothing"
     return program.model_proto.SerializeToString()
 
 

@@ -1,7 +1,7 @@
 """The browser demo: one self-contained HTML file that runs networks in a world that the user changes.
 
-The page consists of `assets/`: ES modules without a build step, which `loader.js` links in the browser. ONNX Runtime Web
-and the networks are embedded as base64 of gzip.
+The page consists of `assets/`: ES modules without a build step, which `loader.js` links in the browser. ONNX Runtime
+Web and the networks are embedded as base64 of gzip.
 """
 
 import base64
@@ -46,7 +46,7 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], 
         "steps": steps,
         "networks": [_describe(network) for network in networks],
     }
-    page = environment.get_template("index.html").render(
+    page: str = environment.get_template("index.html").render(
         style=_read("style.css"),
         loader=_read("loader.js"),
         modules=_to_script(link_modules(runtime)),
