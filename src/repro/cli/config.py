@@ -14,17 +14,8 @@ from pydantic import AfterValidator, Field, TypeAdapter
 from repro.config import STRICT, Encoding, Gray, Model, NotNegative, Scale, Training, choice
 
 RUN_TASKS = ("all", "record", "train", "evaluate", "world", "animate", "generalization", "export", "predict")
-STUDY_TASKS = (
-    "report",
-    "analysis",
-    "curves",
-    "plan",
-    "status",
-    "publish",
-    "verify",
-    "docs",
-    "demo",
-)  # once for all runs
+# once for all runs:
+STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
 Directory = Annotated[str, Field(min_length=1), AfterValidator(os.path.expanduser)]
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))

@@ -98,7 +98,8 @@ def _experiment(name: str, experiment: dict[str, Any]) -> str:
 
 def _default_experiment(network: DemoNetwork, spec: dict[str, Any]) -> str:
     """Return the experiment in which a network was trained, the last one if that is unknown."""
-    return network.experiment if network.experiment in spec["experiments"] else list(spec["experiments"])[-1]
+    known = list(spec["experiments"])
+    return network.experiment if network.experiment and network.experiment in known else known[-1]
 
 
 def _read(name: str) -> str:

@@ -33,7 +33,7 @@ export async function start(worker, modules) {
   window.addEventListener("resize", redraw);
   actions.newWorld(Number(address.get("seed") ?? Math.floor(Math.random() * 2 ** 31)));
   actions.setNetwork();
-  if (address.has("paused")) actions.togglePlay();
+  if (address.has("paused") || matchMedia("(prefers-reduced-motion: reduce)").matches) actions.togglePlay();
   for (const id of ["play", "step", "new-world"]) at(id).disabled = false;
   say("");
   requestAnimationFrame(frame);
