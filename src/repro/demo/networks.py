@@ -1,6 +1,7 @@
 """Networks for the page: ONNX with weights stored as float16, checked against PyTorch."""
 
 import re
+import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from repro.maps.grid import Grid
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.onnx_files import OnnxNetwork
+from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.reporting.names import model_title, predictor_title
 from repro.runs.keys import RunKey
 
@@ -43,7 +45,7 @@ class DemoNetwork:
 
 
 def load_network(directory: Path) -> DemoNetwork:
-    """Load a trained or exported network for the page.
+    """Load a trained or exported network for the page: a directory, or an ONNX file.
 
     Raises:
         ValueError: the directory holds no predictor, the page cannot draw its encoding, or float16 weights change its
@@ -55,12 +57,12 @@ def load_network(directory: Path) -> DemoNetwork:
         raise ValueError(
             f"{directory} has the encoding {encoding['name']}, expected {', '.join(ENCODINGS)}: the page draws no other"
         )
-    content = with_float16_weights(_export(predictor))
+    whole = _onnx_of(directory, predictor)
+    content = with_float16_weights(whole)
     _check(content, predictor, directory)
     title, experiment = _names(directory, predictor)
-    parameters = sum(weights.numel() for weights in predictor.network.parameters())
-    count = f"{parameters / 1e6:.1f} million" if parameters >= 1e6 else f"{parameters / 1000:.0f} thousand"
     trained = f"trained in experiment {experiment}, " if experiment else ""
+    count = _count(onnx.load_from_string(whole))
     note = f"{count} parameters, {trained}input {encoding['name']}, {predictor.grid.size_px} px."
     return DemoNetwork(title, note[0].upper() + note[1:], experiment, encoding, predictor.grid, content)
 
@@ -87,15 +89,20 @@ def with_float16_weights(content: bytes) -> bytes:
     return model.SerializeToString()
 
 
-def _export(predictor: Predictor) -> bytes:
-    size_px = predictor.grid.size_px
-    images = torch.zeros(1, predictor.encoding.channels, size_px, size_px)
-    network, names = predictor.network.eval(), (["images"], ["logits"])
-    program = torch.onnx.export(
-        network, (images,), dynamo=True, input_names=names[0], output_names=names[1], external_data=False, verbose=False
-    )
-    assert program, "only the exporter without dynamo returns nothing"
-    return program.model_proto.SerializeToString()
+def _onnx_of(path: Path, predictor: Predictor) -> bytes:
+    """Return the ONNX file of a predictor, which may have been loaded from one."""
+    if isinstance(predictor.network, OnnxNetwork):
+        return (path if path.is_file() else path / ONNX).read_bytes()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / ONNX
+        predictor.save_onnx(file)
+        return file.read_bytes()
+
+
+def _count(model: onnx.ModelProto) -> str:
+    """Return the number of weights of a network in words."""
+    number = sum(int(np.prod(each.dims)) for each in model.graph.initializer if each.data_type == TensorProto.FLOAT)
+    return f"{number / 1e6:.1f} million" if number >= 1e6 else f"{number / 1000:.0f} thousand"
 
 
 def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
