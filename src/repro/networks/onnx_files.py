@@ -50,7 +50,10 @@ class OnnxNetwork(nn.Module):
 
     def forward(self, images: Tensor) -> Tensor:
         """Return logits, (B, 1, H, W), of images, (B, C, H, W)."""
-        (logits,) = self.session.run([OUTPUT], {INPUT: images.cpu().numpy()})
+        try:
+            (logits,) = self.session.run([OUTPUT], {INPUT: images.cpu().numpy()})
+        except Exception as error:  # classes of its own, without a common base
+            raise ValueError(f"ONNX Runtime cannot run it ({_first_line(error)})") from error
         return torch.from_numpy(logits)
 
 
