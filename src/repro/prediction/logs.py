@@ -90,7 +90,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     first = next(usable, None)
     count = len(first.ranges) if first else 0
     kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,))])
-    rows = ((scan.stamp, _clean(scan), scan.pose) for scan in chain([first] if first else [], usable))
+    rows = ((scan.stamp, valid_ranges(scan), scan.pose) for scan in chain([first] if first else [], usable))
     kept = np.fromiter(rows, kind)  # grows in place: a log may be half as large as the memory
     if first is None or len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
@@ -99,7 +99,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
         raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
-    angles, ranges = _in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
+    angles, ranges = in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
     poses = kept["pose"].copy()
     poses[:, 2] = np.unwrap(poses[:, 2])
     return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped))
@@ -110,8 +110,8 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
     last = -math.inf
     for scan in scans:
         if first is None:
-            _check_beams(scan, path)
-        reason = _reason(scan, first, last)
+            check_beams(scan, str(path))
+        reason = why_unusable(scan, first, last)
         if reason:
             skipped[reason] += 1
         elif scan.stamp - last >= spacing_s:
@@ -119,8 +119,8 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
             yield scan
 
 
-def _reason(scan: LogScan, first: LogScan | None, last: float) -> str | None:
-    """Return why a scan cannot be used; None if it can."""
+def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | None:
+    """Return why a scan cannot be used after the first one and one at the time `last` [s]; None if it can."""
     if not math.isfinite(scan.stamp):
         return "without a time"
     if scan.stamp <= last:
@@ -136,27 +136,32 @@ def _reason(scan: LogScan, first: LogScan | None, last: float) -> str | None:
     return None
 
 
-def _check_beams(scan: LogScan, path: Path) -> None:
+def check_beams(scan: LogScan, source: str) -> None:
+    """Check the beams of a scan.
+
+    Raises:
+        ValueError: they are not those of a lidar; the message begins with the source of the scan.
+    """
     if not 2 <= len(scan.ranges) <= MAX_BEAMS:
-        raise ValueError(f"{path}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
+        raise ValueError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
     span = abs(scan.spacing) * (len(scan.ranges) - 1)
     if not math.isfinite(scan.first_angle) or not 0 < span <= 2 * math.pi + 0.1:
         raise ValueError(
-            f"{path}: expected beam angles in radians within one turn, got {len(scan.ranges)} beams from "
+            f"{source}: expected beam angles in radians within one turn, got {len(scan.ranges)} beams from "
             f"{scan.first_angle:.4g} with a spacing of {scan.spacing:.4g}"
         )
     if not scan.range_max_m > max(scan.range_min_m, 0):
-        raise ValueError(f"{path}: expected a positive maximum range, got {scan.range_max_m:.4g}")
+        raise ValueError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
 
 
-def _clean(scan: LogScan) -> np.ndarray:
+def valid_ranges(scan: LogScan) -> np.ndarray:
     """Return the ranges of a scan with inf for all that is no hit: beyond or at the maximum, below the minimum, NaN."""
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     is_hit = (ranges > max(scan.range_min_m, 0)) & (ranges < scan.range_max_m)
     return np.where(is_hit, ranges, np.float32(np.inf))
 
 
-def _in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the beams by increasing angle, without the last ones of a full turn that point where the first ones do."""
     if angles[-1] < angles[0]:
         angles, ranges = angles[::-1], ranges[:, ::-1]

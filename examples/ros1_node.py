@@ -1,0 +1,58 @@
+"""Predicted maps in ROS 1: subscribes to LaserScan and tf (or Odometry), publishes nav_msgs/OccupancyGrid.
+
+PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan _center:=25,25
+
+Topics: scan, /tf and /tf_static or odom; map. Parameters: ~weights, ~odometry (true reads odom instead of tf), ~center
+(robot, or x,y in the frame of the poses [m]), ~steps, ~step_s, ~undecided (low,high: probabilities of an obstacle
+between these are unknown, -1). Debian 12 has ROS 1 for Python 3.11: apt install ros-core python3-rospy.
+"""
+
+from pathlib import Path
+
+import rospy
+import torch
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from repro.networks.predictor import load_predictor
+from repro.prediction.live import LiveMapper, pair
+from repro.prediction.ros import grid_message, occupancy
+
+WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "workstation" / "exp4-unet"
+TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
+
+
+def main() -> None:
+    rospy.init_node("map_prediction")
+    torch.set_num_threads(rospy.get_param("~threads", 1))
+    center = rospy.get_param("~center", "robot")
+    undecided = pair(rospy.get_param("~undecided", ""))
+    publisher = rospy.Publisher("map", OccupancyGrid, queue_size=10, latch=True)
+
+    def publish(header, frame, predicted) -> None:
+        data = occupancy(predicted.free, undecided)
+        publisher.publish(grid_message(TYPES, data, predicted, header.stamp, frame))
+
+    mapper = LiveMapper(
+        load_predictor(rospy.get_param("~weights", str(WEIGHTS))),
+        publish,
+        rospy.logwarn,
+        center="robot" if center == "robot" else pair(center),
+        steps=rospy.get_param("~steps", 100),
+        step_s=rospy.get_param("~step_s", 0.1),
+    )
+    if rospy.get_param("~odometry", False):
+        rospy.Subscriber("odom", Odometry, mapper.add_odometry)
+    else:
+        rospy.Subscriber("/tf", TFMessage, mapper.add_transforms)
+        rospy.Subscriber("/tf_static", TFMessage, lambda message: mapper.add_transforms(message, is_static=True))
+    rospy.Subscriber("scan", LaserScan, mapper.add_scan)
+    rospy.loginfo("waiting for scans on %s", rospy.resolve_name("scan"))
+    rospy.spin()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Predicted maps in ROS 2: subscribes to LaserScan and tf (or Odometry), publishes nav_msgs/OccupancyGrid.
+
+python3 examples/ros2_node.py --ros-args -r scan:=/base_scan -p center:=25,25
+
+Topics: scan, /tf and /tf_static or odom; map. Parameters: weights, odometry (true reads odom instead of tf), center
+(robot, or x,y in the frame of the poses [m]), steps, step_s, undecided (low,high: probabilities of an obstacle between
+these are unknown, -1). Python must find both ROS 2 and this project.
+"""
+
+import array
+from pathlib import Path
+
+import rclpy
+import torch
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from repro.networks.predictor import load_predictor
+from repro.prediction.live import LiveMapper, pair
+from repro.prediction.ros import grid_message, occupancy
+
+WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "workstation" / "exp4-unet"
+TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # what map_server and nav2 use for maps
+
+
+class MapPrediction(Node):
+    """The node."""
+
+    def __init__(self) -> None:
+        super().__init__("map_prediction")
+        torch.set_num_threads(self.value("threads", 1))
+        center = self.value("center", "robot")
+        self.undecided = pair(self.value("undecided", ""))
+        self.publisher = self.create_publisher(OccupancyGrid, "map", LATCHED)
+        mapper = LiveMapper(
+            load_predictor(self.value("weights", str(WEIGHTS))),
+            self.publish,
+            self.get_logger().warning,
+            center="robot" if center == "robot" else pair(center),
+            steps=self.value("steps", 100),
+            step_s=self.value("step_s", 0.1),
+        )
+        if self.value("odometry", False):
+            self.create_subscription(Odometry, "odom", mapper.add_odometry, 100)
+        else:
+            static = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self.create_subscription(TFMessage, "/tf", mapper.add_transforms, 100)
+            self.create_subscription(
+                TFMessage, "/tf_static", lambda message: mapper.add_transforms(message, is_static=True), static
+            )
+        self.create_subscription(LaserScan, "scan", mapper.add_scan, qos_profile_sensor_data)
+
+    def value(self, name, default):
+        """Declare a parameter and return its value."""
+        return self.declare_parameter(name, default).value
+
+    def publish(self, header, frame, predicted) -> None:
+        data = array.array("b", occupancy(predicted.free, self.undecided).tobytes())
+        self.publisher.publish(grid_message(TYPES, data, predicted, header.stamp, frame))
+
+
+def main() -> None:
+    rclpy.init()
+    node = MapPrediction()
+    try:
+        rclpy.spin(node)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

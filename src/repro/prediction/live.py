@@ -1,0 +1,125 @@
+"""Maps from ROS messages as they arrive: the same for every version of ROS, which has its node in examples/."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from repro.networks.predictor import Predictor
+from repro.prediction.logs import LogScan, check_beams, in_order, valid_ranges, why_unusable
+from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
+from repro.prediction.stream import StreamMap
+from repro.prediction.transforms import MAX_GAP_S, Transforms
+
+KEEP_S = 30.0  # age up to which poses are remembered
+MAX_WAITING = 50  # scans that wait for their poses or for the network
+
+
+def pair(text: str) -> tuple[float, float] | None:
+    """Read a parameter of two numbers, `x,y`; None for an empty one.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    try:
+        numbers = tuple(float(word) for word in text.split(",")) if text else None
+    except ValueError:
+        numbers = ()
+    if numbers is None or len(numbers) == 2:
+        return numbers
+    raise ValueError(f"expected two numbers, x,y, got {text!r}")
+
+
+class LiveMapper:
+    """Predicts a map for every scan, once poses before and after it are known.
+
+    A scan waits until its pose can be interpolated, as in the prediction from a bag, at most `MAX_GAP_S`. The methods
+    may be called from several threads.
+
+    Args:
+        predictor: the network.
+        publish: is called with the header of the scan, the frame of its pose and the map.
+        warn: is called with the reason for which a scan is skipped or has no map.
+        center: center of the map, `robot` or x, y in the frame of the poses [m].
+        steps: steps of a window, T.
+        step_s: time of a step [s].
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        publish: Callable[[Any, str, StreamMap], None],
+        warn: Callable[[str], None],
+        *,
+        center: str | tuple[float, float] = "robot",
+        steps: int = 100,
+        step_s: float = 0.1,
+    ) -> None:
+        self.predictor, self.publish, self.warn = predictor, publish, warn
+        self.center, self.steps, self.step_s = center, steps, step_s
+        self.transforms = Transforms(KEEP_S)
+        self.waiting: deque[Any] = deque()
+        self.newest_s = -np.inf  # time of the newest message
+        self.first: LogScan | None = None
+        self.last_s = -np.inf  # time of the last scan in the stream
+        self.lock = threading.Lock()
+
+    def add_scan(self, message: Any) -> None:
+        """Take a LaserScan."""
+        with self.lock:
+            self.waiting.append(message)
+            if len(self.waiting) > MAX_WAITING:
+                self.waiting.popleft()
+                self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
+            self._predict(seconds(message.header.stamp))
+
+    def add_transforms(self, message: Any, *, is_static: bool = False) -> None:
+        """Take a TFMessage."""
+        with self.lock:
+            add_transforms(self.transforms, message, is_static=is_static)
+            stamps = [] if is_static else [seconds(each.header.stamp) for each in message.transforms]
+            self._predict(max(stamps, default=-np.inf))
+
+    def add_odometry(self, message: Any) -> None:
+        """Take an Odometry message."""
+        with self.lock:
+            add_odometry(self.transforms, message)
+            self._predict(seconds(message.header.stamp))
+
+    def _predict(self, stamp: float) -> None:
+        """Predict maps for the scans that have their poses, or have waited too long for them."""
+        self.newest_s = max(self.newest_s, stamp)
+        while self.waiting:
+            message = self.waiting[0]
+            is_late = self.newest_s > middle_of(message) + MAX_GAP_S
+            if not is_late and not self.transforms.has_later(message.header.frame_id, middle_of(message)):
+                return
+            self._update(self.waiting.popleft())
+
+    def _update(self, message: Any) -> None:
+        scan = log_scan(message, self.transforms)
+        try:
+            if self.first is None:
+                check_beams(scan, "scan")
+            reason = why_unusable(scan, self.first, self.last_s)
+            if reason:
+                raise ValueError(f"a scan is skipped: it is {reason}")
+            if scan.stamp - self.last_s < self.step_s / 2:  # more scans than a window has steps
+                return
+            predicted = self._map(scan)
+        except ValueError as error:
+            self.warn(str(error))
+            return
+        if predicted is not None:
+            self.publish(message.header, self.transforms.root(message.header.frame_id), predicted)
+
+    def _map(self, scan: LogScan) -> StreamMap | None:
+        angles = scan.first_angle + scan.spacing * np.arange(len(scan.ranges))
+        angles, ranges = in_order(angles, valid_ranges(scan)[None])
+        if self.first is None:
+            self.stream = self.predictor.stream(angles, center=self.center, steps=self.steps, step_s=self.step_s)
+            self.first = scan
+        self.last_s = scan.stamp
+        return self.stream.update(ranges[0], np.array(scan.pose), scan.stamp)

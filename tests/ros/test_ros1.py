@@ -1,0 +1,152 @@
+"""A bag recorded by ROS 1 is read, and played to the node, whose maps are those of the batch: make test-ros."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import sysconfig
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from rosbags.highlevel import AnyReader
+
+from repro.networks.predictor import load_predictor
+from repro.prediction.readers import read_log
+from repro.prediction.ros import occupancy, seconds
+from repro.prediction.windows import cut
+
+DEBIAN = "/usr/bin/python3"  # the Python of rospy
+EXAMPLE, WEIGHTS = ROOT / "examples" / "square.npz", ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
+SCANS, STEPS = 130, 100
+
+
+def reason_to_skip() -> str:
+    if shutil.which("roscore") is None:
+        return "needs ROS 1: apt-get install ros-core python3-rospy python3-rosbag (Debian 12)"
+    version = "import sys; print(*sys.version_info[:2])"
+    of_ros, ours = (subprocess.check_output([python, "-c", version], text=True) for python in (DEBIAN, sys.executable))
+    return "" if of_ros == ours else f"rospy has Python {of_ros.strip()}, the environment {ours.strip()}"
+
+
+REASON = reason_to_skip()
+pytestmark = [pytest.mark.slow]
+if "REPRO_ROS" not in os.environ:  # make test-ros fails where ROS is missing
+    pytestmark.append(pytest.mark.skipif(bool(REASON), reason=REASON))
+
+
+@pytest.fixture(scope="module")
+def ros(tmp_path_factory):
+    """Start a roscore on a free port and return the environment of its nodes."""
+    assert not REASON, REASON
+    home = tmp_path_factory.mktemp("ros")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    environment = os.environ | {
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(home),
+        "PYTHONPATH": f"{ROOT / 'src'}:{sysconfig.get_path('purelib')}",
+        "PYTHONUNBUFFERED": "1",
+        "OMP_NUM_THREADS": "1",
+    }
+    with started(["roscore", "-p", str(port)], environment, "started core service"):
+        yield environment
+
+
+@contextmanager
+def started(command: list[str], environment: dict[str, str], ready: str | Path):
+    """Run a program until the end of the block, from when it prints a text or creates a file; return its output."""
+    log = Path(environment["ROS_HOME"]) / f"{Path(command[1] if command[0] == DEBIAN else command[0]).name}.log"
+    with log.open("w") as output:
+        process = subprocess.Popen(
+            command, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        try:
+            for _ in range(600):
+                if ready.exists() if isinstance(ready, Path) else ready in log.read_text(errors="replace"):
+                    break
+                assert process.poll() is None, log.read_text(errors="replace")
+                time.sleep(0.1)
+            else:
+                raise AssertionError(f"{command} is not ready after 60 s: {log.read_text(errors='replace')}")
+            yield log
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+def record(path: Path, topics: list[str], environment: dict[str, str]):
+    """Record topics to a bag until the end of the block."""
+    return started(["rosbag", "record", "-O", str(path), *topics], environment, path.with_suffix(".bag.active"))
+
+
+@pytest.fixture(scope="module")
+def bag(ros, tmp_path_factory):
+    """Record a bag by `rosbag record`."""
+    path = tmp_path_factory.mktemp("bag") / "robot.bag"
+    with record(path, ["/scan", "/tf", "/tf_static"], ros):
+        command = [DEBIAN, str(ROOT / "tests" / "ros" / "publish.py"), str(EXAMPLE), str(SCANS)]
+        subprocess.run(command, env=ros, check=True, timeout=120)
+    return path
+
+
+@pytest.fixture(scope="module")
+def log(bag):
+    return read_log(bag, 0.05)
+
+
+def test_a_recorded_bag_is_read(log):
+    with np.load(EXAMPLE) as content:
+        assert len(log) == SCANS
+        assert log.stamps - log.stamps[0] == pytest.approx(0.1 * np.arange(SCANS), abs=1e-6)
+        assert log.poses == pytest.approx(content["poses"][:SCANS], abs=0.06)  # turns of 18 degrees between two poses
+        expected = content["ranges"][:SCANS]
+        assert np.array_equal(np.isfinite(log.ranges), np.isfinite(expected))
+
+
+def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
+    maps = bag.with_name("maps.bag")
+    node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=25,25"]
+    with started(node, ros, "waiting for scans") as output, record(maps, ["/map"], ros):
+        time.sleep(1)  # for the recorder to find the node
+        subprocess.run(["rosbag", "play", "-q", "-d", "1", str(bag)], env=ros, check=True, timeout=120)
+        time.sleep(2)
+    with AnyReader([maps]) as reader:
+        received = [(time, reader.deserialize(raw, c.msgtype)) for c, time, raw in reader.messages()]
+    assert len(received) == SCANS - STEPS + 1, output.read_text()
+    assert "skipped" not in output.read_text()
+    times = 1e-9 * np.array([time for time, _ in received])
+    assert np.diff(times).mean() == pytest.approx(0.1, abs=0.02)  # the rate of the scans
+
+    predictor = load_predictor(WEIGHTS)
+    options = {"steps": STEPS, "step_s": 0.1, "stride_s": 0.1, "center": (25.0, 25.0), "size_m": 50.0}
+    windows = list(cut(log, **options))
+    assert len(windows) == len(received)
+    for window, (_, grid) in zip(windows, received, strict=True):
+        assert seconds(grid.header.stamp) == pytest.approx(window.stamp, abs=1e-6)
+        assert grid.header.frame_id == "odom"
+        assert (grid.info.width, grid.info.height, grid.info.resolution) == (128, 128, np.float32(50 / 128))
+        assert (grid.info.origin.position.x, grid.info.origin.position.y) == (0, 0)
+        assert grid.info.origin.orientation.w == 1
+        expected = occupancy(predictor.predict(window.scans)[0].numpy())
+        assert np.array_equal(grid.data, expected)
+
+
+def test_the_recorded_bag_is_predicted(bag, tmp_path):
+    command = [sys.executable, "run.py", "task=predict", f"scans={bag}", "prediction.center=[25,25]"]
+    done = subprocess.run(
+        [*command, f"outputs={tmp_path}"], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "predictions" / "robot").glob("window-*.npz"))) == 4
