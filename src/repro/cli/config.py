@@ -58,6 +58,7 @@ class Prediction:
         animate: whether to write an animation of all windows.
         scan_topic: topic of the scans in a bag; None to find it.
         odometry_topic: topic of the odometry in a bag; None to find it.
+        mcap: whether to write an MCAP file, too.
     """
 
     __pydantic_config__ = STRICT
@@ -72,6 +73,7 @@ class Prediction:
     animate: bool
     scan_topic: str | None
     odometry_topic: str | None
+    mcap: bool
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,7 @@ class LiveMapper:
         self.center, self.steps, self.step_s = center, steps, step_s
         self.transforms = Transforms(KEEP_S)
         self.waiting: deque[Any] = deque()
+        self.without_transform: set[str] = set()  # frames of scans that nobody places
         self.newest_s = -np.inf  # time of the newest message
         self.first: LogScan | None = None
         self.last_s = -np.inf  # time of the last scan in the stream
@@ -92,10 +93,14 @@ class LiveMapper:
         """Predict maps for the scans that have their poses, or have waited too long for them."""
         self.newest_s = max(self.newest_s, stamp)
         while self.waiting:
-            message = self.waiting[0]
-            is_late = self.newest_s > middle_of(message) + MAX_GAP_S
-            if not is_late and not self.transforms.has_later(message.header.frame_id, middle_of(message)):
+            frame, middle_s = self.waiting[0].header.frame_id, middle_of(self.waiting[0])
+            is_late = self.newest_s > middle_s + MAX_GAP_S
+            is_placed = frame in self.transforms or frame in self.without_transform
+            if not is_late and not (is_placed and self.transforms.has_later(frame, middle_s)):
                 return
+            if is_late and not is_placed:
+                self.without_transform.add(frame)
+                self.warn(f"no transform of {frame}: the lidar is taken to be at the origin of the frame that moves")
             self._update(self.waiting.popleft())
 
     def _update(self, message: Any) -> None:

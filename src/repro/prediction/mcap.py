@@ -39,23 +39,32 @@ def write_mcap(path: Path, log: ScanLog, maps: Iterable[StreamMap], range_max_m:
         range_max_m: maximum range of the lidar, if no hit of the log is farther [m].
 
     Raises:
-        ValueError: the log begins before time 0, which ROS cannot represent.
+        ValueError: see `check_times`.
     """
-    if log.stamps[0] < 0:
-        raise ValueError(f"the log begins at {log.stamps[0]:.2f} s: expected times from 0, others cannot be in an MCAP")
+    check_times(log)
     hits = log.ranges[np.isfinite(log.ranges)]
-    range_max_m = max(range_max_m, math.nextafter(float(hits.max(initial=0)), math.inf))
+    beyond = np.nextafter(hits.max(initial=0), np.float32(np.inf), dtype=np.float32)  # LaserScan has 32 bits
+    range_max_m = max(range_max_m, float(beyond))
     messages = heapq.merge(_scans(log, range_max_m), _grids(maps), key=lambda item: item[0])
     with tempfile.TemporaryDirectory(dir=path.parent) as directory:
         writer = Writer(Path(directory) / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
-            topics = {
-                topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in TOPICS.items()
-            }
+            topics = {topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in TOPICS.items()}
             for stamp, topic, message in messages:
                 writer.write(topics[topic], _nanoseconds(stamp), STORE.serialize_cdr(message, TOPICS[topic]))
         (Path(directory) / "bag" / "bag.mcap").replace(path)
+
+
+def check_times(log: ScanLog) -> None:
+    """Check that ROS can represent the times of a log.
+
+    Raises:
+        ValueError: it begins before time 0, or ends after 2**31 s.
+    """
+    first, last = log.stamps[0], log.stamps[-1]
+    if first < 0 or last >= 2**31:
+        raise ValueError(f"the times of the log are {first:.2f} to {last:.2f} s: an MCAP takes 0 to 2**31")
 
 
 def _scans(log: ScanLog, range_max_m: float) -> Iterator[tuple[float, str, Any]]:

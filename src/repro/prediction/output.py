@@ -1,5 +1,6 @@
 """Files of a prediction: probabilities, a map for map_server, a figure; and how well the next scan agrees with it."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -16,6 +17,7 @@ from repro.maps.encodings import Encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_visible
+from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
 from repro.scans import Scans
 
@@ -26,6 +28,14 @@ def write_probabilities(path: Path, free: np.ndarray, window: Window, grid: Grid
     """Write the probability of free (H, W), row 0 at the top, with origin [m], resolution [m] and time [s] as npz."""
     origin, resolution, stamp = np.array(window.origin), np.array(grid.resolution_m), np.array(window.stamp)
     np.savez_compressed(path, free=free.astype(np.float32), origin=origin, resolution=resolution, stamp=stamp)
+
+
+def read_maps(directory: Path) -> Iterator[StreamMap]:
+    """Read the maps that `write_probabilities` wrote to a directory, in the order of time."""
+    for path in sorted(directory.glob("window-*.npz"), key=lambda path: int(path.stem.split("-")[1])):
+        with np.load(path) as content:
+            left, bottom = content["origin"].tolist()
+            yield StreamMap(content["free"], (left, bottom), float(content["resolution"]), float(content["stamp"]))
 
 
 def write_map(stem: Path, free: np.ndarray, window: Window, grid: Grid) -> None:

@@ -57,10 +57,10 @@ def plan(grid_map: Map, start: np.ndarray, goal: np.ndarray, planner: Any = ASta
         ValueError: the start is outside the map, the goal is outside it or on an obstacle, or there is no path.
     """
     ends = {"start": np.array(start[:2], dtype=float), "goal": np.array(goal[:2], dtype=float)}
-    corner = np.array(grid_map.world_offset)
+    corner, size = np.array(grid_map.world_offset), np.array([grid_map.width, grid_map.height])
     for name, point in ends.items():
-        if not ((point >= corner) & (point < corner + (grid_map.width, grid_map.height))).all():
-            raise ValueError(f"the {name} {point} is outside the map of {grid_map.width} m from {corner}")
+        if not ((point >= corner) & (point < corner + size)).all():
+            raise ValueError(f"the {name} {point} is outside the map, {corner} to {corner + size} m")
     if grid_map.grid_occupied(*ends["goal"]):
         raise ValueError(f"the goal {ends['goal']} is on an obstacle")
     with contextlib.redirect_stdout(io.StringIO()):  # where the planners report

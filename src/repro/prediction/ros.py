@@ -78,7 +78,7 @@ def occupancy(free: np.ndarray, undecided: tuple[float, float] | None = None) ->
         ValueError: a probability is outside [0, 1].
     """
     occupied = 1 - np.flipud(np.asarray(free, dtype=float)).ravel()
-    is_known = np.isfinite(occupied)
+    is_known = ~np.isnan(occupied)
     if ((occupied[is_known] < 0) | (occupied[is_known] > 1)).any():
         raise ValueError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
     if undecided is not None:

@@ -49,6 +49,10 @@ class Transforms:
         self.keep_s = keep_s
         self.edges: dict[str, Edge] = {}
 
+    def __contains__(self, frame: str) -> bool:
+        """Return whether a transform of a frame is known."""
+        return frame.lstrip("/") in self.edges
+
     def add(self, child: str, parent: str, stamp: float, pose: Pose, *, is_static: bool = False) -> None:
         """Add the pose of a frame in its parent frame at a time [s]; a static pose replaces the one before."""
         edge = self.edges.setdefault(child.lstrip("/"), Edge(parent.lstrip("/"), is_static))

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import ModuleType
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -12,7 +13,7 @@ from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog
-from repro.prediction.output import agreement, draw, last_image, write_map, write_probabilities
+from repro.prediction.output import agreement, draw, last_image, read_maps, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
 from repro.system.files import replacing_directory, write_text
@@ -33,6 +34,7 @@ def run(job: Job) -> None:
     log = read_log(path, settings.step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
     _describe(log)
+    mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / path.name.split(".")[0]
     target.parent.mkdir(parents=True, exist_ok=True)
     grid = predictor.grid
@@ -53,6 +55,8 @@ def run(job: Job) -> None:
             raise ValueError(f"{path}: none of its {left_out} windows can be used, see above")
         if settings.animate:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=_number))
+        if mcap:
+            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), settings.range_max_m)
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
     _warn(pd.DataFrame(rows), predictor.statistics)
     _summarize(rows, target)
@@ -61,6 +65,16 @@ def run(job: Job) -> None:
 def _number(figure: Path) -> int:
     """Return the number of a window, which may have more digits than its file name has zeros."""
     return int(figure.stem.split("-")[1])
+
+
+def _mcap(log: ScanLog) -> ModuleType:
+    """Return the module that writes MCAP files, after a check that it can write this log."""
+    try:
+        from repro.prediction import mcap
+    except ModuleNotFoundError as error:
+        raise ValueError("prediction.mcap=true needs the package rosbags: pip install rosbags") from error
+    mcap.check_times(log)
+    return mcap
 
 
 def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> Row:

@@ -1,0 +1,164 @@
+"""A robot in IR-SIM with the predicted map beside the true one, live or as a GIF.
+
+python examples/irsim_live.py --exp 4 --seed 1 --save live.gif
+
+The robot repeats the motion of an experiment of the paper; from its 100th scan on, a map is predicted for every scan.
+IR-SIM's A* plans a path on the predicted map, which knows nothing of the true obstacles.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import torch
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.collections import LineCollection
+
+from repro.config import read_world, world_spec
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.networks.predictor import load_predictor
+from repro.prediction.planning import plan, planner_map
+from repro.prediction.stream import StreamMap
+from repro.simulation.motions import robot_commands
+from repro.simulation.simulator import make
+from repro.simulation.worlds import sample_world, write_world
+
+ROOT = Path(__file__).parents[1]
+WEIGHTS = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
+EVERY = 10  # steps between two planned paths
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One step: true map (H, W), 1 is free; prediction; pose (3,); scan ranges (N,) [m]; path (P, 2) [m]; time [ms]."""
+
+    step: int
+    truth: np.ndarray
+    predicted: StreamMap | None
+    pose: np.ndarray
+    ranges: np.ndarray
+    path: np.ndarray
+    latency_ms: float
+
+
+def true_map(env: Any, grid: Grid) -> np.ndarray:
+    """Draw the obstacles of an environment, (H, W), 1 is free."""
+    outlines = [obstacle.original_vertices.T for obstacle in env.obstacle_list]
+    longest = max(map(len, outlines))
+    outlines = [np.pad(outline, ((0, longest - len(outline)), (0, 0)), mode="edge") for outline in outlines]
+    states = np.array([obstacle.state[:3, 0] for obstacle in env.obstacle_list])
+    owner = torch.zeros(len(states), dtype=torch.long)
+    tensors = torch.as_tensor(np.array(outlines)).float(), torch.as_tensor(states).float()
+    return rasterize(*tensors, owner, 1, grid)[0].numpy()
+
+
+def drive(env: Any, options: argparse.Namespace) -> Iterator[Frame]:
+    """Step an environment, and predict and plan after every step."""
+    predictor = load_predictor(options.weights)
+    robot, center_m = env.robot, predictor.grid.size_m / 2
+    stream = predictor.stream(np.array(robot.lidar.angle_list), center=(center_m, center_m), step_s=env.step_time)
+    commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
+    goal, path = np.array(options.goal), np.empty((0, 2))
+    for step in range(options.steps):
+        env.step(commands[step % len(commands)])
+        ranges = np.where(robot.lidar.valid, robot.lidar.range_data, np.inf)
+        pose, begin = robot.state[:3, 0].copy(), time.perf_counter()
+        predicted = stream.update(ranges, pose, step * env.step_time)
+        latency_ms = 1e3 * (time.perf_counter() - begin)
+        if predicted and step % EVERY == 0:
+            try:
+                path = plan(planner_map(predicted, options.clearance), pose, goal)
+            except ValueError as error:
+                print(f"step {step}: {error}", flush=True)
+                path = np.empty((0, 2))
+        yield Frame(step, true_map(env, predictor.grid), predicted, pose, ranges, path, latency_ms)
+
+
+class View:
+    """A figure with the true and the predicted map."""
+
+    def __init__(self, angles: np.ndarray, size_m: float, goal: tuple[float, float]) -> None:
+        self.angles = angles
+        self.figure, axes = plt.subplots(1, 2, figsize=(9, 4.9), layout="constrained")
+        extent = (0, size_m, 0, size_m)
+        self.images = [
+            ax.imshow(np.ones((2, 2)), cmap="gray", vmin=0, vmax=1, extent=extent, interpolation="nearest")
+            for ax in axes
+        ]
+        self.beams = axes[0].add_collection(LineCollection([], colors="#0b6e99", linewidths=0.4, alpha=0.5))
+        self.robots = [ax.plot([], [], "o", color="#0b6e99", markersize=7)[0] for ax in axes]
+        self.path = axes[1].plot([], [], color="#b3261e", linewidth=2)[0]
+        for ax in axes:
+            ax.plot(*goal, "*", color="#b3261e", markersize=11)
+            ax.set(xlim=extent[:2], ylim=extent[2:], xlabel="x [m]")
+        axes[0].set(ylabel="y [m]", title="true map, beams of the lidar")
+        axes[1].legend([self.path], ["path of A* on the predicted map"], loc="lower left", fontsize=8)
+        self.title = axes[1].set_title("")
+
+    def show(self, frame: Frame) -> None:
+        """Draw a frame."""
+        self.images[0].set_data(frame.truth)
+        directions = frame.pose[2] + self.angles
+        reach = np.where(np.isfinite(frame.ranges), frame.ranges, 100)[:, None]
+        ends = frame.pose[:2] + reach * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
+        self.beams.set_segments([np.stack([frame.pose[:2], end]) for end in ends])
+        for robot in self.robots:
+            robot.set_data(frame.pose[:1], frame.pose[1:2])
+        self.path.set_data(frame.path.T)
+        if frame.predicted is None:
+            self.title.set_text(f"scan {frame.step + 1}: collecting the first window")
+            return
+        self.images[1].set_data(frame.predicted.free)
+        obstacle, predicted = frame.truth == 0, frame.predicted.free < 0.5
+        overlap = (obstacle & predicted).sum() / max((obstacle | predicted).sum(), 1)
+        self.title.set_text(f"scan {frame.step + 1}: prediction in {frame.latency_ms:.0f} ms, IoU {overlap:.2f}")
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--exp", default="4", choices=("1", "2", "3", "4"), help="experiment of the paper")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the world")
+    parser.add_argument("--steps", type=int, default=200, help="steps of 0.1 s; the first map comes after 100")
+    parser.add_argument("--goal", type=float, nargs=2, default=(47, 47), metavar=("X", "Y"), help="of the path [m]")
+    parser.add_argument("--clearance", type=float, default=1.0, help="from predicted obstacles to the path [m]")
+    parser.add_argument("--weights", default=str(WEIGHTS), help="directory of a network")
+    parser.add_argument("--save", type=Path, help="write a GIF instead of opening a window")
+    return parser.parse_args()
+
+
+def main() -> None:
+    options = arguments()
+    if options.save:
+        matplotlib.use("agg")
+    elif matplotlib.get_backend().lower() == "agg":
+        raise SystemExit("no display for a window: write a GIF with --save FILE.gif")
+    spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), options.exp)
+    with tempfile.TemporaryDirectory() as directory:
+        write_world(sample_world(spec, options.seed), Path(directory) / "world.yaml")
+        env = make(Path(directory) / "world.yaml")
+    view = View(np.array(env.robot.lidar.angle_list), spec["world"]["width"], options.goal)
+    frames = drive(env, options)
+    if options.save:
+        shown = (frame for frame in frames if frame.step % 2 == 1)
+        animation = FuncAnimation(view.figure, view.show, frames=shown, cache_frame_data=False)
+        animation.save(options.save, writer=PillowWriter(fps=10))
+        print(options.save)
+        return
+    for frame in frames:
+        if not plt.fignum_exists(view.figure.number):
+            return
+        view.show(frame)
+        plt.pause(0.001)
+    plt.show()
+
+
+if __name__ == "__main__":
+    main()

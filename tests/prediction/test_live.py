@@ -1,0 +1,253 @@
+"""Messages as they arrive: the maps are those of the batch, whatever the order of scans and poses."""
+
+import math
+import runpy
+import sys
+import types as python_types
+from typing import ClassVar
+
+import numpy as np
+import pytest
+import torch
+from conftest import ROOT
+from rosbags.typesys import Stores, get_typestore
+
+from repro.config import paper_model
+from repro.maps.grid import Grid
+from repro.maps.projection import Projection
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor
+from repro.prediction.live import MAX_WAITING, LiveMapper, pair
+from repro.prediction.logs import ScanLog
+from repro.prediction.ros import occupancy
+from repro.prediction.windows import cut
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+TYPES = {  # with the names that they have in ROS
+    name.rpartition("/")[2]: type(name.rpartition("/")[2], (kind,), {}) for name, kind in STORE.types.items()
+}
+STEPS, STEP_S, START_S = 20, 0.1, 1000
+EXAMPLE = np.load(ROOT / "examples" / "square.npz")
+POSES = EXAMPLE["poses"].astype(float)
+MOUNT_M = 0.2
+
+
+@pytest.fixture(scope="module")
+def predictor():
+    torch.manual_seed(0)
+    return Predictor(create_network(paper_model("unet")).eval(), Projection(), Grid(32, 50.0))
+
+
+def header(time: float, frame: str):
+    nanoseconds = round((START_S + time) * 1e9)
+    return TYPES["Header"](TYPES["Time"](*divmod(nanoseconds, 10**9)), frame)
+
+
+def scan(step: int, **changes):
+    angles = EXAMPLE["angles"]
+    values = {
+        "angle_min": float(angles[0]),
+        "angle_max": float(angles[-1]),
+        "angle_increment": float((angles[-1] - angles[0]) / (len(angles) - 1)),
+        "time_increment": 0.0,
+        "scan_time": STEP_S,
+        "range_min": 0.0,
+        "range_max": 30.0,
+        "ranges": EXAMPLE["ranges"][step].astype(np.float32),
+        "intensities": np.zeros(0, np.float32),
+    }
+    return TYPES["LaserScan"](header(STEP_S * step, "laser"), **values | changes)
+
+
+def rotation(heading: float):
+    return TYPES["Quaternion"](0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+
+
+def transform(step: float, parent: str, child: str, pose):
+    moved = TYPES["Transform"](TYPES["Vector3"](float(pose[0]), float(pose[1]), 0.0), rotation(pose[2]))
+    return TYPES["TFMessage"]([TYPES["TransformStamped"](header(STEP_S * step, parent), child, moved)])
+
+
+def base(step: float):
+    """The transform of the robot at a step, to which the lidar is mounted."""
+    x, y, heading = (np.interp(step, np.arange(len(POSES)), column) for column in POSES.T)
+    pose = (x - MOUNT_M * math.cos(heading), y - MOUNT_M * math.sin(heading), heading)
+    return transform(step, "odom", "base_link", pose)
+
+
+def odometry(step: int):
+    x, y, heading = POSES[step]
+    pose = TYPES["Pose"](TYPES["Point"](x, y, 0.0), rotation(heading))
+    zero = TYPES["Vector3"](0.0, 0.0, 0.0)
+    with_covariance = TYPES["PoseWithCovariance"](pose, np.zeros(36))
+    twist = TYPES["TwistWithCovariance"](TYPES["Twist"](zero, zero), np.zeros(36))
+    return TYPES["Odometry"](header(STEP_S * step, "odom"), "laser", with_covariance, twist)
+
+
+MOUNT = transform(0, "base_link", "laser", (MOUNT_M, 0.0, 0.0))
+
+
+class Robot:
+    """A mapper with what it published and warned of."""
+
+    def __init__(self, predictor, **options) -> None:
+        self.maps, self.warnings = [], []
+        options = {"center": (25.0, 25.0), "steps": STEPS, "step_s": STEP_S} | options
+        self.mapper = LiveMapper(predictor, lambda *sent: self.maps.append(sent), self.warnings.append, **options)
+
+
+def expected(predictor, count: int, center=(25.0, 25.0)) -> list[np.ndarray]:
+    stamps = START_S + STEP_S * np.arange(count)
+    log = ScanLog(stamps, EXAMPLE["ranges"][:count].astype(np.float32), EXAMPLE["angles"], POSES[:count])
+    options = {"steps": STEPS, "step_s": STEP_S, "stride_s": STEP_S, "size_m": 50.0}
+    return [predictor.predict(window.scans)[0].numpy() for window in cut(log, **options, center=center)]
+
+
+def check(robot: Robot, maps: list[np.ndarray]) -> None:
+    assert robot.warnings == []
+    assert len(robot.maps) == len(maps)
+    for number, ((sent, frame, predicted), free) in enumerate(zip(robot.maps, maps, strict=True)):
+        assert (sent.stamp, frame) == (header(STEP_S * (STEPS - 1 + number), "").stamp, "odom")
+        assert predicted.free == pytest.approx(free, abs=1e-5)
+
+
+@pytest.mark.parametrize("lag", [1, 3, 8])
+@pytest.mark.parametrize("center", ["robot", (25.0, 25.0)])
+def test_maps_with_transforms_are_those_of_the_batch(predictor, lag, center):
+    """Poses arrive after their scans, the mounting of the lidar even later."""
+    robot = Robot(predictor, center=center)
+    robot.mapper.add_transforms(base(-1))
+    for step in range(40 + lag):
+        if step < 40:
+            robot.mapper.add_scan(scan(step))
+        if step == 4:
+            robot.mapper.add_transforms(MOUNT, is_static=True)
+        if step >= lag:
+            robot.mapper.add_transforms(base(step - lag))
+    check(robot, expected(predictor, 40, center))
+
+
+def test_maps_with_odometry_are_those_of_the_batch(predictor):
+    robot = Robot(predictor)
+    for step in range(30):
+        robot.mapper.add_odometry(odometry(step))
+        robot.mapper.add_scan(scan(step))
+    check(robot, expected(predictor, 30))
+
+
+def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second(predictor):
+    robot = Robot(predictor)
+    for step in range(30):
+        robot.mapper.add_transforms(transform(step, "odom", "base_link", POSES[step]))
+        robot.mapper.add_scan(scan(step))
+    (warning,) = robot.warnings
+    assert "no transform of laser" in warning
+    robot.warnings.clear()
+    check(robot, expected(predictor, 30))
+
+
+def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):
+    robot = Robot(predictor)
+    wrong = {
+        3: scan(3, ranges=np.ones(7, np.float32)),
+        5: scan(4),
+        7: scan(7, ranges=np.full(100, np.nan, np.float32)),
+        9: scan(9, angle_min=-1.0),
+    }
+    for step in range(30):
+        robot.mapper.add_odometry(odometry(step))
+        robot.mapper.add_scan(wrong.get(step, scan(step)))
+    reasons = ("another number of beams", "not later", "NaN only", "other beam angles")
+    assert len(robot.warnings) == len(wrong)
+    assert all(reason in warning for reason, warning in zip(reasons, robot.warnings, strict=True))
+    assert len(robot.maps) == 30 - STEPS + 1
+
+
+def test_scans_without_poses_do_not_pile_up(predictor):
+    robot = Robot(predictor)
+    for _ in range(MAX_WAITING + 5):
+        robot.mapper.add_scan(scan(0))
+    assert len(robot.mapper.waiting) == MAX_WAITING
+    assert len(robot.warnings) == 5
+
+
+def test_a_scan_after_a_gap_of_poses_is_skipped(predictor):
+    robot = Robot(predictor)
+    robot.mapper.add_odometry(odometry(0))
+    robot.mapper.add_odometry(odometry(1))
+    robot.mapper.add_scan(scan(10))
+    robot.mapper.add_odometry(odometry(25))
+    assert robot.warnings == ["a scan is skipped: it is without a pose"]
+
+
+def test_parameters_of_two_numbers():
+    assert pair("25,-3.5") == (25, -3.5)
+    assert pair("") is None
+    for text in ("1", "1,2,3", "a,b"):
+        with pytest.raises(ValueError, match="expected two numbers"):
+            pair(text)
+
+
+@pytest.fixture
+def ros2(monkeypatch):
+    """Stand-ins for the modules of ROS 2, with the message types of rosbags and the names of rclpy."""
+
+    class Node:
+        parameters: ClassVar[dict] = {}
+
+        def __init__(self, name: str) -> None:
+            self.subscribers, self.sent = {}, []
+
+        def declare_parameter(self, name: str, default):
+            return python_types.SimpleNamespace(value=self.parameters.get(name, default))
+
+        def create_publisher(self, kind, topic: str, qos):
+            assert (kind, topic) == (TYPES["OccupancyGrid"], "map")
+            return python_types.SimpleNamespace(publish=self.sent.append)
+
+        def create_subscription(self, kind, topic: str, callback, qos) -> None:
+            self.subscribers[topic] = (kind, callback)
+
+        def get_logger(self):
+            return python_types.SimpleNamespace(warning=print)
+
+    durability = python_types.SimpleNamespace(TRANSIENT_LOCAL="transient local")
+    modules = {
+        "rclpy": {},
+        "rclpy.node": {"Node": Node},
+        "rclpy.qos": {"QoSProfile": dict, "DurabilityPolicy": durability, "qos_profile_sensor_data": None},
+        "geometry_msgs.msg": {},
+        "nav_msgs.msg": {},
+        "sensor_msgs.msg": {},
+        "std_msgs.msg": {},
+        "tf2_msgs.msg": {},
+    }
+    for name, content in modules.items():
+        module = python_types.ModuleType(name)
+        vars(module).update(content or TYPES)
+        monkeypatch.setitem(sys.modules, name, module)
+    return Node
+
+
+def test_the_node_of_ros_2_publishes_grids(ros2, predictor, tmp_path):
+    """The wiring of the node, with types that check and serialize ROS 2 messages."""
+    predictor.save(tmp_path / "model")
+    ros2.parameters = {"weights": str(tmp_path / "model"), "center": "25,25", "steps": STEPS, "undecided": "0.4,0.6"}
+    node = runpy.run_path(str(ROOT / "examples" / "ros2_node.py"))["MapPrediction"]()
+    kinds = {topic: kind for topic, (kind, _) in node.subscribers.items()}
+    assert kinds == {"/tf": TYPES["TFMessage"], "/tf_static": TYPES["TFMessage"], "scan": TYPES["LaserScan"]}
+    send = {topic: callback for topic, (_, callback) in node.subscribers.items()}
+    send["/tf_static"](MOUNT)
+    send["/tf"](base(-1))
+    for step in range(25):
+        send["scan"](scan(step))
+        send["/tf"](base(step))
+    maps = expected(predictor, 25)
+    assert len(node.sent) == len(maps)
+    for message, free in zip(node.sent, maps, strict=True):
+        assert message.data.typecode == "b", "rclpy takes arrays of int8 as they are"
+        message.data = np.array(message.data, np.int8)
+        again = STORE.deserialize_cdr(STORE.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
+        difference = np.abs(again.data - occupancy(free, (0.4, 0.6)).astype(int))
+        assert (difference > 0).mean() < 0.001, "but for rounding"
+        assert again.header.frame_id == "odom"

@@ -1,0 +1,69 @@
+"""Messages of ROS 1 and ROS 2 from maps, checked by the types of rosbags and by the definition of OccupancyGrid."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+import torch
+from rosbags.typesys import Stores, get_typestore
+
+from repro.maps.grid import Grid
+from repro.prediction.ros import GRID_TYPES, grid_message, occupancy, planar_pose
+from repro.prediction.stream import StreamMap
+
+NAME = "nav_msgs/msg/OccupancyGrid"
+ORIGIN, RESOLUTION_M = (-3.0, 7.0), 0.5
+
+
+def types_of(store) -> dict:
+    return {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+
+
+def test_cells_are_row_major_from_the_lower_left_corner():
+    """In the words of nav_msgs: row-major order, starting with (0, 0), of which the origin is the pose."""
+    free = np.random.default_rng(0).random((40, 40))
+    data, grid = occupancy(free), Grid(40, 20.0)
+    for x, y in np.random.default_rng(1).uniform(0, 20, (200, 2)):
+        index, _ = grid.pixels(torch.tensor([x, y]))
+        cell = data[int(y / RESOLUTION_M) * 40 + int(x / RESOLUTION_M)]
+        assert cell == round(100 * (1 - free.ravel()[index]))
+
+
+def test_unknown_is_minus_one_and_the_rest_0_to_100():
+    free = np.array([[1.0, 0.0, np.nan], [0.5, 0.31, 0.29]])
+    assert occupancy(free).tolist() == [50, 69, 71, 0, 100, -1]
+    assert occupancy(free, (0.4, 0.7)).tolist() == [-1, -1, 71, 0, 100, -1]
+    assert occupancy(free).dtype == np.int8
+
+
+@pytest.mark.parametrize("value", [-0.01, 1.01, np.inf])
+def test_probabilities_are_not_clipped(value):
+    with pytest.raises(ValueError, match="expected probabilities from 0 to 1"):
+        occupancy(np.array([[0.5, value]]))
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_message_survives_its_serialization(version):
+    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
+    types = {name: types_of(store)[name] for name in GRID_TYPES}
+    if version == 1:
+        types["Header"] = functools.partial(types["Header"], seq=0)  # rospy and rclpy have defaults
+    predicted = StreamMap(np.random.default_rng(0).random((6, 8)), ORIGIN, RESOLUTION_M, 12.25)
+    stamp = store.types["builtin_interfaces/msg/Time"](12, 250_000_000)
+    message = grid_message(types, occupancy(predicted.free), predicted, stamp, "odom")
+    if version == 1:
+        again = store.deserialize_ros1(store.serialize_ros1(message, NAME), NAME)
+    else:
+        again = store.deserialize_cdr(store.serialize_cdr(message, NAME), NAME)
+    assert again.data.tolist() == occupancy(predicted.free).tolist()
+    assert (again.info.width, again.info.height, again.info.resolution) == (8, 6, 0.5)
+    assert (again.info.origin.position.x, again.info.origin.position.y) == ORIGIN
+    assert (again.header.frame_id, again.header.stamp.sec, again.header.stamp.nanosec) == ("odom", 12, 250_000_000)
+
+
+def test_the_heading_of_a_quaternion():
+    types = types_of(get_typestore(Stores.ROS2_HUMBLE))
+    for heading in np.linspace(-3, 3, 13):
+        turn = types["Quaternion"](0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+        assert planar_pose(types["Point"](1.0, 2.0, 3.0), turn) == pytest.approx((1, 2, heading))
