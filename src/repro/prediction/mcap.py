@@ -70,7 +70,7 @@ def check_times(log: ScanLog) -> None:
 def _scans(log: ScanLog, range_max_m: float) -> Iterator[tuple[float, str, Any]]:
     """Yield the transform, the scan and the pose of each step with its time [s]."""
     increment = float((log.angles[-1] - log.angles[0]) / (len(log.angles) - 1))
-    limits = {
+    limits: dict[str, Any] = {
         "angle_min": float(log.angles[0]),
         "angle_max": float(log.angles[-1]),
         "angle_increment": increment,

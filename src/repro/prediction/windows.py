@@ -51,11 +51,17 @@ def cut(
         the windows, and for each one that cannot be used the reason.
 
     Raises:
-        ValueError: the log is shorter than one window.
+        ValueError: the log is shorter than one window, or its scans are too rare for steps of `step_s`.
     """
     length, duration = (steps - 1) * step_s, log.stamps[-1] - log.stamps[0]
     if duration < length - step_s / 2:
         raise ValueError(f"the log has {duration:.1f} s of scans, a window of {steps} steps takes {length:.1f} s")
+    between_s = float(np.median(np.diff(log.stamps)))
+    if between_s > 2 * MAX_AGE_STEPS * step_s:
+        raise ValueError(
+            f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every "
+            f"{2 * MAX_AGE_STEPS * step_s:g} s: use prediction.step_s={between_s:.2g}"
+        )
     ends = log.stamps[0] + length + stride_s * np.arange(int(max(duration - length, 0) / stride_s + 1e-6) + 1)
     for number, end in enumerate(np.minimum(ends, log.stamps[-1]), 1):
         try:
