@@ -10,7 +10,7 @@ POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:200
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce analysis curves test test-fast test-slurm stress check bench demo docs clean
+.PHONY: help setup reproduce analysis curves test test-fast test-slurm test-ros stress check bench demo docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -62,6 +62,9 @@ test-fast: setup ## the tests that take seconds, in under two minutes
 
 test-slurm: setup ## the sweep on a real Slurm of one node; needs root and Debian's slurm-wlm and munge
 	REPRO_SLURM=1 $(PY) -m pytest tests/slurm
+
+test-ros: setup ## the node on a real roscore; needs Debian 12 and its packages ros-core, python3-rospy, python3-rosbag
+	REPRO_ROS=1 $(PY) -m pytest tests/ros
 
 stress: setup ## an hour of kills, damaged files, generated configurations and concurrent processes
 	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/robustness

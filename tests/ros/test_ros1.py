@@ -23,12 +23,13 @@ from repro.prediction.windows import cut
 
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
 EXAMPLE, WEIGHTS = ROOT / "examples" / "square.npz", ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
-SCANS, STEPS = 130, 100
+SCANS, STEPS = 120, 100
+SPEED = 0.5  # at which the bag is played: the tests may share their cores
 
 
 def reason_to_skip() -> str:
     if shutil.which("roscore") is None:
-        return "needs ROS 1: apt-get install ros-core python3-rospy python3-rosbag (Debian 12)"
+        return "needs ROS 1: apt-get install ros-core python3-rospy python3-rosbag python3-{sensor,nav,geometry,tf2}-msgs (Debian 12)"
     version = "import sys; print(*sys.version_info[:2])"
     of_ros, ours = (subprocess.check_output([python, "-c", version], text=True) for python in (DEBIAN, sys.executable))
     return "" if of_ros == ours else f"rospy has Python {of_ros.strip()}, the environment {ours.strip()}"
@@ -120,14 +121,16 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=25,25"]
     with started(node, ros, "waiting for scans") as output, record(maps, ["/map"], ros):
         time.sleep(1)  # for the recorder to find the node
-        subprocess.run(["rosbag", "play", "-q", "-d", "1", str(bag)], env=ros, check=True, timeout=120)
+        subprocess.run(
+            ["rosbag", "play", "-q", "-d", "1", "-r", str(SPEED), str(bag)], env=ros, check=True, timeout=120
+        )
         time.sleep(2)
     with AnyReader([maps]) as reader:
         received = [(time, reader.deserialize(raw, c.msgtype)) for c, time, raw in reader.messages()]
     assert len(received) == SCANS - STEPS + 1, output.read_text()
     assert "skipped" not in output.read_text()
     times = 1e-9 * np.array([time for time, _ in received])
-    assert np.diff(times).mean() == pytest.approx(0.1, abs=0.02)  # the rate of the scans
+    assert np.diff(times).mean() == pytest.approx(0.1 / SPEED, rel=0.2)  # the rate of the scans
 
     predictor = load_predictor(WEIGHTS)
     options = {"steps": STEPS, "step_s": 0.1, "stride_s": 0.1, "center": (25.0, 25.0), "size_m": 50.0}
@@ -147,4 +150,4 @@ def test_the_recorded_bag_is_predicted(bag, tmp_path):
     command = [sys.executable, "run.py", "task=predict", f"scans={bag}", "prediction.center=[25,25]"]
     done = subprocess.run([*command, f"outputs={tmp_path}"], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert len(list((tmp_path / "predictions" / "robot").glob("window-*.npz"))) == 4
+    assert len(list((tmp_path / "predictions" / "robot").glob("window-*.npz"))) == 3

@@ -1,17 +1,21 @@
 """Maps from ROS messages as they arrive: the same for every version of ROS, which has its node in examples/."""
 
+from __future__ import annotations
+
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repro.networks.predictor import Predictor
 from repro.prediction.logs import LogScan, check_beams, in_order, valid_ranges, why_unusable
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
-from repro.prediction.stream import StreamMap
 from repro.prediction.transforms import MAX_GAP_S, Transforms
+
+if TYPE_CHECKING:
+    from repro.networks.predictor import Predictor
+    from repro.prediction.stream import StreamMap
 
 KEEP_S = 30.0  # age up to which poses are remembered
 MAX_WAITING = 50  # scans that wait for their poses or for the network
