@@ -130,6 +130,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--goal", type=float, nargs=2, default=(47, 47), metavar=("X", "Y"), help="of the path [m]")
     parser.add_argument("--clearance", type=float, default=1.0, help="from predicted obstacles to the path [m]")
     parser.add_argument("--weights", default=str(WEIGHTS), help="directory of a network")
+    parser.add_argument("--every", type=int, default=2, help="steps between two frames of the GIF")
     parser.add_argument("--save", type=Path, help="write a GIF instead of opening a window")
     return parser.parse_args()
 
@@ -147,7 +148,7 @@ def main() -> None:
     view = View(np.array(env.robot.lidar.angle_list), spec["world"]["width"], options.goal)
     frames = drive(env, options)
     if options.save:
-        shown = (frame for frame in frames if frame.step % 2 == 1)
+        shown = (frame for frame in frames if (frame.step + 1) % options.every == 0)
         animation = FuncAnimation(view.figure, view.show, frames=shown, cache_frame_data=False)
         animation.save(options.save, writer=PillowWriter(fps=10))
         print(options.save)

@@ -1,0 +1,41 @@
+"""The examples in IR-SIM, run as a user runs them, without a display."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from conftest import ROOT
+from PIL import Image
+
+pytestmark = pytest.mark.slow
+HEADLESS = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "examples/irsim_live.py", *arguments]
+    return subprocess.run(command, cwd=ROOT, env=HEADLESS, capture_output=True, text=True, timeout=600)
+
+
+def test_a_robot_in_irsim_is_shown_with_its_predicted_map(tmp_path):
+    path = tmp_path / "live.gif"
+    done = run("--exp", "4", "--seed", "1", "--steps", "112", "--every", "10", "--save", str(path))
+    assert done.returncode == 0, done.stderr
+    with Image.open(path) as image:
+        frames = []
+        for number in range(image.n_frames):
+            image.seek(number)
+            frames.append(image.convert("L").copy())
+    width, height = frames[0].size
+    assert len(frames) == 11
+    right = (width * 6 // 10, height * 3 // 10, width * 9 // 10, height * 7 // 10)
+    before, after = (frame.crop(right).getextrema() for frame in (frames[0], frames[-1]))
+    assert before[0] > 60, "the robot on an empty map before the first window"
+    assert after[0] < 40, "predicted obstacles"
+
+
+def test_without_a_display_the_example_says_what_to_do():
+    done = run("--steps", "1")
+    assert done.returncode == 1
+    assert "write a GIF with --save" in done.stderr
+    assert "Traceback" not in done.stderr
