@@ -31,12 +31,12 @@ def predict(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
-    options = ("prediction.stride_s=10", "prediction.center=[25,25]", "prediction.animate=true")
+    options = ("prediction.stride_s=10", "prediction.center=[25,25]", "prediction.animate=true", "prediction.mcap=true")
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "square"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
-    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "animation.gif"}
+    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "animation.gif", "square.mcap"}
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
     assert table["passed_pixels_free"][:2].min() > 0.95

@@ -191,6 +191,13 @@ def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason,
     assert len(log) == SCANS - 1
 
 
+def test_times_of_six_digits_are_an_error(tmp_path):
+    """As in CARMEN logs written with %g: 1.01893e+09."""
+    lines = [flaser(each).replace(f"{STAMPS[each]:.6f}", f"{1e9 + 1e4 * (each > 9):g}") for each in range(SCANS)]
+    with pytest.raises(ValueError, match="28 scans are not later than the one before, 2 are later: its times are lost"):
+        read_log(write_lines(tmp_path / "log", lines), 0.05)
+
+
 def test_nan_and_zero_readings_are_misses(tmp_path):
     ranges = RANGES[3].copy()
     ranges[:3] = np.nan, 0, 90

@@ -60,3 +60,12 @@ def test_headings_are_within_half_a_turn():
     log = log_of(np.arange(0, 100, 0.1))
     for window in cut(log, **{**OPTIONS, "stride_s": 20.0}):
         assert (np.abs(window.scans.poses[:, 2]) <= np.pi).all()
+
+
+def test_scans_that_are_too_rare_are_an_error_that_names_the_step_to_use():
+    stamps = 3.4 * np.arange(50)
+    log = ScanLog(stamps, np.full((50, 2), 5.0, np.float32), np.array([-0.1, 0.1]), np.zeros((50, 3)))
+    options = {"steps": 20, "stride_s": 1.0, "center": "robot", "size_m": 50.0}
+    with pytest.raises(ValueError, match=r"a scan every 3.4 s, .* use prediction.step_s=3.4"):
+        list(cut(log, step_s=0.1, **options))
+    assert all(isinstance(window, Window) for window in cut(log, step_s=3.4, **options))

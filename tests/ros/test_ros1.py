@@ -29,7 +29,8 @@ SPEED = 0.5  # at which the bag is played: the tests may share their cores
 
 def reason_to_skip() -> str:
     if shutil.which("roscore") is None:
-        return "needs ROS 1: apt-get install ros-core python3-rospy python3-rosbag python3-{sensor,nav,geometry,tf2}-msgs (Debian 12)"
+        packages = "ros-core python3-rospy python3-rosbag python3-{sensor,nav,geometry,tf2}-msgs"
+        return f"needs ROS 1: apt-get install {packages} (Debian 12)"
     version = "import sys; print(*sys.version_info[:2])"
     of_ros, ours = (subprocess.check_output([python, "-c", version], text=True) for python in (DEBIAN, sys.executable))
     return "" if of_ros == ours else f"rospy has Python {of_ros.strip()}, the environment {ours.strip()}"

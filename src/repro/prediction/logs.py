@@ -11,6 +11,7 @@ import numpy as np
 
 MAX_BEAMS = 100_000
 MIN_SCANS = 2
+NOT_LATER, MOSTLY = "not later than the one before", 10  # some logs have times of six digits, which hardly increase
 MILLIMETERS = 300.0  # median range [m] beyond which no 2D lidar measures; the readings are in other units
 
 
@@ -95,6 +96,10 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     if first is None or len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ValueError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
+    if skipped[NOT_LATER] > MOSTLY * len(kept):
+        raise ValueError(
+            f"{path}: {skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later: its times are lost"
+        )
     sample = kept["ranges"][:: max(1, len(kept) // 1000)]
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
@@ -124,7 +129,7 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
     if not math.isfinite(scan.stamp):
         return "without a time"
     if scan.stamp <= last:
-        return "not later than the one before"
+        return NOT_LATER
     if scan.pose is None or not np.isfinite(scan.pose).all():
         return "without a pose"
     if first and len(scan.ranges) != len(first.ranges):

@@ -42,8 +42,8 @@ def write_mcap(path: Path, log: ScanLog, maps: Iterable[StreamMap], range_max_m:
         ValueError: see `check_times`.
     """
     check_times(log)
-    hits = log.ranges[np.isfinite(log.ranges)]
-    beyond = np.nextafter(hits.max(initial=0), np.float32(np.inf), dtype=np.float32)  # LaserScan has 32 bits
+    farthest = np.max(log.ranges, where=np.isfinite(log.ranges), initial=0)
+    beyond = np.nextafter(farthest, np.float32(np.inf), dtype=np.float32)  # LaserScan has 32 bits
     range_max_m = max(range_max_m, float(beyond))
     messages = heapq.merge(_scans(log, range_max_m), _grids(maps), key=lambda item: item[0])
     with tempfile.TemporaryDirectory(dir=path.parent) as directory:
