@@ -14,7 +14,7 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
-from repro.simulation.motions import Drift
+from repro.simulation.drift import Drift
 from repro.simulation.recorder import record_experiment
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

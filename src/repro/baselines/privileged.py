@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 import torch
 from torch import Tensor
 from tqdm import tqdm
@@ -22,7 +23,9 @@ from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
 from repro.maps.datasets import Recorded, Truth
 from repro.maps.grid import Grid
 from repro.recordings.format import SPLIT_SEEDS, SPLITS, widen
-from repro.simulation.simulator import simulate
+from repro.simulation.drift import obstacle_states
+from repro.simulation.motions import recorded_steps
+from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
 
 DRAWS = 512  # kept of each obstacle
@@ -118,10 +121,12 @@ def _motion(path: np.ndarray, center_m: float, keep_out_m: float, step_s: float)
 
 def _sampled_obstacles(spec: dict[str, Any]) -> Obstacles:
     """Sample obstacles with their motions from other worlds of an experiment."""
-    recordings = [simulate(sample_world(spec, FIRST_SEED + number)) for number in range(WORLDS)]
-    most = max(each.outlines.shape[1] for each in recordings)
-    outlines = np.concatenate([widen(each.outlines, most) for each in recordings])
-    return _obstacles(outlines, np.concatenate([each.states for each in recordings]))
+    steps, step_s = recorded_steps(spec["motion"]), spec["world"]["step_time"]
+    drawn = [each for number in range(WORLDS) for each in sample_world(spec, FIRST_SEED + number)["obstacle"]]
+    outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]
+    most = max(outline.shape[1] for outline in outlines)
+    states = np.stack([obstacle_states(each, steps, step_s) for each in drawn])
+    return _obstacles(np.concatenate([widen(outline, most) for outline in outlines]), states)
 
 
 def _obstacles(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
