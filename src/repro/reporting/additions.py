@@ -48,9 +48,9 @@ def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
         write_json(directory / "provenance.json", contents)
         if outputs.analysis.is_dir() and (target / "analysis").is_dir():
             _add_analysis(outputs.analysis, directory / "analysis", published)
-        steps = [Provenance(**content) for content in contents.values()]
+        every = {path: Provenance(**content) for path, content in contents.items()}
         options = f"scale={scale}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
-        page = published_page(target.name, options, runs, steps, with_analysis=(target / "analysis").is_dir())
+        page = published_page(target.name, options, runs, every, with_analysis=(target / "analysis").is_dir())
         write_text(directory / "README.md", page)
     return target
 

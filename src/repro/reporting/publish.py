@@ -67,7 +67,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         if outputs.analysis.is_dir():
             shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
         options = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
-        page = published_page(name, options, runs, list(origins.values()), with_analysis=outputs.analysis.is_dir())
+        page = published_page(name, options, runs, origins, with_analysis=outputs.analysis.is_dir())
         write_text(new / "README.md", page)
     return target
 
@@ -108,17 +108,21 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
     return reasons
 
 
-def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Provenance], *, with_analysis: bool) -> str:
-    """Return the README.md of a published directory: files, hardware, versions, training commands (with `words`)."""
+def published_page(
+    name: str, words: str, runs: pd.DataFrame, origins: dict[str, Provenance], *, with_analysis: bool
+) -> str:
+    """Return the README.md of a published directory: files, hardware, versions, training commands (with `words`).
+
+    `origins` has the provenance of each run by its path.
+    """
     networks = runs[runs["encoding"] != ""]
-    steps = [step for origin in origins for step in origin.steps if step["step"] != "recorded"]
+    steps = [step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"]
     machines = {
         verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in steps if step["step"] == verb})
         for verb in ("trained", "evaluated")
     }
     versions = {name: steps[-1]["versions"][name] for name in ("torch", "segmentation-models-pytorch", "ir-sim")}
     precisions = sorted({step["precision"] for step in steps if "precision" in step})
-    words += f" runtime.precision={precisions[0]}" if len(precisions) == 1 else ""
     commits = sorted({str(step["commit"]) for step in steps})
     ablated = networks["encoding"].str.endswith(NO_DECAY).any()
     tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
@@ -140,7 +144,9 @@ def published_page(name: str, words: str, runs: pd.DataFrame, origins: list[Prov
         seeds, experiments = (",".join(map(str, sorted(own_runs[key].unique()))) for key in ("seed", "experiment"))
         base = encoding.removesuffix(NO_DECAY)
         options = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
-        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {words}"
+        used = {origins[str(key.path)].fact("precision") for key in keys_of(own_runs) if str(key.path) in origins}
+        precision = f" runtime.precision={used.pop()}" if len(used) == 1 else ""
+        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {words}{precision}"
         minutes = own_runs["training_seconds"].mean() / 60
         lines.append(f"| {predictor_title(model, encoding)} | {len(own_runs)} | {minutes:.1f} | `{command}` |")
     return "\n".join(lines) + "\n"
