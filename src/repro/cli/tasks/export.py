@@ -1,6 +1,6 @@
 """task=export: write the network of one run with a model card, as published weights or as an ONNX file."""
 
-from repro.cli.jobs import RESULTS, Job
+from repro.cli.jobs import Job
 from repro.reporting.export import export_onnx, export_weights
 
 
@@ -12,6 +12,6 @@ def run(job: Job) -> None:
         difference = export_onnx(job.run, target)
         print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
         return
-    target = RESULTS / job.scale.name / name
+    target = job.published / name
     export_weights(job.run, target, force=job.force)
     print(target)
