@@ -88,6 +88,9 @@ def make_card(run: Run, path: str, form: str) -> str:
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
+    worlds = "one world and its variations, see `conf/world`"
+    if config.experiment in SETUPS:
+        worlds = "`conf/world/paper.yaml`, without noise, with its obstacles and speeds and one robot path"
     body = f"""# {title}
 
 ```python
@@ -109,8 +112,7 @@ commit {trained["commit"]}.
 
 **Test set** ({origin.fact("test_pairs")} pairs): {numbers}.
 
-**Limits**: trained on simulated scans without noise, obstacles with the sizes and speeds of `conf/world/paper.yaml` and
-one robot path; {form}.
+**Limits**: trained on simulated scans of {worlds}; {form}.
 """
     if path.endswith(ONNX):
         body = body.replace("`predictor.json` defines", "The metadata of the file define")

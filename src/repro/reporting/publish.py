@@ -24,7 +24,7 @@ from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 
-def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False) -> Path:
+def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "", force: bool = False) -> Path:
     """Publish the results of an outputs directory; they replace the published directory of the same name.
 
     The replacement is atomic. Exported weights, costs and verification results in the published directory are kept.
@@ -33,6 +33,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
         outputs: the outputs directory of one scale, named after the scale or after the property that its runs share.
         results: reproduce/results.
         scale: name of the scale.
+        overrides: further overrides of the commands that repeat the trainings.
         force: whether to publish despite `doubts`.
 
     Returns:
@@ -66,7 +67,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, force: bool = False)
             shutil.copyfile(path, new / path.name)
         if outputs.analysis.is_dir():
             shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
-        options = f"scale={scale}" + ("" if name == scale else f" outputs=outputs/{name}")
+        options = f"scale={scale}{overrides}" + ("" if name == scale else f" outputs=outputs/{name}")
         page = published_page(name, options, runs, origins, with_analysis=outputs.analysis.is_dir())
         write_text(new / "README.md", page)
     return target

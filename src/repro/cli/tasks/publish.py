@@ -1,9 +1,17 @@
 """task=publish: copy the results of an outputs directory into reproduce/results, and its tables into the docs."""
 
-from repro.cli.jobs import RESULTS, Job
+import json
+from dataclasses import asdict
+
+from omegaconf import OmegaConf
+
+from repro.cli.jobs import RESULTS, ROOT, Job
 from repro.cli.tasks.docs import update_docs
+from repro.config import plain, read_world
 from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
+
+CONF = ROOT / "conf"
 
 
 def run(job: Job) -> None:
@@ -11,6 +19,16 @@ def run(job: Job) -> None:
     if job.add:
         target = add_to_published(job.outputs, RESULTS, job.scale.name)
     else:
-        target = publish(job.outputs, RESULTS, job.scale.name, force=job.force)
+        target = publish(job.outputs, RESULTS, job.scale.name, overrides=overrides_of(job), force=job.force)
     print(f"published {target}")
     update_docs()
+
+
+def overrides_of(job: Job) -> str:
+    """Return the overrides that a world beside the paper's and a changed scale need, each after a space."""
+    worlds = {path.stem: read_world(path)["experiments"] for path in sorted((CONF / "world").glob("*.yaml"))}
+    names = [name for name, experiments in worlds.items() if experiments == job.experiments]
+    usual = plain(OmegaConf.load(CONF / "scale" / f"{job.scale.name}.yaml"))  # type: ignore[arg-type]
+    changed = {key: value for key, value in asdict(job.scale).items() if value != usual[key]}
+    world = [f" world={name}" for name in names if name != "paper"]
+    return "".join([*world, *(f" scale.{key}={json.dumps(value)}" for key, value in changed.items())])
