@@ -1,6 +1,5 @@
 """The configuration of a call, as Hydra composes it from conf/."""
 
-import copy
 import dataclasses
 import math
 import os
@@ -138,13 +137,11 @@ def schema(cls: type = Config) -> Any:
     The training settings have none, since conf/train states all of them.
     """
     fields: list[Any] = []
-    own = {field.name: field for field in dataclasses.fields(cls)}
+    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
     for name, kind in get_type_hints(cls).items():
         is_part = isinstance(kind, type) and dataclasses.is_dataclass(kind)
-        default = dataclasses.field(default=MISSING)
-        if cls is Model and (own[name].default, own[name].default_factory) != (NO_DEFAULT, NO_DEFAULT):
-            default = copy.copy(own[name])
-        fields.append((name, schema(kind) if is_part else kind, default))
+        default = defaults[name] if cls is Model and defaults[name] is not NO_DEFAULT else MISSING
+        fields.append((name, schema(kind) if is_part else kind, dataclasses.field(default=default)))
     return dataclasses.make_dataclass(cls.__name__, fields)
 
 

@@ -189,7 +189,7 @@ def _library_errors(config: Config) -> list[ConfigError]:
         expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
         errors.append(ConfigError("scans", config.scans, expected))
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
-    errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
+    errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters or {})
     if not errors and config.task in ("all", "train") and not has_gpu():
         errors += memory_errors(config.scale, config.encoding)
     if errors:

@@ -36,7 +36,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     if architecture in OWN_ARCHITECTURES:
         try:
             series = {"frames": frames} if architecture in RECURRENT else {}
-            return OWN_ARCHITECTURES[architecture](in_channels, **series, **model.parameters)
+            return OWN_ARCHITECTURES[architecture](in_channels, **series, **(model.parameters or {}))
         except TypeError as error:
             raise ValueError(f"model.parameters={model.parameters}: {error}") from error
     if architecture not in smp_architectures():
