@@ -170,7 +170,7 @@ COMMANDS = (
     (["model=convgru"], ["encoding=projection", "a series of images: encoding=series10 or encoding=stack10"]),
     (
         ["model=convgru", "encoding=series10", "model.parameters.hidden=9", "model.parameters.stride=3"],
-        ["model.parameters.hidden=9: must be greater than or equal to 16", "stride=3: must be a multiple of 2"],
+        ["model.parameters.hidden=9: must be a multiple of 16", "model.parameters.stride=3: must be a multiple of 2"],
     ),
     (["+model.parameters.hidden=32"], ["parameters are for networks of our own"]),
     (["task=fly"], ["fly", "record"]),
