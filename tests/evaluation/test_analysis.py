@@ -4,7 +4,7 @@ from conftest import ROOT, run_config
 
 from repro.config import read_world, world_spec
 from repro.evaluation.analysis import gather
-from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
+from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
@@ -82,7 +82,7 @@ def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     counts = count_quantized(perfect, test_set.truth, test_set.groups, GROUPS)
     table = by_recency(counts.reshape(4, 2, *counts.shape[1:]).sum(1), draw_weights(4, draws=50))
     values = table.pivot(index="recency", columns="metric", values="value")
-    for metric in ("obstacle_recall", "free_recall", "obstacle_iou", "pr_auc"):
+    for metric in ("obstacle_recall", "free_recall", "obstacle_iou", "best_iou", "soft_iou", "pr_auc"):
         assert np.allclose(values[metric].dropna(), 1, atol=1e-6), metric
     assert np.allclose(values["brier"].dropna(), 0)
     assert values.drop("all")["pixel_share"].sum() == pytest.approx(1)
@@ -91,6 +91,17 @@ def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     assert np.allclose(by_hit["recall"].dropna(), 1)
     area = test_set.masks.sum((1, 2)) > 0
     assert by_hit["obstacles"].sum() == 2 * area.sum()
+
+
+def test_uncertainty_of_seeds_that_agree_is_aleatoric_and_of_certain_seeds_that_differ_epistemic(test_set):
+    half = np.full_like(test_set.truth, 128)
+    agreeing = uncertainty([half, half], test_set.groups).set_index("recency")
+    assert np.allclose(agreeing["aleatoric"], np.log(2), atol=1e-4)
+    assert np.allclose(agreeing["epistemic"], 0)
+    certain = uncertainty([np.zeros_like(half), np.full_like(half, 255)], test_set.groups).set_index("recency")
+    assert np.allclose(certain["aleatoric"], 0)
+    assert np.allclose(certain["epistemic"], np.log(2))
+    assert set(certain.index) <= {"all", *RECENCY}
 
 
 def test_a_prediction_without_obstacles_has_no_recall(test_set):
@@ -102,7 +113,17 @@ def test_a_prediction_without_obstacles_has_no_recall(test_set):
 @pytest.mark.slow
 def test_frames_are_gathered_from_all_evaluated_runs(outputs):
     frames = gather(outputs)
-    names = {"intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"}
+    names = {
+        "intervals",
+        "differences",
+        "recency",
+        "ages",
+        "obstacles",
+        "uncertainty",
+        "calibration",
+        "reliability",
+        "cost",
+    }
     assert set(frames) == names
     for name, frame in frames.items():
         keys = ["experiment", "model", "encoding"]

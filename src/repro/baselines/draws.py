@@ -10,20 +10,20 @@ TOLERANCE_M = 0.02  # a beam that enters an obstacle by less than this may have 
 
 @numba.njit(nogil=True)
 def draw_ends(
-    outline: np.ndarray,
-    start: np.ndarray,
+    outlines: np.ndarray,
+    starts: np.ndarray,
     law: tuple[float, float, float, float, int, int],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray],
     wanted: int,
     most: int,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, int]:
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Draw where an obstacle is after the last step, by the law of `drift.Drift`, given that no scan hits it.
 
     Args:
-        outline: outline at its heading around its origin [m], (V, 2).
-        start: x, y [m], velocity x, y [m/s] and steps since the last random turn, (5,).
-        law: duration of a step [s], x and y of the center [m], distance that the origin keeps from it [m], and the
+        outlines: candidates for its outline at its heading around its origin [m], (D, V, 2); draw d takes d modulo D.
+        starts: candidates for x, y [m], velocity x, y [m/s] and steps since the last random turn, (S, 5).
+        law: duration of a step [s], x and y of the center [m], distance that the outline keeps from it [m], and the
             minimum and maximum number of steps between two random turns.
         scans: ranges of the later steps [m], (T, N), with the maximum range for a miss; beam angles [rad], (N,); poses,
             (T, 3).
@@ -32,17 +32,19 @@ def draw_ends(
         rng: random generator.
 
     Returns:
-        the positions of the kept draws [m], (K, 2), and the number of tried draws.
+        the positions of the kept draws [m], (K, 2), the indices of their outlines, (K,), and the number of tried draws.
     """
     ranges, angles, poses = scans
-    step_s, center_x, center_y, keep_out_m, least, longest = law
-    radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
-    ends = np.empty((wanted, 2))
+    step_s, center_x, center_y, clear_m, least, longest = law
+    ends, which = np.empty((wanted, 2)), np.empty(wanted, dtype=np.int64)
     kept = tried = 0
     while kept < wanted and tried < most:
+        number = tried % len(outlines)
+        outline = outlines[number]
+        x, y, vx, vy, passed = starts[tried % len(starts)]
         tried += 1
-        x, y, vx, vy, since = start
-        speed, since = math.hypot(vx, vy), int(since)
+        radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
+        speed, since = math.hypot(vx, vy), int(passed)
         countdown = rng.integers(max(least, since), longest + 1) - since
         is_hit = False
         for step in range(len(ranges)):
@@ -53,7 +55,7 @@ def draw_ends(
             countdown -= 1
             away_x, away_y = x - center_x, y - center_y
             next_m = math.hypot(away_x + vx * step_s, away_y + vy * step_s)
-            if next_m < keep_out_m and vx * away_x + vy * away_y < 0:
+            if next_m < clear_m + radius and vx * away_x + vy * away_y < 0:
                 bearing = math.atan2(away_y, away_x) + rng.uniform(-math.pi / 2, math.pi / 2)
                 vx, vy = speed * math.cos(bearing), speed * math.sin(bearing)
             x, y = x + vx * step_s, y + vy * step_s
@@ -61,9 +63,9 @@ def draw_ends(
                 is_hit = True
                 break
         if not is_hit:
-            ends[kept, 0], ends[kept, 1] = x, y
+            ends[kept, 0], ends[kept, 1], which[kept] = x, y, number
             kept += 1
-    return ends[:kept], tried
+    return ends[:kept], which[:kept], tried
 
 
 @numba.njit(nogil=True)

@@ -9,7 +9,12 @@ BASELINES = {
     "transitional": "Transitional grid",
     "tracker": "Tracker",
     "privileged": "Upper bound",
+    "with_unseen": "Upper bound, with unseen obstacles",
+    "without_shapes": "Upper bound, without shapes",
+    "without_velocities": "Upper bound, without velocities",
+    "positions": "Upper bound, positions only",
 }
+BOUNDS = ("privileged", "with_unseen", "without_shapes", "without_velocities", "positions")  # see baselines.privileged
 QUICK_BASELINES = ("all_free", "last_seen")  # evaluated together with every network; task=analysis evaluates the others
 
 

@@ -1,16 +1,21 @@
-"""An upper bound: a predictor that knows the true state of every obstacle at its last hit, and the true laws.
+"""An upper bound, and how it falls with less knowledge: predictors that know the true laws and some of the true states.
 
-The scans tell less than this predictor knows: of every obstacle that a beam has hit, its shape and its past up to the
+The scans tell less than the upper bound knows: of every obstacle that a beam has hit, its shape and its past up to the
 last hit; of the others, their number. The rest it draws: the motion after the last hit from the law of `drift.Drift`,
 obstacles without a hit from other sampled worlds. It keeps the draws that agree with the scans, those in which no beam
 would have hit the obstacle. Given all this the obstacles are independent of one another, so that a pixel is free with
 the product of their probabilities. Up to the number of draws, no predictor from the scans has a lower expected log loss
 or Brier score.
 
+`Knowledge` takes parts of this away, or adds the obstacles without a hit, to measure what each part is worth. Without
+them a network can be better, since the scans tell something of every part.
+
 Not modeled: obstacles without a hit do not overlap others at the start.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +25,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
+from repro.baselines.names import BOUNDS
 from repro.maps.datasets import Recorded, Truth
 from repro.maps.grid import Grid
 from repro.recordings.format import SPLIT_SEEDS, SPLITS, widen
@@ -27,6 +33,7 @@ from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
+from repro.system.resources import count_cores
 
 DRAWS = 512  # kept of each obstacle
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
@@ -34,7 +41,27 @@ WORLDS = 2000  # sampled for the obstacles without a hit
 FIRST_SEED = max(SPLITS.values()) + SPLIT_SEEDS  # no split has these worlds
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
 
+CANDIDATES = 4096  # velocities of an obstacle whose velocity is not known
+
 Scanned = tuple[np.ndarray, np.ndarray, np.ndarray]  # ranges, angles and poses, see `draws.draw_ends`
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What a predictor knows besides the laws, the number of obstacles, and where each was at its last hit.
+
+    Args:
+        shapes: the shapes of the obstacles that were hit; without, they are drawn from those of other worlds.
+        velocities: their paths up to the last hit; without, their velocities are drawn from the law.
+        unseen: the obstacles that no beam has hit.
+    """
+
+    shapes: bool = True
+    velocities: bool = True
+    unseen: bool = False
+
+
+UPPER_BOUND = Knowledge()
 
 
 @dataclass(frozen=True)
@@ -45,6 +72,14 @@ class Obstacles:
     paths: np.ndarray
 
 
+def applies(name: str, spec: dict[str, Any]) -> bool:
+    """Return whether a baseline adds something in worlds of a spec; true for those that are not of `BOUNDS`."""
+    if name not in BOUNDS:
+        return True
+    needs_motion = name in ("without_velocities", "positions")  # where nothing moves, they equal those with velocities
+    return knows(spec) and (not needs_motion or spec["obstacles"].get("behavior") is not None)
+
+
 def knows(spec: dict[str, Any]) -> bool:
     """Return whether the laws of a world spec are those that this predictor draws from, the paper's."""
     is_exact = not spec["robot"]["sensors"][0].get("noise")
@@ -52,7 +87,7 @@ def knows(spec: dict[str, Any]) -> bool:
     return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
 
 
-def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
+def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND) -> tuple[Tensor, dict[str, Any]]:
     """Predict the test recordings; nothing is tuned on the validation set.
 
     Raises:
@@ -62,12 +97,13 @@ def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     if not knows(test.truth.spec):
         raise ValueError("the upper bound draws from the paper's laws: no walls, noise, drives or several populations")
     others = _sampled_obstacles(test.truth.spec)
-    indices = tqdm(range(len(test)), desc="drawing motions", delay=2, leave=False, disable=None)
-    free = [_predict(test, test.truth, index, others) for index in indices]
+    with ThreadPoolExecutor(count_cores()) as pool:  # the compiled draws release the interpreter
+        drawn = pool.map(partial(_predict, test, test.truth, others, knowledge), range(len(test)))
+        free = list(tqdm(drawn, desc="drawing motions", total=len(test), delay=2, leave=False, disable=None))
     return torch.from_numpy(np.stack(free)).float()[:, None], {"draws": DRAWS}
 
 
-def _predict(test: Recorded, truth: Truth, index: int, others: Obstacles) -> np.ndarray:
+def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowledge, index: int) -> np.ndarray:
     """Compute the probability of free of one recording, (H, W)."""
     known = _obstacles(*truth.of_recording(index))
     parts = (test.scans.ranges[index], test.scans.angles, test.scans.poses[index])
@@ -75,36 +111,70 @@ def _predict(test: Recorded, truth: Truth, index: int, others: Obstacles) -> np.
     newest = [newest_hit(*each, ranges, angles, poses) for each in zip(known.corners, known.paths, strict=True)]
     reached = np.where(np.isfinite(ranges), ranges, test.range_max_m)
     free = np.ones((test.grid.size_px, test.grid.size_px))
+    rng = np.random.default_rng(index)
     for corners, path, last in zip(known.corners, known.paths, newest, strict=True):
         if last:
-            later = (reached[last:], angles, poses[last:])
-            free *= 1 - _share_covered(
-                corners[None], _ends(corners, path, last, later, truth.spec, seed=index), test.grid
-            )
-    if 0 in newest:
-        drawn = unseen(others.corners, others.paths, (reached, angles, poses), DRAWS)
-        covered = _share_covered(others.corners[drawn], others.paths[drawn, -1], test.grid)
+            outlines = corners[None] if knowledge.shapes else others.corners
+            starts = _starts(corners, path, last, truth.spec, rng, knowledge)
+            drawn, ends = _draw(outlines, starts, (reached[last:], angles, poses[last:]), truth.spec, rng, knowledge)
+            free *= 1 - _share_covered(drawn, ends, test.grid)
+        elif knowledge.unseen:
+            free *= 1 - _share_covered(corners[None], path[-1:], test.grid)
+    if 0 in newest and not knowledge.unseen:
+        chosen = unseen(others.corners, others.paths, (reached, angles, poses), DRAWS)
+        covered = _share_covered(others.corners[chosen], others.paths[chosen, -1], test.grid)
         free *= (1 - covered) ** newest.count(0)
     return free
 
 
-def _ends(
-    corners: np.ndarray, path: np.ndarray, last: int, later: Scanned, spec: dict[str, Any], seed: int
+def _starts(
+    corners: np.ndarray,
+    path: np.ndarray,
+    last: int,
+    spec: dict[str, Any],
+    rng: np.random.Generator,
+    knowledge: Knowledge,
 ) -> np.ndarray:
-    """Draw where an obstacle that was last hit at step `last` is at the end [m], (K, 2)."""
-    behavior, step_s = spec["obstacles"].get("behavior"), spec["world"]["step_time"]
-    if behavior is None or last == len(path):
-        return path[-1:]
-    center_m = spec["world"]["width"] / 2
-    keep_out_m = spec["clear_radius_m"] + np.linalg.norm(corners, axis=-1).max()
-    velocity, straight = _motion(path[: max(last, 2)], center_m, keep_out_m, step_s)
+    """Return how an obstacle may move when it is last hit, see `draws.draw_ends`, (S, 5)."""
+    behavior = spec["obstacles"].get("behavior")
+    if behavior is None:
+        return np.array([[*path[last - 1], 0.0, 0.0, 0.0]])
     least, longest = behavior["turn_steps"]
-    start = np.array([*path[last - 1], *velocity, min(straight, longest)])
-    law = (step_s, center_m, center_m, keep_out_m, least, longest)
-    ends, tried = draw_ends(corners, start, law, later, DRAWS, MOST_DRAWS, np.random.default_rng(seed))
+    if knowledge.velocities:
+        keep_out_m = spec["clear_radius_m"] + np.linalg.norm(corners, axis=-1).max()
+        velocity, straight = _motion(
+            path[: max(last, 2)], spec["world"]["width"] / 2, keep_out_m, spec["world"]["step_time"]
+        )
+        return np.array([[*path[last - 1], *velocity, min(straight, longest)]])
+    slowest, fastest = behavior["speed_m_s"]
+    speed, bearing = rng.uniform(slowest, fastest, CANDIDATES), rng.uniform(-np.pi, np.pi, CANDIDATES)
+    turns = rng.integers(least, longest + 1, (CANDIDATES, last // least + 1)).cumsum(1)
+    since = last - np.where(turns <= last, turns, 0).max(1)
+    place = np.tile(path[last - 1], (CANDIDATES, 1))
+    return np.column_stack([place, speed * np.cos(bearing), speed * np.sin(bearing), since])
+
+
+def _draw(
+    outlines: np.ndarray,
+    starts: np.ndarray,
+    later: Scanned,
+    spec: dict[str, Any],
+    rng: np.random.Generator,
+    knowledge: Knowledge,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Draw outlines (K, V, 2) and ends [m], (K, 2), of an obstacle that agree with the scans after its last hit."""
+    stands_still = not starts[:, 2:4].any()
+    if len(outlines) == 1 and (stands_still or not len(later[0])):
+        return outlines, starts[:1, :2]
+    center_m = spec["world"]["width"] / 2
+    turn_steps = spec["obstacles"].get("behavior", {"turn_steps": (1, 1)})["turn_steps"]
+    law = (spec["world"]["step_time"], center_m, center_m, spec["clear_radius_m"], *turn_steps)
+    ends, which, tried = draw_ends(outlines, starts, law, later, DRAWS, MOST_DRAWS, rng)
     if not len(ends):
-        raise ValueError(f"none of {tried} drawn motions of an obstacle agrees with the scans of recording {seed}")
-    return ends
+        if knowledge == UPPER_BOUND:
+            raise ValueError(f"none of {tried} drawn motions of an obstacle agrees with the scans")
+        return outlines[:DRAWS], np.repeat(starts[:1, :2], len(outlines[:DRAWS]), axis=0)  # it stays where it was hit
+    return outlines[which], ends
 
 
 def _motion(path: np.ndarray, center_m: float, keep_out_m: float, step_s: float) -> tuple[np.ndarray, int]:

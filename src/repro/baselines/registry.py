@@ -7,6 +7,7 @@ A baseline maps the validation and the test recordings to the probability of fre
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.ndimage import grey_dilation
 from torch import Tensor
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.privileged import privileged
+from repro.baselines.privileged import Knowledge, privileged
 from repro.baselines.tracker import draw, track
 from repro.maps.datasets import Recorded
 from repro.maps.projection import newest_hits
@@ -68,6 +69,10 @@ PREDICTORS: dict[str, Baseline] = {
     "transitional": transitional,
     "tracker": tracker,
     "privileged": privileged,
+    "with_unseen": partial(privileged, knowledge=Knowledge(unseen=True)),
+    "without_shapes": partial(privileged, knowledge=Knowledge(shapes=False)),
+    "without_velocities": partial(privileged, knowledge=Knowledge(velocities=False)),
+    "positions": partial(privileged, knowledge=Knowledge(shapes=False, velocities=False)),
 }
 
 

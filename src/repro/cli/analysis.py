@@ -7,7 +7,7 @@ from contextlib import suppress
 import pandas as pd
 
 from repro.baselines.names import BASELINES
-from repro.baselines.privileged import knows
+from repro.baselines.privileged import applies
 from repro.cli.inputs import CLAIMS, analysis_inputs
 from repro.cli.jobs import Job
 from repro.evaluation.analysis import gather
@@ -40,7 +40,7 @@ def analyze(job: Job) -> None:
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
     configs = {config.experiment: config for config in networks}
     for experiment, name in itertools.product(sorted(configs), BASELINES):
-        if name == "privileged" and not _has_bound(outputs, experiment):
+        if not _applies(name, outputs, experiment):
             continue
         try:
             evaluate_baseline(outputs, configs[experiment], name)
@@ -67,10 +67,10 @@ def analyze(job: Job) -> None:
     mark_up_to_date(outputs.analysis, analysis_inputs(outputs))
 
 
-def _has_bound(outputs: Outputs, experiment: str) -> bool:
-    """Return whether the upper bound knows the laws of an experiment's worlds; true without readable recordings."""
+def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
+    """Return whether a baseline applies to the worlds of an experiment; true without readable recordings."""
     with suppress(ValueError):
-        return knows(read_manifest(outputs.recordings(experiment)).spec)
+        return applies(name, read_manifest(outputs.recordings(experiment)).spec)
     return True
 
 

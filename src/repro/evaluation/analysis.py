@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from repro.baselines.names import rank
 from repro.config import NETWORKS, NO_DECAY, PROJECTION
-from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set
+from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set, uncertainty
 from repro.evaluation.evaluate import read_quantized, read_ssim, validation_quantized
 from repro.evaluation.recency import GROUPS, RECENCY
 from repro.maps.datasets import grid_of
@@ -57,8 +57,8 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
         errors: receives the message of every damaged run, whose cell is left out; None raises at the first damaged run.
 
     Returns:
-        intervals, differences, recency, ages, obstacles, calibration, reliability and cost, each a tidy frame; empty if
-        no run is evaluated.
+        intervals, differences, recency, ages, obstacles, uncertainty (of cells with several seeds), calibration,
+        reliability and cost, each a tidy frame; empty if no run is evaluated.
 
     Raises:
         ValueError: a recording is damaged, or a run is and `errors` is None.
@@ -132,6 +132,8 @@ def _measure_cell(
     recency = {name: pooled[list(groups)].sum(0) for name, groups in RECENCY.items()}
     analysis.add("recency", by_recency(counts.sum(0), weights[:FEWER_DRAWS]), columns)
     analysis.add("ages", by_age(pooled), columns)
+    if len(runs) > 1:
+        analysis.add("uncertainty", uncertainty(predictions, test.groups), columns)
     analysis.add("obstacles", by_last_hit(predictions, test, weights[:FEWER_DRAWS]), columns)
     if runs[0].model.is_dir():
         analysis.add("cost", _cost(runs), columns)

@@ -11,6 +11,7 @@ import pandas as pd
 from repro.evaluation.recency import (
     BIN,
     BINS,
+    GROUPS,
     RECENCY,
     age_bin,
     newest_hits_of_obstacles,
@@ -20,8 +21,8 @@ from repro.evaluation.recency import (
 from repro.maps.datasets import true_maps
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
-from repro.metrics.calibration import brier, entropy
-from repro.metrics.counts import average_precision, pooled_scores
+from repro.metrics.calibration import binary_entropy, brier, entropy, log_loss
+from repro.metrics.counts import LEVELS, average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
 
 HITS = {**dict(list(RECENCY.items())[:4]), "never": range(BINS, BINS + 1)}
@@ -103,8 +104,9 @@ def by_age(counts: np.ndarray) -> pd.DataFrame:
 def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the measures of a part of the map from counts (..., 2, 256), each (...), nan where undefined.
 
-    Obstacle recall is the paper's specificity, free recall the paper's recall; `pr_auc` takes obstacles as the positive
-    class, `entropy` is in nats.
+    Obstacle recall is the paper's specificity, free recall the paper's recall; `pr_auc` and `soft_iou` take obstacles
+    as the positive class, as the occupancy task of the Waymo Open Dataset does; `best_iou` is the obstacle IoU at the
+    threshold that maximizes it; `log_loss` and `entropy` are in nats.
     """
     scored = pooled_scores(counts)
     obstacles, free = counts[..., 0, :].sum(-1), counts[..., 1, :].sum(-1)
@@ -115,10 +117,40 @@ def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
         "obstacle_recall": np.where(obstacles > 0, scored["specificity"], np.nan),
         "free_recall": np.where(free > 0, scored["recall"], np.nan),
         "obstacle_iou": np.where(obstacles > 0, scored["obstacle_iou"], np.nan),
+        "best_iou": np.where(obstacles > 0, best_iou(counts), np.nan),
+        "soft_iou": np.where(obstacles > 0, soft_iou(counts), np.nan),
         "pr_auc": average_precision(counts),
         "brier": brier(counts),
+        "log_loss": log_loss(counts),
         "entropy": entropy(counts),
     }
+
+
+def uncertainty(predictions: list[np.ndarray], groups: np.ndarray) -> pd.DataFrame:
+    """Split the uncertainty of the seeds of a cell, by recency, into that of the data and that of the network.
+
+    Source: Depeweg et al. (2018): the entropy of the mean prediction is the mean entropy of the predictions (aleatoric)
+    plus the mutual information of prediction and seed (epistemic).
+
+    Args:
+        predictions: quantized predictions of each seed, uint8, (M, H, W).
+        groups: recency group of each pixel, (M, H, W).
+
+    Returns:
+        rows of recency, aleatoric and epistemic [nat per pixel].
+    """
+    total, aleatoric, pixels = (np.zeros(GROUPS) for _ in range(3))
+    for index, group in enumerate(groups.reshape(len(groups), -1)):
+        free = np.stack([each[index].ravel() for each in predictions]) / (LEVELS - 1)
+        total += np.bincount(group, binary_entropy(free.mean(0)), GROUPS)
+        aleatoric += np.bincount(group, binary_entropy(free).mean(0), GROUPS)
+        pixels += np.bincount(group, minlength=GROUPS)
+    rows = []
+    for name, chosen in {"all": range(GROUPS), **RECENCY}.items():
+        if number := pixels[list(chosen)].sum():
+            known, mean = total[list(chosen)].sum() / number, aleatoric[list(chosen)].sum() / number
+            rows.append({"recency": name, "aleatoric": mean, "epistemic": known - mean})
+    return pd.DataFrame(rows)
 
 
 def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:

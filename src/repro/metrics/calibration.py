@@ -28,9 +28,14 @@ def log_loss(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.nd
 
 def entropy(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.ndarray:
     """Compute the mean entropy of the predicted probabilities [nat], (...), a measure of blur."""
-    free = probability.clip(1e-12, 1 - 1e-12)
-    each = -(free * np.log(free) + (1 - free) * np.log(1 - free))
+    each = binary_entropy(probability)
     return _mean(counts, np.stack([each, each]))
+
+
+def binary_entropy(probability: np.ndarray) -> np.ndarray:
+    """Compute the entropy of each probability [nat], (...)."""
+    free = probability.clip(1e-12, 1 - 1e-12)
+    return -(free * np.log(free) + (1 - free) * np.log(1 - free))
 
 
 def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> pd.DataFrame:

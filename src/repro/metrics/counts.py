@@ -59,3 +59,19 @@ def average_precision(counts: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         precision = obstacle / np.maximum(obstacle + free, 1)
         return (precision * counts[..., 0, :]).sum(-1) / obstacle[..., -1]
+
+
+def best_iou(counts: np.ndarray) -> np.ndarray:
+    """Compute the IoU of obstacles at the threshold that maximizes it, (...), from (..., 2, 256)."""
+    obstacle, free = np.cumsum(counts[..., 0, :], -1), np.cumsum(counts[..., 1, :], -1)
+    return (obstacle / np.maximum(obstacle[..., -1:] + free, 1)).max(-1)
+
+
+def soft_iou(counts: np.ndarray) -> np.ndarray:
+    """Compute the IoU of obstacles without a threshold, from the probabilities p and the truth y, (...).
+
+    Source: Waymo Open Dataset, occupancy metrics: sum(p y) / (sum(p) + sum(y) - sum(p y)).
+    """
+    obstacle, free = (counts[..., row, :] @ (1 - PROBABILITY) for row in (0, 1))
+    with np.errstate(invalid="ignore"):
+        return obstacle / (free + counts[..., 0, :].sum(-1))
