@@ -59,7 +59,7 @@ class Model:
     architecture: str | None = None
     encoder_name: str | None = None
     encoder_weights: str | None = None
-    parameters: dict[str, Any] | None = field(default=None, hash=False)
+    parameters: dict[str, Any] = field(default_factory=dict, hash=False)
 
 
 def paper_model(name: str) -> Model:

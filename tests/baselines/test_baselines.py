@@ -4,7 +4,7 @@ import torch
 from conftest import prepared
 
 from repro.baselines import tracker
-from repro.baselines.names import BASELINES
+from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.registry import PREDICTORS, dilate
 from repro.evaluation.evaluate import evaluate
@@ -117,4 +117,4 @@ def test_an_unobserved_track_continues_at_its_speed():
 
 
 def test_every_baseline_has_a_title_and_a_predictor():
-    assert set(PREDICTORS) == set(BASELINES)
+    assert set(PREDICTORS) == {*BASELINES, *OTHER_BOUNDS}

@@ -8,7 +8,7 @@ from scipy.stats import ks_2samp
 
 from repro import config
 from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
-from repro.baselines.names import BASELINES, BOUNDS
+from repro.baselines.names import BOUNDS
 from repro.baselines.privileged import _motion, applies, privileged
 from repro.baselines.registry import PREDICTORS
 from repro.evaluation.recency import newest_hits_of_obstacles
@@ -154,7 +154,7 @@ def test_bounds_apply_to_worlds_with_their_laws():
     assert [name for name in BOUNDS if not applies(name, world_spec("3"))] == []
     assert [name for name in BOUNDS if not applies(name, world_spec("1"))] == ["without_velocities", "positions"]
     office = config.world_spec(config.read_world(ROOT / "conf" / "world" / "office.yaml"), "people")
-    assert [name for name in BASELINES if not applies(name, office)] == list(BOUNDS)
+    assert [name for name in PREDICTORS if not applies(name, office)] == list(BOUNDS)
 
 
 def test_draws_take_the_candidates_in_turn():

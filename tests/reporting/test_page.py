@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
+from repro.baselines.names import BASELINES
 from repro.reporting.claims import read_claims
 
 pytestmark = pytest.mark.slow
@@ -54,7 +55,7 @@ def test_the_analysis_writes_all_frames_and_figures(outputs):
     assert claims["id"].tolist() == [claim.id for claim in read_claims(ROOT / "reproduce" / "claims.yaml").claims]
     assert claims["verdict"].notna().all()
     table = pd.read_csv(outputs / "tables" / "main.csv")
-    assert table["model"].tolist() == ["unet", "all_free", "last_seen", "occupancy", "transitional", "tracker"]
+    assert table["model"].tolist() == ["unet", *BASELINES]
 
 
 class Outline(HTMLParser):

@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, Training, paper_model, plain, read_world, world_spec
+from repro.config import NETWORKS, Training, paper_model, read_world, world_spec
 from repro.evaluation.coverage import describe
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Batches, Pairs, load_pairs
@@ -113,7 +113,7 @@ def learn(examples, training, model="fpn"):
     assert len(list(Batches(examples, training.batch_size)))
 
 
-PREDICTION = plain(OmegaConf.load(ROOT / "conf" / "config.yaml")["prediction"])
+CONFIG = OmegaConf.to_container(OmegaConf.load(ROOT / "conf" / "config.yaml"), resolve=False)
 USUAL = {
     "seed": 0, "oldest_gray": 0.8, "size_px": 32, "pairs": 8, "batch_size": 4, "learning_rate": 1e-3,
     "ema_decay": None, "model": "fpn", "patience": 1,
@@ -139,7 +139,7 @@ def configuration(v):
         "task": "all", "exp": "3", "decay": True, "seed": v["seed"], "oldest_gray": v["oldest_gray"],
         "outputs": "outputs/x", "recordings": "outputs/x/recordings", "world": WORLD,
         "encoding": {"name": "projection", "parameters": {"decay": True, "oldest_gray": v["oldest_gray"]}},
-        "model": {"name": v["model"], "encoder_name": "mit_b0", "encoder_weights": None},
+        "model": {"name": v["model"], "encoder_name": "mit_b0", "encoder_weights": None, "parameters": {}},
         "scale": {
             "name": "x", "takes": "a second", "size_px": v["size_px"], "pairs": counts, "max_epochs": 1,
             "flip_augmentation": True, **numbers,
@@ -149,7 +149,7 @@ def configuration(v):
             "workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None,
             "part": 0, "parts": 1,
         },
-        "scans": None, "prediction": PREDICTION, "publish": {"force": False, "add": False},
+        **{key: CONFIG[key] for key in ("format", "scans", "prediction", "demo", "publish")},
     }  # fmt: skip
 
 

@@ -172,6 +172,7 @@ COMMANDS = (
         ["model=convgru", "encoding=series10", "model.parameters.hidden=9", "model.parameters.stride=3"],
         ["model.parameters.hidden=9: must be a multiple of 16", "model.parameters.stride=3: must be a multiple of 2"],
     ),
+    (["model=convgru", "encoding=series10", "+model.parameters.hiden=32"], ["hiden=32: is not a parameter of convgru"]),
     (["+model.parameters.hidden=32"], ["parameters are for networks of our own"]),
     (["task=fly"], ["fly", "record"]),
     (["world=moon"], ["moon", "paper"]),

@@ -13,9 +13,10 @@ them a network can be better, since the scans tell something of every part.
 Not modeled: obstacles without a hit do not overlap others at the start.
 """
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -96,7 +97,7 @@ def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND
     assert test.truth, "the privileged predictor needs the true obstacles"
     if not knows(test.truth.spec):
         raise ValueError("the upper bound draws from the paper's laws: no walls, noise, drives or several populations")
-    others = _sampled_obstacles(test.truth.spec)
+    others = _sampled_obstacles(json.dumps(test.truth.spec))
     with ThreadPoolExecutor(count_cores()) as pool:  # the compiled draws release the interpreter
         drawn = pool.map(partial(_predict, test, test.truth, others, knowledge), range(len(test)))
         free = list(tqdm(drawn, desc="drawing motions", total=len(test), delay=2, leave=False, disable=None))
@@ -189,8 +190,10 @@ def _motion(path: np.ndarray, center_m: float, keep_out_m: float, step_s: float)
     return moves[-1] / step_s, int(len(path) - 1 - random[-1]) if len(random) else len(path)
 
 
-def _sampled_obstacles(spec: dict[str, Any]) -> Obstacles:
-    """Sample obstacles with their motions from other worlds of an experiment."""
+@cache
+def _sampled_obstacles(content: str) -> Obstacles:
+    """Sample obstacles with their motions from other worlds of an experiment, given its spec as JSON."""
+    spec = json.loads(content)
     steps, step_s = recorded_steps(spec["motion"]), spec["world"]["step_time"]
     drawn = [each for number in range(WORLDS) for each in sample_world(spec, FIRST_SEED + number)["obstacle"]]
     outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]

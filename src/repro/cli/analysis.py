@@ -6,8 +6,9 @@ from contextlib import suppress
 
 import pandas as pd
 
-from repro.baselines.names import BASELINES
+from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.privileged import applies
+from repro.baselines.registry import PREDICTORS
 from repro.cli.inputs import CLAIMS, analysis_inputs
 from repro.cli.jobs import Job
 from repro.evaluation.analysis import gather
@@ -39,7 +40,7 @@ def analyze(job: Job) -> None:
         raise ValueError(f"no network has been evaluated in {outputs.path}: train some first")
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
     configs = {config.experiment: config for config in networks}
-    for experiment, name in itertools.product(sorted(configs), BASELINES):
+    for experiment, name in itertools.product(sorted(configs), PREDICTORS):
         if not _applies(name, outputs, experiment):
             continue
         try:
@@ -90,7 +91,7 @@ def _write_page(job: Job, frames: dict[str, pd.DataFrame], results: pd.DataFrame
     for key in sorted(runs, key=lambda key: key.is_baseline):  # a network comes first, which has the grid
         with suppress(ValueError):  # of a damaged run, which the analysis has named
             runs[key].check_file("predictions.npz")
-            if key.seed in (None, 0) and key.model != "all_free":
+            if key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):
                 shown.setdefault(key.experiment, []).append(runs[key])
     report = Report(
         scale=job.scale.name,

@@ -154,8 +154,8 @@ def unknown_key(key: str, value: Any, values: dict[str, Any]) -> ConfigError:
     known = [each for each in siblings if each != name] if isinstance(siblings, dict) else []
     near = [".".join([*parents, each]) for each in difflib.get_close_matches(name, known, 1)]
     near = near or [each for each in _keys(values) if each.split(".")[-1] == name and each != key]
-    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(known)}"
-    return ConfigError(key, value, f"{UNKNOWN_KEY}; {hint}")
+    hint = f"; did you mean {' or '.join(near)}?" if near else f"; known are {', '.join(known)}" if known else ""
+    return ConfigError(key, value, f"{UNKNOWN_KEY}{hint}")
 
 
 def one_of(name: str, options: list[str]) -> str:
@@ -189,7 +189,7 @@ def _library_errors(config: Config) -> list[ConfigError]:
         expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
         errors.append(ConfigError("scans", config.scans, expected))
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
-    errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters or {})
+    errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
     if not errors and config.task in ("all", "train") and not has_gpu():
         errors += memory_errors(config.scale, config.encoding)
     if errors:

@@ -4,6 +4,7 @@ The paper uses four architectures of smp. Another one needs a file in conf/model
 smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
 """
 
+from inspect import signature
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,6 +18,7 @@ from repro.networks.convlstm import ConvLSTM
 
 Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`
 OWN_ARCHITECTURES: dict[str, Any] = {"convgru": ConvGRU, "convlstm": ConvLSTM}
+SERIES = ("in_channels", "frames")  # parameters that follow from the encoding
 
 
 def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Network:
@@ -36,7 +38,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     if architecture in OWN_ARCHITECTURES:
         try:
             series = {"frames": frames} if architecture in RECURRENT else {}
-            return OWN_ARCHITECTURES[architecture](in_channels, **series, **(model.parameters or {}))
+            return OWN_ARCHITECTURES[architecture](in_channels, **series, **model.parameters)
         except TypeError as error:
             raise ValueError(f"model.parameters={model.parameters}: {error}") from error
     if architecture not in smp_architectures():
@@ -89,7 +91,11 @@ def architecture_errors(model: Model) -> list[ConfigError]:
     if architecture in OWN_ARCHITECTURES:
         given = {"encoder_name": name, "encoder_weights": weights}
         expected = f"architecture {architecture} has an encoder of its own, leave it null"
-        return [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
+        errors = [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
+        allowed = [each for each in signature(OWN_ARCHITECTURES[architecture]).parameters if each not in SERIES]
+        expected = f"is not a parameter of {architecture}, known are {', '.join(allowed)}"
+        unknown = {key: value for key, value in model.parameters.items() if key not in allowed}
+        return errors + [ConfigError(f"model.parameters.{key}", value, expected) for key, value in unknown.items()]
     if model.parameters:
         expected = f"parameters are for networks of our own, {', '.join(OWN_ARCHITECTURES)}"
         return [ConfigError("model.parameters", model.parameters, expected)]

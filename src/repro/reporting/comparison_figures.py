@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.baselines.names import rank
+from repro.baselines.names import OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
@@ -17,7 +17,7 @@ def baselines(frames: Frames) -> Figure | None:
     """Plot the obstacle IoU of all networks on the paper's input, our best input and the baselines, or None."""
     rows = _titled(frames["intervals"])
     shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
-    rows = rows[shown & ~rows["model"].isin(["average", "all_free"])]
+    rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
 

@@ -1,6 +1,6 @@
 """Display names of experiments, models and predictors in tables, figures and messages."""
 
-from repro.baselines.names import BASELINES
+from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.config import NO_DECAY, PROJECTION
 
 TITLES = {
@@ -12,6 +12,7 @@ TITLES = {
     "convlstm": "ConvLSTM",
     "average": "Average",
     **BASELINES,
+    **OTHER_BOUNDS,
 }
 SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
 

@@ -8,7 +8,12 @@ import pandas as pd
 
 from repro.reporting.names import TITLES
 from repro.reporting.rows import read_rows
-from repro.reporting.summaries import claims_to_markdown, extrapolated_to_markdown, methods_to_markdown
+from repro.reporting.summaries import (
+    bounds_to_markdown,
+    claims_to_markdown,
+    extrapolated_to_markdown,
+    methods_to_markdown,
+)
 from repro.reporting.tables import Table, costs_to_markdown
 
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -18,7 +23,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `curves`), or one network or `average` for its rows in both tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `curves`), or one network or `average` for its rows in both
+    tables.
 
     Raises:
         ValueError: a mark is not closed before the next one.
@@ -41,12 +47,15 @@ def _markdown(directory: Path, name: str) -> str:
         return claims_to_markdown(pd.read_csv(directory / "analysis" / "claims.csv"))
     if name == "curves":
         return extrapolated_to_markdown(read_rows(directory / "analysis" / "extrapolated.csv"))
-    if name == "methods":
+    if name in ("methods", "bounds"):
         main_caption = (directory / "main.txt").read_text(encoding="utf-8").strip()
         intervals = read_rows(directory / "analysis" / "intervals.csv")
         scale = main_caption[main_caption.index("Scale ") : main_caption.index(", seed")]
-        title = "Networks, other inputs, baselines and the upper bound, with 95 % intervals"
-        return methods_to_markdown(intervals, f"{title}. {scale}.")
+        if name == "methods":
+            title = "Networks, other inputs, baselines and the upper bound, with 95 % intervals"
+            return methods_to_markdown(intervals, f"{title}. {scale}.")
+        title = "The upper bound with more and less knowledge, with 95 % intervals"
+        return bounds_to_markdown(intervals, read_rows(directory / "analysis" / "recency.csv"), f"{title}. {scale}.")
     return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from repro.baselines.names import rank
+from repro.baselines.names import OTHER_BOUNDS, rank
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Training
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
@@ -140,7 +140,8 @@ def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     """Select the runs of a table: one encoding, and in the main table the baselines and `OURS`."""
     chosen = results["encoding"] == encoding
     if encoding == PROJECTION:
-        chosen |= (results["encoding"] == "") | ((results["model"] == OURS[0]) & (results["encoding"] == OURS[1]))
+        is_ours = (results["model"] == OURS[0]) & (results["encoding"] == OURS[1])
+        chosen |= is_ours | ((results["encoding"] == "") & ~results["model"].isin(list(OTHER_BOUNDS)))
     return results[chosen]
 
 

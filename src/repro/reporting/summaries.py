@@ -2,11 +2,12 @@
 
 import pandas as pd
 
-from repro.baselines.names import rank
+from repro.baselines.names import BOUNDS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.reporting.names import predictor_title
 
-BOUND = "privileged"  # the baseline that is the upper bound
+BOUND = BOUNDS[0]
+PROBABILISTIC = ("best_iou", "log_loss", "brier")
 SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 
 
@@ -44,7 +45,7 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         intervals: experiment, model, encoding, metric, value, low, high, seeds.
         words: the caption.
     """
-    is_shown = intervals["metric"].isin(SHOWN) & (intervals["model"] != "average")
+    is_shown = intervals["metric"].isin(SHOWN) & ~intervals["model"].isin(["average", *OTHER_BOUNDS])
     rows = intervals[is_shown & ~intervals["encoding"].str.endswith(NO_DECAY)]
     inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
     chosen = sorted(inputs.index[inputs == inputs.max()])  # the experiments with most inputs
@@ -67,6 +68,28 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
         lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: str) -> str:
+    """Return a table of the upper bound with more and less knowledge, one row per experiment and bound.
+
+    Args:
+        intervals: see `methods_to_markdown`.
+        recency: experiment, model, encoding, recency, metric, value, low, high.
+        words: the caption.
+    """
+    heads = [*SHOWN.values(), "IoU at its best threshold", "Log loss [nat]", "Brier score"]
+    lines = [f"**{words}**", "", "| Exp. | Predictor | " + " | ".join(heads) + " |", "|---|---|" + "---|" * len(heads)]
+    for experiment in sorted(intervals["experiment"].unique()):
+        of_map = recency[(recency["experiment"] == experiment) & (recency["recency"] == "all")]
+        for name in BOUNDS:
+            rows = intervals[(intervals["experiment"] == experiment) & (intervals["model"] == name)]
+            if rows.empty:
+                continue
+            cells = [_cell(rows, experiment, metric) for metric in SHOWN]
+            cells += [_cell(of_map[of_map["model"] == name], experiment, metric) for metric in PROBABILISTIC]
+            lines.append(f"| {experiment} | {predictor_title(name, '')} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
