@@ -27,7 +27,7 @@ TINY = (
     *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
 )
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
-KILLS = int(os.environ.get("REPRO_KILLS", "10"))  # of recording, and as many of training
+KILLS = int(os.environ.get("REPRO_KILLS", "3"))  # of recording, and as many of training
 ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
 RUN = Path("runs/exp3/fpn/projection/seed0")
 
@@ -115,7 +115,7 @@ def test_a_killed_training_ends_with_the_same_bytes(recorded, tmp_path):
         "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
         f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
-    whole, killed = (prepared(tmp_path / name, max_epochs=12, patience=50) for name in ("whole", "killed"))
+    whole, killed = (prepared(tmp_path / name, max_epochs=8, patience=50) for name in ("whole", "killed"))
     rng, seconds = random.Random(0), seconds_of(code.format(str(whole.path)))
     begun = start_code(code.format(str(killed.path)))
     wait_for("history.csv", killed.path, begun)
