@@ -1,5 +1,6 @@
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from conftest import run_config, world_spec
@@ -10,6 +11,7 @@ from repro.evaluation.examples import Example, load_example
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.recordings import format
+from repro.reporting.comparison_figures import efficiency
 from repro.reporting.figures import (
     data_collection,
     data_representation,
@@ -86,3 +88,17 @@ def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):
         assert np.array_equal(example.projection, drawn)
     with pytest.raises(ValueError, match="none of index 6"):
         load_example(outputs, key, index=6)
+
+
+def test_networks_are_placed_by_the_time_of_their_training_below_the_bound():
+    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high"]
+    scores = {("unet", "projection"): 0.4, ("convgru", "series10"): 0.6, ("privileged", ""): 0.8}
+    rows = [(e, *cell, "obstacle_iou", iou, iou - 0.01, iou + 0.01) for e in "34" for cell, iou in scores.items()]
+    costs = [("unet", "projection", 3.4), ("unet", "projection", None), ("convgru", "series10", 5.2)]
+    table = pd.DataFrame(costs, columns=["model", "encoding", "training_min"])
+    figure = efficiency(pd.DataFrame(rows, columns=columns), table)
+    assert len(figure.axes) == 2
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert sorted(labels) == ["ConvGRU, series10", "U-Net", "Upper bound"]
+    points = [line.get_xydata()[0] for line in figure.axes[0].get_lines() if line.get_marker() in "os"]
+    assert sorted(map(tuple, points)) == [(3.4, 0.4), (5.2, 0.6)]

@@ -1,7 +1,13 @@
 import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
-from repro.reporting.summaries import claims_to_markdown, extrapolated_to_markdown, methods_to_markdown
+from repro.reporting.summaries import (
+    bounds_to_markdown,
+    claims_to_markdown,
+    extrapolated_to_markdown,
+    methods_to_markdown,
+    networks_to_markdown,
+)
 
 
 def test_every_claim_has_its_row_and_every_verdict_its_count():
@@ -49,6 +55,55 @@ def test_the_share_of_the_upper_bound_is_shown_where_the_bound_is_evaluated():
     lines = methods_to_markdown(pd.DataFrame(rows, columns=columns), "Methods").splitlines()
     assert lines[2].endswith("| Exp. 3: share of the bound |")
     assert [line.split(" | ")[-1] for line in lines[4:]] == ["0.62 |", "1.00 |"]
+
+
+def test_networks_are_shown_with_their_share_of_the_bound_and_costs():
+    intervals = pd.DataFrame(
+        [
+            ("3", "unet", "projection", "obstacle_iou", 0.4),
+            ("3", "convgru", "series10", "obstacle_iou", 0.6),
+            ("3", "privileged", "", "obstacle_iou", 0.8),
+            ("4", "unet", "projection", "obstacle_iou", 0.5),
+        ],
+        columns=["experiment", "model", "encoding", "metric", "value"],
+    )
+    calibration = pd.DataFrame(
+        [
+            ("3", "unet", "projection", "uncalibrated", "all", 0.15),
+            ("3", "unet", "projection", "temperature-scaled", "all", 0.14),
+            ("3", "unet", "projection", "uncalibrated", "1-10", 0.1),
+        ],
+        columns=["experiment", "model", "encoding", "method", "recency", "log_loss"],
+    )
+    costs = pd.DataFrame(
+        [("unet", "projection", 64, 5.55, 3.4, 6.2), ("convgru", "series10", 64, 0.155, 5.2, 8.8)],
+        columns=["model", "encoding", "size_px", "parameters_m", "training_min", "cpu_onnx_ms"],
+    )
+    lines = networks_to_markdown(intervals, calibration, costs, "Networks", ("3", "4")).splitlines()
+    assert lines[0] == "**Networks**"
+    assert lines[4] == "| U-Net | 0.400 | 0.50 | 0.150 | 0.500 |  |  | 5.55 | 3 | 6 |"
+    assert lines[5] == "| ConvGRU, series10 | 0.600 | 0.75 |  |  |  |  | 0.15 | 5 | 9 |"
+
+
+def test_bounds_are_shown_by_experiment_with_their_probabilistic_measures():
+    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high"]
+    scored = [
+        (experiment, name, "", metric, value, value - 0.01, value + 0.01)
+        for experiment in ("3", "4")
+        for name, value in (("privileged", 0.8), ("positions", 0.5), ("tracker", 0.3))
+        for metric in ("accuracy", "specificity", "obstacle_iou")
+    ]
+    measured = [
+        ("4", "privileged", "", recency, "log_loss", value, value, value)
+        for recency, value in (("all", 0.04), ("1-10", 0.01))
+    ]
+    recency = pd.DataFrame(measured, columns=[*columns[:3], "recency", *columns[3:]])
+    lines = bounds_to_markdown(pd.DataFrame(scored, columns=columns), recency, "Bounds").splitlines()
+    titles = [line.split(" | ")[:2] for line in lines[4:]]
+    names = ["Upper bound", "Upper bound, positions only"]
+    assert titles == [[f"| {experiment}", name] for experiment in ("3", "4") for name in names]
+    assert "0.040 [0.040, 0.040]" in lines[6]
+    assert lines[4].count("0.800 [0.790, 0.810]") == 3
 
 
 def test_extrapolated_metrics_are_beside_those_of_the_paper_and_the_measured_ones():

@@ -17,20 +17,22 @@ EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pair
 ANALYSIS_SECONDS = 3.0  # per evaluated run
 
 
-def seconds_per_image(model: Model, size_px: int, batch_size: int, precision: str, steps: int = 2) -> float:
+def seconds_per_image(
+    model: Model, size_px: int, batch_size: int, precision: str, steps: int = 2, channels: int = 1, frames: int = 1
+) -> float:
     """Measure forward pass, backward pass and optimizer step per image on this machine [s]."""
     device = resolve_device()
-    network = create_network(model).to(device)
+    network = create_network(model, channels, frames).to(device)
     accelerate(network, device)
     optimizer, loss = torch.optim.Adam(network.parameters()), MapLoss()
-    image = torch.rand(batch_size, 1, size_px, size_px, device=device)
+    image = torch.rand(batch_size, channels, size_px, size_px, device=device)
     for step in range(steps + 1):
         if step == 1:  # the first step is a warm-up
             began = clock(device)
         with torch.autocast(device, torch.bfloat16, enabled=precision.startswith("bf16")):
             logits = network(image)
         optimizer.zero_grad()
-        loss(logits, image).backward()
+        loss(logits, image[:, :1]).backward()
         optimizer.step()
     return (clock(device) - began) / steps / batch_size
 

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.baselines.names import OTHER_BOUNDS, rank
+from repro.baselines.names import BOUNDS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
@@ -32,6 +32,36 @@ def encodings(frames: Frames) -> Figure | None:
     rows = rows.assign(order=rows["encoding"].map(order))
     names = rows.drop_duplicates("title").sort_values(["rank", "order"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
+
+
+def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
+    """Plot the obstacle IoU of networks against the time of their training, with the upper bound as a line.
+
+    Args:
+        intervals: experiment, model, encoding, metric, value, low, high.
+        costs: model, encoding, training_min; rows without a time are left out.
+    """
+    rows = _titled(intervals)
+    timed = costs.dropna(subset="training_min")[["model", "encoding", "training_min"]]
+    points = rows.merge(timed, on=["model", "encoding"])
+    experiments = sorted(points.loc[points["model"].isin(RECURRENT), "experiment"].unique()) or ["3", "4"]
+    names = points.sort_values(["rank", "encoding"])["title"].drop_duplicates().tolist()
+    size = (1.6 + 3.0 * len(experiments), 3.4)
+    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
+    for ax, experiment in zip(axes[0], experiments, strict=True):
+        bound = rows[(rows["experiment"] == experiment) & (rows["model"] == BOUNDS[0])]["value"]
+        for value in bound:
+            ax.axhline(value, color=INK, linewidth=1, linestyle=(0, (4, 2)), label="Upper bound")
+        for number, name in enumerate(names):
+            point = points[(points["experiment"] == experiment) & (points["title"] == name)]
+            look = {"marker": "osD^vP*X"[number % 8], "color": ACCENT if "GRU" in name else INK, "linestyle": "none"}
+            spread = [point["value"] - point["low"], point["high"] - point["value"]]
+            filled = None if number % 2 == 0 else "white"
+            ax.errorbar(point["training_min"], point["value"], spread, label=name, markerfacecolor=filled, **look)
+        ax.set(title=experiment_title(experiment, "\n{}"), xscale="log", xlabel="training on one thread [min]")
+    axes[0, 0].set(ylabel="obstacle IoU", ylim=(0, 1))
+    one_legend(figure, axes[0])
+    return figure
 
 
 def generalization(frames: Frames) -> Figure | None:

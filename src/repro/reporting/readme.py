@@ -13,6 +13,7 @@ from repro.reporting.summaries import (
     claims_to_markdown,
     extrapolated_to_markdown,
     methods_to_markdown,
+    networks_to_markdown,
 )
 from repro.reporting.tables import Table, costs_to_markdown
 
@@ -23,8 +24,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `curves`), or one network or `average` for its rows in both
-    tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `curves`), or one network or `average` for its rows
+    in both tables.
 
     Raises:
         ValueError: a mark is not closed before the next one.
@@ -47,16 +48,27 @@ def _markdown(directory: Path, name: str) -> str:
         return claims_to_markdown(pd.read_csv(directory / "analysis" / "claims.csv"))
     if name == "curves":
         return extrapolated_to_markdown(read_rows(directory / "analysis" / "extrapolated.csv"))
-    if name in ("methods", "bounds"):
-        main_caption = (directory / "main.txt").read_text(encoding="utf-8").strip()
-        intervals = read_rows(directory / "analysis" / "intervals.csv")
-        scale = main_caption[main_caption.index("Scale ") : main_caption.index(", seed")]
-        if name == "methods":
-            title = "Networks, other inputs, baselines and the upper bound, with 95 % intervals"
-            return methods_to_markdown(intervals, f"{title}. {scale}.")
-        title = "The upper bound with more and less knowledge, with 95 % intervals"
-        return bounds_to_markdown(intervals, read_rows(directory / "analysis" / "recency.csv"), f"{title}. {scale}.")
+    if name in ("methods", "bounds", "networks"):
+        return _summary(directory, name)
     return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
+
+
+def _summary(directory: Path, name: str) -> str:
+    """Return a table of methods, bounds or networks, with the scale in its caption."""
+    caption = (directory / "main.txt").read_text(encoding="utf-8").strip()
+    scale = caption[caption.index("Scale ") : caption.index(", seed")]
+    intervals, recency, calibration = (
+        read_rows(directory / "analysis" / f"{stem}.csv") for stem in ("intervals", "recency", "calibration")
+    )
+    if name == "methods":
+        title = "Networks, other inputs, baselines and the upper bound, with 95 % intervals"
+        return methods_to_markdown(intervals, f"{title}. {scale}.")
+    if name == "bounds":
+        title = "The upper bound with more and less knowledge, with 95 % intervals"
+        return bounds_to_markdown(intervals, recency, f"{title}. {scale}.")
+    title = "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two"
+    costs = read_rows(directory / "costs.csv")
+    return networks_to_markdown(intervals, calibration, costs, f"{title}. {scale}.", ("3", "4"))
 
 
 def _published(directory: Path, name: str) -> Table:

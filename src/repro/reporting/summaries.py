@@ -1,5 +1,8 @@
 """Summaries of the analysis as Markdown for the documentation."""
 
+import itertools
+import math
+
 import pandas as pd
 
 from repro.baselines.names import BOUNDS, OTHER_BOUNDS, rank
@@ -68,6 +71,36 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
         lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def networks_to_markdown(
+    intervals: pd.DataFrame, calibration: pd.DataFrame, costs: pd.DataFrame, words: str, experiments: tuple[str, ...]
+) -> str:
+    """Return a table of networks and inputs: obstacle IoU, its share of the bound, log loss, and costs.
+
+    Args:
+        intervals: see `methods_to_markdown`.
+        calibration: experiment, model, encoding, method, recency, log_loss.
+        costs: model, encoding, size_px, parameters_m, training_min, cpu_eager_ms, cpu_onnx_ms.
+        words: the caption.
+        experiments: the experiments to show.
+    """
+    iou = intervals[intervals["metric"] == "obstacle_iou"].set_index(["experiment", "model", "encoding"])["value"]
+    of_map = calibration[(calibration["method"] == "uncalibrated") & (calibration["recency"] == "all")]
+    log_loss = of_map.set_index(["experiment", "model", "encoding"])["log_loss"]
+    measures = {"obstacle IoU": iou, "share of the bound": iou, "log loss [nat]": log_loss}
+    heads = [f"Exp. {experiment}: {head}" for experiment in experiments for head in measures]
+    heads += ["Parameters [M]", "Training [min]", "Latency [ms]"]
+    lines = [f"**{words}**", "", "| Network, input | " + " | ".join(heads) + " |", "|---|" + "---|" * len(heads)]
+    for row in costs.dropna(subset="training_min").itertuples():
+        cells = []
+        for experiment, (head, values) in itertools.product(experiments, measures.items()):
+            value = values.get((experiment, row.model, row.encoding), math.nan)
+            bound = iou.get((experiment, BOUND, ""), math.nan) if head == "share of the bound" else 1.0
+            cells.append("" if math.isnan(value / bound) else f"{value / bound:.{2 if 'share' in head else 3}f}")
+        cells += [f"{row.parameters_m:.2f}", f"{row.training_min:.0f}", f"{row.cpu_onnx_ms:.0f}"]
+        lines.append(f"| {predictor_title(str(row.model), str(row.encoding))} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 

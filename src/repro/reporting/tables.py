@@ -131,7 +131,8 @@ def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str,
 
 def costs_to_markdown(table: Table) -> str:
     """Return the costs as Markdown, one row per network and resolution, without columns that are empty everywhere."""
-    frame = table.frame.dropna(axis="columns", how="all")
+    titles = table.frame.apply(_title, axis="columns")
+    frame = table.frame.drop(columns="encoding", errors="ignore").assign(model=titles).dropna(axis="columns", how="all")
     lines = [
         f"**{table.caption}**",
         "",
@@ -144,9 +145,13 @@ def costs_to_markdown(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _title(row: pd.Series) -> str:
+    return predictor_title(row["model"], row.get("encoding", PROJECTION))
+
+
 def _cost(name: str, value: float | str) -> str:
     if isinstance(value, str):
-        return model_title(value)
+        return value
     return "" if pd.isna(value) else f"{value:.{COST_DIGITS.get(name, 1)}f}"
 
 
