@@ -5,7 +5,8 @@
 writes costs.csv there, at the resolution of those results and at that of the paper scale, and costs.png where the
 results have an analysis. The time of a training is that of its steps on one CPU thread, measured over a few. The
 latency is that of one window, the encoding of its 100 scans and the prediction: the median of 20 calls after a warm-up.
-Compilation is measured if torch.compile works. Values that cannot be measured stay empty.
+With --compile, the latency of the compiled networks is measured where torch.compile works, which takes a minute each.
+Values that cannot be measured stay empty.
 """
 
 import argparse
@@ -133,7 +134,7 @@ def peak_training_gb(model: Model, encoding: Encoding, size_px: int, batch_size:
     return torch.cuda.max_memory_allocated() / 1e9
 
 
-def measure(name: str, label: str, size_px: int, batch_size: int, runs: pd.DataFrame) -> dict[str, object]:
+def measure(name: str, label: str, size_px: int, runs: pd.DataFrame, options: argparse.Namespace) -> dict[str, object]:
     """Measure one row of the table."""
     grid, model, encoding = Grid(size_px, 50.0), model_named(name), ENCODINGS[label]
     network = create_network(model, encoding.channels, encoding.frames).eval()
@@ -149,13 +150,13 @@ def measure(name: str, label: str, size_px: int, batch_size: int, runs: pd.DataF
         "parameters_m": sum(p.numel() for p in network.parameters()) / 1e6,
         "forward_gflop": counter.get_total_flops() / 1e9,
         "training_min": training_minutes(model, encoding, runs) if is_published else None,
-        "training_gpu_gb": peak_training_gb(model, encoding, size_px, batch_size),
+        "training_gpu_gb": peak_training_gb(model, encoding, size_px, options.batch_size),
     }
     row |= dict.fromkeys(LATENCIES)
     with torch.inference_mode():
         for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
             row[f"{device}_eager_ms"] = latency_ms(network.to(device), encoding, grid, device)
-            fast = compiled(network, image.to(device))
+            fast = compiled(network, image.to(device)) if options.compile else None
             if fast is not None:
                 row[f"{device}_compiled_ms"] = latency_ms(fast, encoding, grid, device)
     session = onnx(network.cpu(), image)
@@ -184,10 +185,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=Path, help="directory of published results, such as reproduce/results/laptop")
     parser.add_argument("--batch-size", type=int, default=16, help="batch size for the GPU memory of training")
+    parser.add_argument("--compile", action="store_true", help="also measure compiled networks")
     options = parser.parse_args()
     runs = pd.read_csv(options.results / "runs.csv")
     sizes = sorted({int(runs["size_px"].iloc[0]), PAPER_PX})
-    table = pd.DataFrame([measure(*cell, size, options.batch_size, runs) for size in sizes for cell in CELLS])
+    table = pd.DataFrame([measure(*cell, size, runs, options) for size in sizes for cell in CELLS])
     table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g")
     (options.results / "costs.txt").write_text(note(runs) + "\n", encoding="utf-8")
     intervals = options.results / "analysis" / "intervals.csv"
