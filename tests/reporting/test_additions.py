@@ -40,6 +40,7 @@ def later(tmp_path):
 def write_intervals(path, rows):
     (path / "analysis").mkdir(exist_ok=True)
     table = pd.DataFrame(rows, columns=["experiment", "model", "encoding", "value"]).assign(metric="obstacle_iou")
+    table = table.assign(low=table["value"], high=table["value"])
     table.to_csv(path / "analysis" / "intervals.csv", index=False)
 
 
@@ -63,6 +64,14 @@ def test_only_new_combinations_are_added_to_the_analysis(published, later):
     rows = pd.read_csv(add_to_published(later, published, "laptop") / "analysis" / "intervals.csv")
     assert rows["model"].tolist() == ["unet", "all_free", "convgru"]
     assert rows["value"].tolist() == [0.5, 0.0, 0.7]
+
+
+def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):
+    old = published / "laptop" / "analysis" / "baselines.png"
+    old.write_bytes(b"old")
+    analysis = add_to_published(later, published, "laptop") / "analysis"
+    assert (analysis / "baselines.png").read_bytes().startswith(b"\x89PNG")
+    assert {path.name for path in analysis.iterdir()} == {"intervals.csv", "baselines.png"}
 
 
 def test_a_second_addition_of_the_same_runs_is_refused(published, later):

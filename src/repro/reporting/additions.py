@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.publish import published_page, write_published_tables
 from repro.reporting.results import SIZES, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
@@ -20,7 +21,8 @@ def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
     """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
 
     Tables, runs, provenance and the README.md are made anew from all runs. The rows of the analysis are added for new
-    combinations of experiment, model and encoding; the page and the figures stay those of the earlier publication.
+    combinations of experiment, model and encoding, and its figures are drawn anew; the page and the other figures stay
+    those of the earlier publication.
 
     Args:
         outputs: the outputs directory with the new runs, analyzed by task=analysis.
@@ -67,15 +69,18 @@ def _check(new: pd.DataFrame, published: pd.DataFrame, origins: list[Provenance]
 
 
 def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:
-    """Add the rows of combinations that are not published to the tables of the analysis."""
+    """Add the rows of combinations that are not published to the tables of the analysis, and redraw its figures."""
     known = _cells(published) | {(experiment, "average", encoding) for experiment, _, encoding in _cells(published)}
     for path in sorted(source.glob("*.csv")):
         rows: Any = read_rows(path)
-        if not set(CELL) <= set(rows) or not (target / path.name).is_file():
+        if not set(CELL) <= set(rows):
             continue
         is_new = [cell not in known for cell in zip(*(rows[name] for name in CELL), strict=True)]
-        joined = pd.concat([read_rows(target / path.name), rows[is_new]], ignore_index=True)
+        earlier = [read_rows(target / path.name)] if (target / path.name).is_file() else []
+        joined = pd.concat([*earlier, rows[is_new]], ignore_index=True)
         write_text(target / path.name, joined.to_csv(index=False, float_format="%.6g"))
+    names = [path.stem for path in target.glob("*.png")]
+    write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
 
 
 def _cells(rows: pd.DataFrame) -> set[tuple[str, str, str]]:

@@ -1,6 +1,6 @@
 """Figures of the analysis: frames in, `Figure` out. All are readable in gray; CSV files beside them hold their data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -18,15 +18,20 @@ DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS
 HITS = ("1-10", "11-25", "26-50", "51-100", "never")
 
 
-def write_analysis_figures(directory: Path, frames: Frames) -> list[Path]:
-    """Write every figure that has data as PNG and PDF; return the PNG files."""
+def write_analysis_figures(
+    directory: Path,
+    frames: Frames,
+    names: Collection[str] | None = None,
+    suffixes: tuple[str, ...] = ("png", "pdf"),
+) -> list[Path]:
+    """Write every figure that has data, or those of `names`; return the PNG files."""
     written = []
     with plt.rc_context(STYLE):
         for name, draw in FIGURES.items():
-            figure = draw(frames)
+            figure = draw(frames) if names is None or name in names else None
             if figure is None:
                 continue
-            for suffix in ("png", "pdf"):
+            for suffix in suffixes:
                 figure.savefig(directory / f"{name}.{suffix}", bbox_inches="tight", pad_inches=0.05)
             plt.close(figure)
             written.append(directory / f"{name}.png")
