@@ -66,6 +66,17 @@ def test_only_new_combinations_are_added_to_the_analysis(published, later):
     assert rows["value"].tolist() == [0.5, 0.0, 0.7]
 
 
+def test_a_difference_is_added_once(published, later):
+    columns = ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"]
+    earlier = ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1)
+    new = ("3", "networks", "convgru", "all_free", "", "series10", "ssim", 0.2)
+    old = published / "laptop" / "analysis" / "differences.csv"
+    pd.DataFrame([earlier], columns=columns).to_csv(old, index=False)
+    pd.DataFrame([earlier, new], columns=columns).to_csv(later.analysis / "differences.csv", index=False)
+    rows = pd.read_csv(add_to_published(later, published, "laptop") / "analysis" / "differences.csv")
+    assert rows["value"].tolist() == [0.1, 0.2]
+
+
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):
     old = published / "laptop" / "analysis" / "baselines.png"
     old.write_bytes(b"old")

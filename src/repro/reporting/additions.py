@@ -16,6 +16,8 @@ from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Provenance
 from repro.system.files import lock, read_mapping, replacing_directory, write_json, write_text
 
+COMPARED = ("experiment", "comparison", "one", "other", "model", "encoding")  # columns that identify a difference
+
 
 def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
     """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
@@ -75,13 +77,21 @@ def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:
         rows: Any = read_rows(path)
         if not set(CELL) <= set(rows):
             continue
-        is_new = [cell not in known for cell in zip(*(rows[name] for name in CELL), strict=True)]
         earlier = [read_rows(target / path.name)] if (target / path.name).is_file() else []
+        if set(COMPARED) <= set(rows):
+            pairs = {pair for table in earlier for pair in _tuples(table, COMPARED)}
+            is_new = [pair not in pairs for pair in _tuples(rows, COMPARED)]
+        else:
+            is_new = [cell not in known for cell in _tuples(rows, CELL)]
         joined = pd.concat([*earlier, rows[is_new]], ignore_index=True)
         write_text(target / path.name, joined.to_csv(index=False, float_format="%.6g"))
     names = [path.stem for path in target.glob("*.png")]
     write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
 
 
-def _cells(rows: pd.DataFrame) -> set[tuple[str, str, str]]:
-    return set(rows[list(CELL)].itertuples(index=False, name=None))
+def _cells(rows: pd.DataFrame) -> set[tuple[str, ...]]:
+    return set(_tuples(rows, CELL))
+
+
+def _tuples(rows: pd.DataFrame, columns: tuple[str, ...]) -> list[tuple[str, ...]]:
+    return list(rows[list(columns)].fillna("").itertuples(index=False, name=None))
