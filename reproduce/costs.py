@@ -195,7 +195,7 @@ def main() -> None:
     intervals = options.results / "analysis" / "intervals.csv"
     if intervals.is_file():
         with plt.rc_context(STYLE):
-            efficiency(read_rows(intervals), table).savefig(options.results / "costs.png", bbox_inches="tight")
+            efficiency(read_rows(intervals), table).savefig(options.results / "costs.png", bbox_inches="tight", dpi=130)
     print(costs_to_markdown(Table(table, note(runs))))
 
 

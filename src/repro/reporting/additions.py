@@ -2,6 +2,7 @@
 
 import dataclasses
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -93,5 +94,5 @@ def _cells(rows: pd.DataFrame) -> set[tuple[str, ...]]:
     return set(_tuples(rows, CELL))
 
 
-def _tuples(rows: pd.DataFrame, columns: tuple[str, ...]) -> list[tuple[str, ...]]:
+def _tuples(rows: pd.DataFrame, columns: Sequence[str]) -> list[tuple[str, ...]]:
     return list(rows[list(columns)].fillna("").itertuples(index=False, name=None))

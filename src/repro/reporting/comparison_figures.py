@@ -58,9 +58,10 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
             spread = [point["value"] - point["low"], point["high"] - point["value"]]
             filled = None if number % 2 == 0 else "white"
             ax.errorbar(point["training_min"], point["value"], spread, label=name, markerfacecolor=filled, **look)
-        ax.set(title=experiment_title(experiment, "\n{}"), xscale="log", xlabel="training on one thread [min]")
+        ax.set(title=experiment_title(experiment, "\n{}"), xlabel="training on one thread [min]")
+        ax.set_xlim(left=0)
     axes[0, 0].set(ylabel="obstacle IoU", ylim=(0, 1))
-    one_legend(figure, axes[0])
+    one_legend(figure, axes[0], rows=3)
     return figure
 
 

@@ -36,7 +36,7 @@ def marks(ax: Axes, kinds: dict[str, pd.DataFrame], names: list[str]) -> None:
     ax.set_xticks(range(len(names)), names)
 
 
-def one_legend(figure: Figure, axes: Any) -> None:
-    """Add one legend below the figure, with the entries of the axes that have most of them."""
+def one_legend(figure: Figure, axes: Any, rows: int = 1) -> None:
+    """Add one legend below the figure, in some rows, with the entries of the axes that have most of them."""
     handles, labels = max((ax.get_legend_handles_labels() for ax in axes), key=lambda entries: len(entries[1]))
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=-(-len(labels) // rows), frameon=False)
