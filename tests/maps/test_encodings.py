@@ -96,6 +96,21 @@ def test_a_stack_encodes_each_part_of_the_window(scans):
         assert torch.equal(images[:, part : part + 1], Projection(decay=False).encode(alone, GRID))
 
 
+def test_a_window_with_fewer_steps_than_parts_is_refused(scans):
+    with pytest.raises(ValueError, match="divides a window into 4 parts, got a window of 3 steps"):
+        Series(4).encode(Scans(scans.ranges[:, :3], scans.angles, scans.poses[:, :3]), GRID)
+
+
+@pytest.mark.parametrize("steps", [4, 5, 7])
+def test_the_parts_of_a_series_need_not_be_equally_long(scans, steps):
+    window = Scans(scans.ranges[:, :steps], scans.angles, scans.poses[:, :steps])
+    hits, free = Series(4).encode(window, GRID).chunk(2, dim=1)
+    for number, part in enumerate(torch.arange(steps).tensor_split(4)):
+        alone = Series(1).encode(Scans(scans.ranges[:, part], scans.angles, scans.poses[:, part]), GRID)
+        assert torch.equal(hits[:, number], alone[:, 0])
+        assert torch.equal(free[:, number], alone[:, 1])
+
+
 def test_a_series_encodes_the_hits_and_the_free_pixels_of_each_part_of_the_window(scans):
     images = Series(4).encode(scans, GRID)
     assert torch.equal(images[:, :4], Stack(4).encode(scans, GRID))

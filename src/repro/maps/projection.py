@@ -79,17 +79,29 @@ def newest_hits(scans: Scans, grid: Grid) -> Tensor:
     Returns:
         the step, counted from 1, 0 without a hit, int64, (B, H, W).
     """
-    ranges, poses = scans.ranges, scans.poses
-    batch, steps, _ = ranges.shape
+    pixels, hit = hit_pixels(scans, grid)
+    batch, steps, _ = hit.shape
+    step = torch.arange(1, steps + 1, device=hit.device)[:, None]
+    newest = torch.zeros(batch, grid.size_px**2, dtype=torch.long, device=hit.device)
+    newest.scatter_reduce_(1, pixels.flatten(1), torch.where(hit, step, 0).flatten(1), reduce="amax")
+    return newest.view(batch, grid.size_px, grid.size_px)
 
-    # Points in the global frame, (B, T, N, 2); misses are excluded below
+
+def hit_pixels(scans: Scans, grid: Grid) -> tuple[Tensor, Tensor]:
+    """Return the pixel of each hit, from its range, beam angle and pose.
+
+    Args:
+        scans: a batch of windows, as tensors.
+        grid: grid of the images.
+
+    Returns:
+        pixels: flat pixel index, row-major, (B, T, N); 0 where there is no hit.
+        hit: whether the beam hits something on the map, (B, T, N).
+    """
+    ranges, poses = scans.ranges, scans.poses
     heading = poses[..., 2:] + scans.angles
     directions = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
     hit = torch.isfinite(ranges)
     points = poses[..., None, :2] + torch.where(hit, ranges, 0)[..., None] * directions
-    index, inside = grid.pixels(points)
-
-    step = torch.arange(1, steps + 1, device=ranges.device)[:, None].expand_as(ranges)
-    newest = torch.zeros(batch, grid.size_px**2, dtype=torch.long, device=ranges.device)
-    newest.scatter_reduce_(1, index.flatten(1), torch.where(hit & inside, step, 0).flatten(1), reduce="amax")
-    return newest.view(batch, grid.size_px, grid.size_px)
+    pixels, inside = grid.pixels(points)
+    return pixels, hit & inside

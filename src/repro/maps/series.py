@@ -5,10 +5,11 @@ from typing import ClassVar
 import torch
 from pydantic.dataclasses import dataclass
 from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
 
 from repro.config import Frames, Positive
 from repro.maps.grid import Grid
-from repro.maps.projection import CHECKED, newest_hits
+from repro.maps.projection import CHECKED, hit_pixels
 from repro.maps.visibility import newest_visible
 from repro.scans import Scans
 
@@ -39,14 +40,27 @@ class Stack:
         return self.frames
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        return _black(torch.stack([newest_hits(part, grid) > 0 for part in self._parts(scans)], dim=1))
+        parts = self._parts(scans)
+        pixels, hit = hit_pixels(parts, grid)
+        images = torch.full((len(parts), grid.size_px**2), 255, dtype=torch.uint8, device=hit.device)
+        gray = torch.where(hit, 0, 255).to(torch.uint8)
+        images.scatter_reduce_(1, pixels.flatten(1), gray.flatten(1), reduce="amin")
+        return images.view(-1, self.frames, grid.size_px, grid.size_px)
 
     def to_input(self, images: Tensor) -> Tensor:
         return 1 - images.float() / 255  # networks learn slowly from many images of mostly ones
 
-    def _parts(self, scans: Scans) -> list[Scans]:
-        steps = torch.arange(scans.ranges.shape[1], device=scans.ranges.device).tensor_split(self.frames)
-        return [Scans(scans.ranges[:, part], scans.angles, scans.poses[:, part]) for part in steps]
+    def _parts(self, scans: Scans) -> Scans:
+        """Return the K parts of B windows as B K windows; shorter parts end with steps without hit and pose."""
+        count = scans.ranges.shape[1]
+        if count < self.frames:
+            raise ValueError(f"{self.name} divides a window into {self.frames} parts, got a window of {count} steps")
+        steps = torch.arange(count, device=scans.ranges.device)
+        parts = pad_sequence(list(steps.tensor_split(self.frames)), batch_first=True, padding_value=-1)  # (K, steps)
+        absent = (parts < 0)[..., None]
+        ranges = scans.ranges[:, parts].masked_fill(absent, torch.inf)
+        poses = scans.poses[:, parts].masked_fill(absent, torch.nan)
+        return Scans(ranges.flatten(0, 1), scans.angles, poses.flatten(0, 1))
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -73,11 +87,6 @@ class Series(Stack):
         return 2 * self.frames
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        margin_m = -grid.resolution_m / 2
-        free = [newest_visible(part, grid, self.range_max_m, margin_m=margin_m) > 0 for part in self._parts(scans)]
-        return torch.cat([super().encode(scans, grid), _black(torch.stack(free, dim=1))], dim=1)
-
-
-def _black(drawn: Tensor) -> Tensor:
-    """Convert a mask to a gray image, black (0) where it is true, uint8."""
-    return 255 * (~drawn).to(torch.uint8)
+        free = newest_visible(self._parts(scans), grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
+        images = (free == 0).to(torch.uint8).mul_(255).unflatten(0, (-1, self.frames))
+        return torch.cat([super().encode(scans, grid), images], dim=1)

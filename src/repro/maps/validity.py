@@ -37,15 +37,14 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     if allow_empty:
         return
     inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)
-    expected = f"expected x and y from 0 to {grid.size_m:g} m"
-    _refuse(~inside, "poses", "outside the map", f"{expected}; allow_empty=True accepts them")
+    _refuse(~inside, "poses", "outside the map", f"expected x and y from 0 to {grid.size_m:g} m")
     empty = (newest_hits(windows, grid) == 0).flatten(1).all(1)
     if empty.any():
         finite = ranges[empty][torch.isfinite(ranges[empty])]
         median = f"their median range is {finite.median():.4g}" if len(finite) else "all of their beams are misses"
         raise ValueError(
             f"{int(empty.sum())} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
-            "expected ranges in meters; allow_empty=True accepts such windows"
+            "expected ranges in meters, and poses in the frame of the map"
         )
 
 

@@ -91,26 +91,39 @@ def _draw_windows(
             x, y, heading = poses[window, step]
             if not math.isfinite(x + y + heading):
                 continue  # nothing is visible from an unknown pose
-            beam = 0
+            beam, start = 0, _direction(heading + first)
             while beam < beams:
                 radius, end = reach[window, step, beam], beam + 1
                 while end < beams and reach[window, step, end] == radius and (end + 1 - beam) * spacing < math.pi / 2:
                     end += 1  # adjacent beams of equal reach, such as misses, form one sector
+                stop = _direction(heading + first + end * spacing)
                 if radius >= 0:
-                    start, stop = heading + first + beam * spacing, heading + first + end * spacing
                     _draw_sector(newest[window], x, y, start, stop, radius, step + 1)
-                beam = end
+                beam, start = end, stop
 
 
 @numba.njit(nogil=True)
-def _draw_sector(image: np.ndarray, x: float, y: float, start: float, stop: float, radius: float, value: int) -> None:
-    """Draw the part of a disc between two bearings [rad], less than half a turn apart, row by row.
+def _direction(bearing: float) -> tuple[float, float]:
+    return math.cos(bearing), math.sin(bearing)
+
+
+@numba.njit(nogil=True)
+def _draw_sector(
+    image: np.ndarray,
+    x: float,
+    y: float,
+    start: tuple[float, float],
+    stop: tuple[float, float],
+    radius: float,
+    value: int,
+) -> None:
+    """Draw the part of a disc between two directions (cosine, sine), less than half a turn apart, row by row.
 
     A pixel on `start` belongs to the sector and one on `stop` does not, so that adjacent sectors neither overlap nor
     leave a gap.
     """
     size = len(image)
-    from_cos, from_sin, to_cos, to_sin = math.cos(start), math.sin(start), math.cos(stop), math.sin(stop)
+    from_cos, from_sin, to_cos, to_sin = start[0], start[1], stop[0], stop[1]
     lowest, highest = radius * min(0.0, from_sin, to_sin), radius * max(0.0, from_sin, to_sin)
     if from_cos * to_cos <= 0:  # the sector contains a y axis direction
         lowest, highest = (lowest, radius) if from_sin + to_sin > 0 else (-radius, highest)

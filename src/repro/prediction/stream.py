@@ -39,8 +39,8 @@ class PredictionStream:
     `Predictor.predict` for the same window, bit by bit. Scans are kept for the duration of a window, so memory is
     constant. A scan that follows the last one by less than half a step is left out, as in the prediction of a log.
 
-    The window is drawn anew for each map: the hits of 100 steps take about a millisecond, the network takes most of
-    the time, and a map that moves with the robot has no pixel in common with the one before.
+    The window is drawn anew for each map: the network takes most of the time, and a map that moves with the robot has
+    no pixel in common with the one before.
 
     Args:
         predictor: network, encoding and grid.
