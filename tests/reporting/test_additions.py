@@ -77,6 +77,19 @@ def test_a_difference_is_added_once(published, later):
     assert rows["value"].tolist() == [0.1, 0.2]
 
 
+def test_the_robustness_of_a_new_network_is_added(published, later):
+    columns = ["metric", "value", "low", "high", "shift", "trained", "tested", "seed", "model", "encoding"]
+    noise = ["obstacle_iou", 0.4, 0.3, 0.5, "range noise [m]", "3", "0.1", 0]
+    old, new = [*noise, "unet", "projection"], [*noise, "convgru", "series10"]
+    directory = published / "laptop" / "analysis"
+    pd.DataFrame([old], columns=columns).to_csv(directory / "generalization.csv", index=False)
+    (directory / "generalization.png").write_bytes(b"old")
+    pd.DataFrame([old, new], columns=columns).to_csv(later.analysis / "generalization.csv", index=False)
+    directory = add_to_published(later, published, "laptop") / "analysis"
+    assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
+    assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):
     old = published / "laptop" / "analysis" / "baselines.png"
     old.write_bytes(b"old")

@@ -18,6 +18,7 @@ from repro.runs.provenance import Provenance
 from repro.system.files import lock, read_mapping, replacing_directory, write_json, write_text
 
 COMPARED = ("experiment", "comparison", "one", "other", "model", "encoding")  # columns that identify a difference
+TESTED = ("trained", "model", "encoding")  # columns that identify a network tested under changes
 
 
 def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
@@ -76,14 +77,12 @@ def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:
     known = _cells(published) | {(experiment, "average", encoding) for experiment, _, encoding in _cells(published)}
     for path in sorted(source.glob("*.csv")):
         rows: Any = read_rows(path)
-        if not set(CELL) <= set(rows):
+        columns = next((each for each in (COMPARED, CELL, TESTED) if set(each) <= set(rows)), None)
+        if columns is None:
             continue
         earlier = [read_rows(target / path.name)] if (target / path.name).is_file() else []
-        if set(COMPARED) <= set(rows):
-            pairs = {pair for table in earlier for pair in _tuples(table, COMPARED)}
-            is_new = [pair not in pairs for pair in _tuples(rows, COMPARED)]
-        else:
-            is_new = [cell not in known for cell in _tuples(rows, CELL)]
+        present = known if columns is CELL else {each for table in earlier for each in _tuples(table, columns)}
+        is_new = [each not in present for each in _tuples(rows, columns)]
         joined = pd.concat([*earlier, rows[is_new]], ignore_index=True)
         write_text(target / path.name, joined.to_csv(index=False, float_format="%.6g"))
     names = [path.stem for path in target.glob("*.png")]

@@ -66,25 +66,30 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
 
 
 def generalization(frames: Frames) -> Figure | None:
-    """Plot obstacle IoU and accuracy of U-Net under changed sensors, poses and speeds; None without data."""
+    """Plot obstacle IoU and accuracy of networks under changed sensors, poses and speeds; None without data."""
     if "generalization" not in frames:
         return None
     rows = frames["generalization"]
     rows = rows[(rows["shift"] != "experiment") & rows["metric"].isin(["obstacle_iou", "accuracy"])]
     if rows.empty:
         return None
-    shifts = list(dict.fromkeys(rows["shift"]))
+    rows = rows.assign(title=[predictor_title(*each) for each in zip(rows["model"], rows["encoding"], strict=True)])
+    shifts, names = (list(dict.fromkeys(rows[column])) for column in ("shift", "title"))
     size = (0.6 + 2.2 * len(shifts), 4.2)
     figure, axes = plt.subplots(2, len(shifts), figsize=size, layout="constrained", sharey="row", squeeze=False)
     labels = {"obstacle_iou": "obstacle IoU", "accuracy": "accuracy"}
     for column, shift in zip(axes.T, shifts, strict=True):
         for ax, (metric, label) in zip(column, labels.items(), strict=True):
-            line = rows[(rows["shift"] == shift) & (rows["metric"] == metric)]
-            amount = line["tested"].astype(float)
-            spread = [line["value"] - line["low"], line["high"] - line["value"]]
-            ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, **LOOKS[0])
+            chosen = rows[(rows["shift"] == shift) & (rows["metric"] == metric)]
+            for name, look in zip(names, LOOKS, strict=False):
+                line = chosen[chosen["title"] == name]
+                spread = [line["value"] - line["low"], line["high"] - line["value"]]
+                amount = line["tested"].astype(float)
+                ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, label=name, **look)
             ax.set_ylabel(label if shift == shifts[0] else "")
         column[-1].set_xlabel(shift)
+    if len(names) > 1:
+        one_legend(figure, axes[0], rows=1)
     return figure
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.config import NETWORKS, NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, caption, read_published, read_results
 from repro.reporting.rows import keys_of
@@ -43,7 +43,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
         ValueError: no network is evaluated, a run is damaged or inconsistent, or there are doubts.
     """
     runs = read_results(outputs)
-    if runs.empty or not runs["model"].isin(NETWORKS).any():
+    if runs.empty or not (runs["encoding"] != "").any():
         raise ValueError(f"nothing to publish in {outputs.path}: no network is evaluated")
     name = outputs.path.name
     if not re.fullmatch(r"[\w-]+", name):

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from repro.config import NETWORKS, PROJECTION
-from repro.reporting.names import TITLES
+from repro.reporting.names import TITLES, predictor_title
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
@@ -21,7 +21,7 @@ CAPTIONS = {
     "obstacles": "Recall of single obstacles by time since the last hit; intervals of 95 % over test worlds.",
     "reliability": "Predicted probability of an obstacle against the observed frequency, uncalibrated.",
     "baselines": "Obstacle IoU of the networks (filled) and the classical baselines (open), with intervals of 95 %.",
-    "generalization": "U-Net under changed sensing and obstacle speed; intervals of 95 % over test worlds.",
+    "generalization": "Networks under changed sensing and obstacle speed; intervals of 95 % over test worlds.",
     "curves": "U-Net on the paper's input against the number of training pairs, averaged over seeds; at 10,000 pairs "
     "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
     "encodings": "Obstacle IoU of U-Net with other inputs and the same training budget, with intervals of 95 %. All "
@@ -68,8 +68,8 @@ SECTIONS: list[dict[str, Any]] = [
         "id": "generalization",
         "nav": "Generalization",
         "title": "Generalization under distribution shift",
-        "text": "U-Net trained on one experiment and tested on the others, and on sensors, poses and speeds outside "
-        "its training distribution. The threshold stays at 0.5, so accuracy and IoU may disagree.",
+        "text": "Networks trained on one experiment and tested on the others, and on sensors, poses and speeds outside "
+        "their training distribution. The threshold stays at 0.5, so accuracy and IoU may disagree.",
         "images": ("generalization",),
     },
     {
@@ -139,7 +139,7 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
             _table(_to_the_papers(frames["differences"]), ["experiment", "model", "input"], DIFFERENCE),
             _table(frames["cost"], CELL, COST),
         ],
-        "generalization": [_across(frames.get("generalization"))],
+        "generalization": _across(frames.get("generalization")),
         "curves": [_extrapolated(frames.get("extrapolated"))],
         "provenance": [_origins(origins)],
     }
@@ -181,18 +181,24 @@ def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _across(frame: pd.DataFrame | None) -> dict[str, Any]:
-    """Return obstacle IoU and accuracy of the network of each experiment (row) on each experiment (column)."""
+def _across(frame: pd.DataFrame | None) -> list[dict[str, Any]]:
+    """Return for each network obstacle IoU and accuracy, trained on one experiment (row), tested on one (column)."""
     if frame is None:
-        return {"caption": "", "heads": [], "rows": [], "words": 1}
-    rows = frame[frame["shift"] == "experiment"].set_index(["trained", "tested", "metric"])["value"]
+        return []
+    rows = frame[frame["shift"] == "experiment"]
+    titles = [predictor_title(*each) for each in zip(rows["model"], rows["encoding"], strict=True)]
+    return [_across_of(str(title), part) for title, part in rows.groupby(titles, sort=False)]
+
+
+def _across_of(title: str, frame: pd.DataFrame) -> dict[str, Any]:
+    rows = frame.set_index(["trained", "tested", "metric"])["value"]
     names = list(dict.fromkeys(trained for trained, *_ in rows.index))
     table = [
         [name, *(f"{rows[name, on, 'obstacle_iou']:.3f} / {rows[name, on, 'accuracy']:.3f}" for on in names)]
         for name in names
     ]
     heads = ["Trained on", *(f"tested on {name}" for name in names)]
-    return {"caption": "Obstacle IoU / accuracy.", "heads": heads, "rows": table, "words": 1}
+    return {"caption": f"{title}: obstacle IoU / accuracy.", "heads": heads, "rows": table, "words": 1}
 
 
 def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
