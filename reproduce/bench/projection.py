@@ -1,4 +1,4 @@
-"""Benchmark the projection of 10,000 runs to 256 px: point by point, vectorized, and with observed free space."""
+"""Benchmark encodings of 10,000 runs: the projection point by point and vectorized, and with observed free space."""
 
 import resource
 import time
@@ -8,7 +8,7 @@ import torch
 from recording import world_of
 from table import head, row
 
-from repro.maps.encodings import ObservedFree
+from repro.maps.encodings import Encoding, ObservedFree, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.scans import Scans
@@ -35,10 +35,15 @@ def bench_projection() -> None:
     )
     differing = np.count_nonzero(np.abs(slow - images[0, 0].numpy().astype(int)) > 1)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    for size_px in (64, 128):
+        grid = Grid(size_px, 50.0)
+        _, once = _encode(Projection(), scans.tensors(), grid, rounds=20)
+        _, series = _encode(create_encoding("series10", {"frames": 10}), scans.tensors(), grid, rounds=5)
+        row(f"series10, {size_px} px", f"{series:.1f} s", f"{series / once:.1f} of the projection there")
     print(f"\nPixels that differ in the first run: {differing} (float32, float64). Peak memory: {peak:.2f} GB")
 
 
-def _encode(encoding: Projection, windows: Scans, grid: Grid, rounds: int) -> tuple[torch.Tensor, float]:
+def _encode(encoding: Encoding, windows: Scans, grid: Grid, rounds: int) -> tuple[torch.Tensor, float]:
     """Return the images of the windows and the time for all runs [s]."""
     images = encoding.encode(windows, grid)
     began = time.perf_counter()

@@ -11,18 +11,19 @@ from table import head, row
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.config import NETWORKS, Training, paper_model
+from repro.config import NETWORKS, Model, Training, paper_model
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.datasets import Pairs
-from repro.maps.projection import Projection
-from repro.networks.create import create_network
+from repro.maps.encodings import Encoding, create_encoding
+from repro.networks.create import Network, create_network
 from repro.reporting.names import model_title
 from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 SIZES = {"cpu": [(64, 8, 96), (128, 8, 32)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
+RECURRENT = "convgru"
 ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
 Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches
 
@@ -45,12 +46,12 @@ def training_rows(
     best = resolve_precision("auto", device)
     dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulation takes minutes
     peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}
-    for name in NETWORKS:
+    for name in (*NETWORKS, RECURRENT):
         ways: dict[str, Epoch] = {"plain, 32-true": plain_epoch(name, size_px, batch_size, pairs, device)}
         for precision in sorted({"32-true", best}):
             ways[f"ours, {precision}"] = our_epoch(name, size_px, batch_size, pairs, device, precision)
         if with_compile and compiles(
-            create_network(paper_model(name)).to(device), torch.zeros(2, 1, size_px, size_px, device=device)
+            network_of(name).to(device), torch.zeros(2, encoding_of(name).channels, size_px, size_px, device=device)
         ):
             ways[f"ours, {best}, compiled"] = our_epoch(name, size_px, batch_size, pairs, device, best, True)
         for epoch in ways.values():
@@ -72,8 +73,19 @@ def training_operations(name: str, size_px: int) -> float:
     """Count the floating-point operations of forward and backward for one image."""
     counter = FlopCounterMode(display=False)
     with counter:
-        create_network(paper_model(name))(torch.rand(2, 1, size_px, size_px)).sum().backward()
+        network_of(name)(torch.rand(2, encoding_of(name).channels, size_px, size_px)).sum().backward()
     return counter.get_total_flops() / 2
+
+
+def encoding_of(name: str) -> Encoding:
+    """Return the input of a network: the paper's image, a series for the recurrent network."""
+    return create_encoding("series10", {"frames": 10}) if name == RECURRENT else create_encoding("projection", {})
+
+
+def network_of(name: str) -> Network:
+    """Create a network without pretrained weights."""
+    model, encoding = Model(name, None, None) if name == RECURRENT else paper_model(name), encoding_of(name)
+    return create_network(model, encoding.channels, encoding.frames)
 
 
 def matrix_rate(device: str, dtype: torch.dtype) -> float:
@@ -89,10 +101,11 @@ def matrix_rate(device: str, dtype: torch.dtype) -> float:
 
 
 def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str) -> Epoch:
-    """Create an epoch in plain PyTorch: smp model, DataLoader, float32, eager."""
-    model, loss = create_network(paper_model(name)).to(device), MapLoss()
+    """Create an epoch in plain PyTorch: the same network, DataLoader, float32, eager."""
+    model, loss = network_of(name).to(device), MapLoss()
     optimizer = torch.optim.Adam(model.parameters(), 1e-4)
-    images, maps = torch.rand(pairs, 1, size_px, size_px), torch.rand(pairs, 1, size_px, size_px).round()
+    images = torch.rand(pairs, encoding_of(name).channels, size_px, size_px)
+    maps = torch.rand(pairs, 1, size_px, size_px).round()
     loader = DataLoader(TensorDataset(images, maps), batch_size, shuffle=True, drop_last=True)
 
     def epoch() -> tuple[float, float]:
@@ -110,9 +123,11 @@ def our_epoch(
     name: str, size_px: int, batch_size: int, pairs: int, device: str, precision: Any, compiled: bool = False
 ) -> Epoch:
     """Create an epoch of the training loop of `learning.training`, without validation."""
-    images = torch.randint(0, 256, (pairs, 1, size_px, size_px), dtype=torch.uint8, device=device)
-    data = Pairs(images, images // 128, Projection())
-    network = create_network(paper_model(name))
+    encoding = encoding_of(name)
+    shape = (pairs, encoding.channels, size_px, size_px)
+    images = torch.randint(0, 256, shape, dtype=torch.uint8, device=device)
+    data = Pairs(images, images[:, :1] // 128, encoding)
+    network = network_of(name)
     accelerate(network, device)
     module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
     if compiled:
