@@ -7,6 +7,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared
 
+from repro.cli.tasks.publish import changes
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -50,7 +51,7 @@ def test_published_tables_follow_from_the_published_runs(directory):
         assert origin["status"] == "evaluated"
         assert any("recordings" in step for step in origin["steps"])
         assert origin["steps"][-1]["step"] == "evaluated"
-    published = {name for name, encoding in ENCODINGS.items() if (runs["encoding"] == encoding).any()}
+    published = {"main", *(name for name, encoding in ENCODINGS.items() if (runs["encoding"] == encoding).any())}
     assert {path.stem for path in directory.glob("*.csv")} & {"main", "ablation"} == published
     for name in published:
         table = read_rows(directory / f"{name}.csv")
@@ -158,6 +159,13 @@ def test_the_command_of_a_variant_has_its_overrides(tmp_path):
     fake_run(outputs, "3", "unet", 0.4)
     page = (publish(Outputs(outputs), tmp_path / "results", "laptop") / "README.md").read_text()
     assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
+
+
+def test_the_command_of_a_changed_scale_names_the_changed_values_alone():
+    usual = {"size_px": 128, "pairs": {"train": 3000, "val": 128}, "ema_decay": None}
+    now = {"size_px": 128, "pairs": {"train": 8000, "val": 128}, "ema_decay": 0.99}
+    assert list(changes("scale", now, usual)) == [" scale.pairs.train=8000", " scale.ema_decay=0.99"]
+    assert not list(changes("scale", usual, usual))
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):

@@ -1,7 +1,9 @@
 """task=publish: copy the results of an outputs directory into reproduce/results, and its tables into the docs."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict
+from typing import Any
 
 from omegaconf import OmegaConf
 
@@ -29,6 +31,14 @@ def overrides_of(job: Job) -> str:
     worlds = {path.stem: read_world(path)["experiments"] for path in sorted((CONF / "world").glob("*.yaml"))}
     names = [name for name, experiments in worlds.items() if experiments == job.experiments]
     usual = plain(OmegaConf.load(CONF / "scale" / f"{job.scale.name}.yaml"))  # type: ignore[arg-type]
-    changed = {key: value for key, value in asdict(job.scale).items() if value != usual[key]}
     world = [f" world={name}" for name in names if name != "paper"]
-    return "".join([*world, *(f" scale.{key}={json.dumps(value)}" for key, value in changed.items())])
+    return "".join([*world, *changes("scale", asdict(job.scale), usual)])
+
+
+def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
+    """Yield the overrides of the values that differ from the usual ones, also in nested groups."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from changes(f"{path}.{key}", value, usual[key])
+        elif value != usual[key]:
+            yield f" {path}.{key}={json.dumps(value)}"
