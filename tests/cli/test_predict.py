@@ -30,6 +30,16 @@ def predict(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300)
 
 
+@pytest.mark.parametrize(("reading", "least", "most"), [(np.nan, 0.75, 1.0), (np.inf, 0.0, 0.7)])
+def test_lost_beams_hide_no_obstacle_if_they_are_invalid_and_many_if_they_are_misses(reading, least, most):
+    predictor, log = load_predictor(WEIGHTS), np.load(EXAMPLE)
+    ranges, poses = log["ranges"][:100], log["poses"][:100]
+    lost = np.random.default_rng(0).random(ranges.shape) < 0.25
+    windows = [Scans(each, log["angles"], poses) for each in (ranges, np.where(lost, reading, ranges))]
+    before, after = (predictor.predict(window)[0] < 0.5 for window in windows)
+    assert least <= (before & after).sum() / (before | after).sum() <= most
+
+
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     options = ("prediction.stride_s=10", "prediction.center=[25,25]", "prediction.animate=true", "prediction.mcap=true")
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
@@ -45,7 +55,7 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     # the example drives slower than the robot of the training, whose path has one length
     assert table["outside_training"].tolist() == ["path_m turn_deg"] * 3
     assert done.stdout.count("warning: ") == 2
-    assert "length of the path of the robot [m]: 12.7 to 13.4 in 3 of 3 windows, 39.5 in the 3000" in done.stdout
+    assert "length of the path of the robot [m]: 12.7 to 13.4 in 3 of 3 windows, 39.5 in the 4000" in done.stdout
     assert set(TITLES) <= set(table)
     assert table["fov_deg"].tolist() == pytest.approx([90] * 3)
     assert table["path_m"].to_numpy() == pytest.approx(paths([100, 200, 300]), abs=1e-3)

@@ -124,6 +124,20 @@ def test_nothing_is_visible_from_an_unknown_pose():
     assert torch.equal(newest_visible(look(0.0, math.nan), grid, 20.0), newest_visible(known, grid, 20.0))
 
 
+def test_an_invalid_reading_marks_nothing_and_leaves_the_other_beams_as_they_are():
+    angles = torch.linspace(-0.7, 0.7, 29)
+    ranges = torch.linspace(5, 20, 29).where(torch.arange(29) % 7 > 0, torch.inf).view(1, 1, 29)
+    poses = torch.tensor([[[25.0, 25.0, 0.3]]])
+    lost = torch.arange(29) % 5 == 0
+    found = newest_visible(Scans(ranges.masked_fill(lost, torch.nan), angles, poses), Grid(64, 50.0), 30.0)
+    expected = newest_visible(Scans(ranges, angles, poses), Grid(64, 50.0), 30.0)
+    only_lost = newest_visible(Scans(ranges.masked_fill(~lost, torch.nan), angles, poses), Grid(64, 50.0), 30.0)
+    assert found.any()
+    assert only_lost.any()
+    assert not (found.bool() & only_lost.bool()).any()
+    assert torch.equal(found | only_lost, expected)
+
+
 @pytest.mark.parametrize("far", [1e3, 1e30, -1e30])
 def test_nothing_is_visible_from_far_off_the_map(far):
     scans = look(0.0)

@@ -157,7 +157,7 @@ def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):
     for step in range(30):
         robot.mapper.add_odometry(odometry(step))
         robot.mapper.add_scan(wrong.get(step, scan(step)))
-    reasons = ("another number of beams", "not later", "NaN only", "other beam angles")
+    reasons = ("another number of beams", "not later", "without a valid reading", "other beam angles")
     assert len(robot.warnings) == len(wrong)
     assert all(reason in warning for reason, warning in zip(reasons, robot.warnings, strict=True))
     assert len(robot.maps) == 30 - STEPS + 1

@@ -178,7 +178,7 @@ def lines_with(change) -> list[str]:
         (5, flaser(4), "not later than the one before"),
         (5, flaser(2), "not later than the one before"),
         (5, flaser(5, np.full(90, 2.0)), "with another number of beams than 181"),
-        (5, flaser(5, np.full(BEAMS, np.nan)), "of NaN only"),
+        (5, flaser(5, np.full(BEAMS, np.nan)), "without a valid reading"),
         (5, flaser(5).replace("100.500000", "nan"), "without a time"),
         (5, flaser(5).replace("0.250000", "inf"), "without a pose"),
     ],
@@ -198,12 +198,13 @@ def test_times_of_six_digits_are_an_error(tmp_path):
         read_log(write_lines(tmp_path / "log", lines), 0.05)
 
 
-def test_nan_and_zero_readings_are_misses(tmp_path):
+def test_readings_at_the_maximum_are_misses_and_nan_and_zero_are_invalid(tmp_path):
     ranges = RANGES[3].copy()
     ranges[:3] = np.nan, 0, 90
     lines = [flaser(each) for each in range(SCANS)]
     lines[3] = flaser(3, ranges)
-    assert np.isinf(read_log(write_lines(tmp_path / "log", lines), 0.05).ranges[3, :3]).all()
+    read = read_log(write_lines(tmp_path / "log", lines), 0.05).ranges[3, :3]
+    assert np.array_equal(read, [np.nan, np.nan, np.inf], equal_nan=True)
 
 
 def test_a_full_turn_has_no_beam_twice(tmp_path):

@@ -161,8 +161,8 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
     ("change", "message"),
     [
         ({"ranges": np.ones(7)}, r"expected ranges \(100,\) and a pose \(3,\), got \(7,\)"),
-        ({"ranges": np.full(100, np.nan)}, "NaN or negative"),
-        ({"ranges": np.full(100, -1.0)}, "NaN or negative"),
+        ({"ranges": np.full(100, np.nan)}, "negative or all are NaN"),
+        ({"ranges": np.full(100, -1.0)}, "some are negative"),
         ({"pose": np.array([0, np.nan, 0])}, "finite pose and time"),
         ({"stamp": float("nan")}, "finite pose and time"),
     ],

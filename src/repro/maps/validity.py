@@ -24,12 +24,13 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
         allow_empty: accept windows without a hit on the map and poses outside it.
 
     Raises:
-        ValueError: a range is NaN or negative, an angle or pose is not finite or seems to be in degrees; or, unless
-            `allow_empty`, a window has no hit on the map or a pose outside it.
+        ValueError: a window has no valid reading, a range is negative, an angle or pose is not finite or seems to be in
+            degrees; or, unless `allow_empty`, a window has no hit on the map or a pose outside it.
     """
     ranges, angles, poses = windows.ranges, windows.angles, windows.poses
-    _refuse(torch.isnan(ranges), "ranges", "NaN", "expected meters, and inf for a miss")
-    _refuse(ranges < 0, "ranges", "negative", "expected meters, and inf for a miss")
+    expected = "expected meters, inf for a miss, NaN for an invalid reading"
+    _refuse(torch.isnan(ranges).flatten(1).all(1), "windows", "without a valid reading", expected)
+    _refuse(ranges < 0, "ranges", "negative", expected)
     _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
     _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
     _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians in the robot's frame")

@@ -33,7 +33,7 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
         ValueError: the beam angles are not evenly spaced and increasing.
     """
     spacing = beam_spacing(scans.angles)
-    reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)  # a miss, inf, reaches range_max_m
+    reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)  # inf reaches range_max_m
     reach = reach.double().cpu().numpy() / grid.resolution_m
     poses = scans.poses.double().cpu().numpy()
     poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)
@@ -78,7 +78,7 @@ def _draw_windows(
 
     Args:
         newest: the images, (B, H, W).
-        reach: visible distance along each beam [px], (B, T, N); a negative one draws nothing.
+        reach: visible distance along each beam [px], (B, T, N); a negative one or NaN draws nothing.
         poses: column and row from below of the robot [px], with pixel centers at integers, and heading [rad],
             (B, T, 3).
         part: indices of the windows.

@@ -59,7 +59,7 @@ class Predictor:
         """Predict the map at the last step of each window of scans.
 
         Args:
-            scans: one window or a batch, in meters and radians; a miss is inf.
+            scans: one window or a batch, in meters and radians; a miss is inf, an invalid reading NaN.
             batch: windows per forward pass.
             allow_empty: accept windows without a hit on the map and poses outside it.
 

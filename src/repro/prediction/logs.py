@@ -21,7 +21,7 @@ class LogScan:
 
     Args:
         stamp: time [s].
-        ranges: ranges [m], (N,); what is not between `range_min_m` and `range_max_m` is a miss.
+        ranges: ranges [m], (N,), see `valid_ranges`.
         first_angle: angle of the first beam in the frame of the lidar [rad].
         spacing: angle between two beams [rad], negative if they go clockwise.
         range_min_m: smallest valid range [m].
@@ -44,7 +44,7 @@ class ScanLog:
 
     Args:
         stamps: times [s], (S,), increasing.
-        ranges: ranges [m], (S, N), float32; a miss is inf.
+        ranges: ranges [m], (S, N), float32; a miss is inf, an invalid reading NaN.
         angles: beam angles in the frame of the lidar [rad], (N,), increasing.
         poses: x, y [m] and heading [rad] of the lidar, (S, 3).
         skipped: number of scans that were left out, by reason.
@@ -75,7 +75,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
     A scan is skipped if its time is not after that of the last one, it has no pose, another number of beams or other
-    angles than the first, or no valid reading at all (NaN only). Scans that follow the last one by less than
+    angles than the first, or no valid reading. Scans that follow the last one by less than
     `spacing_s` are left out without being counted.
 
     Args:
@@ -136,8 +136,8 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
         return f"with another number of beams than {len(first.ranges)}"
     if first and not np.allclose((scan.first_angle, scan.spacing), (first.first_angle, first.spacing), atol=1e-4):
         return "with other beam angles"
-    if np.isnan(scan.ranges).all():
-        return "of NaN only"
+    if np.isnan(valid_ranges(scan)).all():
+        return "without a valid reading"
     return None
 
 
@@ -160,10 +160,14 @@ def check_beams(scan: LogScan, source: str) -> None:
 
 
 def valid_ranges(scan: LogScan) -> np.ndarray:
-    """Return the ranges of a scan with inf for all that is no hit: beyond or at the maximum, below the minimum, NaN."""
+    """Return the ranges of a scan with inf for a miss, at or beyond the maximum, and NaN for an invalid reading.
+
+    Invalid are zero, what is below the minimum, and NaN. Many lidars report a lost beam so: it must not mark the pixels
+    on its way as free.
+    """
     ranges = np.asarray(scan.ranges, dtype=np.float32)
-    is_hit = (ranges > max(scan.range_min_m, 0)) & (ranges < scan.range_max_m)
-    return np.where(is_hit, ranges, np.float32(np.inf))
+    is_valid = ranges > max(scan.range_min_m, 0)  # false for NaN
+    return np.where(is_valid, np.where(ranges < scan.range_max_m, ranges, np.inf), np.nan).astype(np.float32)
 
 
 def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -82,7 +82,7 @@ class PredictionStream:
         set back, and the stream begins again with it.
 
         Args:
-            ranges: ranges [m], (N,); a miss is inf.
+            ranges: ranges [m], (N,); a miss is inf, an invalid reading NaN.
             pose: x, y [m] and heading [rad] of the lidar, (3,).
             stamp: time of the scan [s].
 
@@ -134,8 +134,10 @@ class PredictionStream:
             raise ValueError(
                 f"expected ranges {self.angles.shape} and a pose (3,), got {ranges.shape} and {pose.shape}"
             )
-        if np.isnan(ranges).any() or (ranges < 0).any():
-            raise ValueError("ranges: some are NaN or negative: expected meters, and inf for a miss")
+        if np.isnan(ranges).all() or (ranges < 0).any():
+            raise ValueError(
+                "ranges: some are negative or all are NaN: expected meters, inf for a miss, NaN for an invalid reading"
+            )
         if not np.isfinite(pose).all() or not math.isfinite(stamp):
             raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
         return ranges, pose

@@ -5,6 +5,7 @@ from pathlib import Path
 from types import ModuleType
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
@@ -129,6 +130,9 @@ def _describe(log: ScanLog) -> None:
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))
     rate = (len(log) - 1) / (log.stamps[-1] - log.stamps[0])
     print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {rate:.1f} per second")
+    invalid = np.isnan(log.ranges).mean()
+    if invalid:
+        print(f"invalid: {invalid:.1%} of the readings (NaN, zero, below the minimum): neither a hit nor free space")
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
 
