@@ -1,5 +1,6 @@
 import math
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import torch
@@ -7,7 +8,7 @@ import yaml
 from PIL import Image
 
 from repro.maps.grid import Grid
-from repro.prediction.output import agreement, write_map, write_probabilities
+from repro.prediction.output import agreement, draw, write_map, write_probabilities
 from repro.prediction.windows import Window
 from repro.scans import Scans
 
@@ -45,6 +46,17 @@ def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
     assert corner == pytest.approx(tuple(centers[row, column].numpy() - 0.25 + window().origin), abs=1e-4)
     assert cells[49, 50] == 50  # (0.45 - 0.25) / (0.65 - 0.25), to a gray of 255
     assert (cells == 0).sum() == 100 * 100 - 2
+
+
+def test_the_figure_shows_the_hits_the_map_and_the_last_scan():
+    free = np.full((100, 100), 0.25)
+    figure = draw(window(), free, GRID)
+    hits, predicted, last = (ax.images[0].get_array() for ax in figure.axes)
+    assert (hits < 255).sum() == 3  # one for each beam
+    assert np.array_equal(predicted, 255 * free)
+    assert (last == 255).all()
+    assert len(figure.axes[2].lines[0].get_xdata()) == 3
+    plt.close(figure)
 
 
 def test_probabilities_are_stored_with_their_place_and_time(tmp_path):

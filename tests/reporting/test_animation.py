@@ -7,8 +7,10 @@ from conftest import prepared, world_spec
 from PIL import Image
 
 from repro.learning.training import train
+from repro.maps.encodings import create_encoding
 from repro.maps.ground_truth import rasterize
-from repro.networks.predictor import load_predictor
+from repro.networks.convgru import ConvGRU
+from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.animation import make_frames, write_animation
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -41,6 +43,12 @@ def test_the_image_fills_as_the_robot_turns(recording, predictor):
     assert (np.diff(hits) >= 0).all()
     assert hits[-1] > 1.5 * hits[0]
     assert (frames.images == 0).any((1, 2)).all()  # what is seen now is black at every step
+
+
+def test_a_series_is_shown_as_one_image(recording, predictor):
+    series = Predictor(ConvGRU(8, 4, hidden=16), create_encoding("series4", {"frames": 4, "range_max_m": 10.0}), predictor.grid)
+    frames = make_frames(recording, series, every=50)
+    assert np.array_equal(frames.images[-1], make_frames(recording, predictor, every=50).images[-1])
 
 
 @pytest.mark.slow

@@ -2,13 +2,14 @@
 
 import math
 
-import numba
 import numpy as np
+
+from repro.system.compiled import compiled
 
 TOLERANCE_M = 0.02  # a beam that enters an obstacle by less than this may have ended on it; ranges are float32
 
 
-@numba.njit(nogil=True)
+@compiled
 def draw_ends(
     outlines: np.ndarray,
     starts: np.ndarray,
@@ -68,7 +69,7 @@ def draw_ends(
     return ends[:kept], which[:kept], tried
 
 
-@numba.njit(nogil=True)
+@compiled
 def unseen(
     corners: np.ndarray, paths: np.ndarray, scans: tuple[np.ndarray, np.ndarray, np.ndarray], wanted: int
 ) -> np.ndarray:
@@ -103,7 +104,7 @@ def unseen(
     return kept[:count]
 
 
-@numba.njit(nogil=True)
+@compiled
 def count_cover(corners: np.ndarray, ends: np.ndarray, size_px: int, size_m: float) -> np.ndarray:
     """Count how many convex outlines cover the center of each pixel, by the rule of `ground_truth.rasterize`.
 
@@ -138,7 +139,7 @@ def count_cover(corners: np.ndarray, ends: np.ndarray, size_px: int, size_m: flo
     return cover
 
 
-@numba.njit(nogil=True)
+@compiled
 def newest_hit(
     outline: np.ndarray, positions: np.ndarray, ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray
 ) -> int:
@@ -163,7 +164,7 @@ def newest_hit(
     return 0
 
 
-@numba.njit(nogil=True)
+@compiled
 def _is_hit(
     outline: np.ndarray, radius: float, x: float, y: float, ranges: np.ndarray, angles: np.ndarray, pose: np.ndarray
 ) -> bool:
@@ -186,7 +187,7 @@ def _is_hit(
     return False
 
 
-@numba.njit(nogil=True)
+@compiled
 def _entry(outline: np.ndarray, x: float, y: float, cos: float, sin: float) -> float:
     """Return the distance along a beam from the origin to an outline around (x, y) [m], inf without a crossing."""
     nearest = math.inf

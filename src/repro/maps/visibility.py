@@ -3,13 +3,13 @@
 import math
 from concurrent.futures import ThreadPoolExecutor
 
-import numba
 import numpy as np
 import torch
 from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.scans import Scans
+from repro.system.compiled import compiled
 
 
 def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> Tensor:
@@ -70,7 +70,7 @@ def beam_spacing(angles: Tensor) -> float:
     return spacing
 
 
-@numba.njit(nogil=True)
+@compiled
 def _draw_windows(
     newest: np.ndarray, reach: np.ndarray, poses: np.ndarray, part: np.ndarray, first: float, spacing: float
 ) -> None:
@@ -102,12 +102,12 @@ def _draw_windows(
                 beam, start = end, stop
 
 
-@numba.njit(nogil=True)
+@compiled
 def _direction(bearing: float) -> tuple[float, float]:
     return math.cos(bearing), math.sin(bearing)
 
 
-@numba.njit(nogil=True)
+@compiled
 def _draw_sector(
     image: np.ndarray,
     x: float,
@@ -150,7 +150,7 @@ def _draw_sector(
             image[size - 1 - row, column] = value
 
 
-@numba.njit(nogil=True)
+@compiled
 def _whole(low: float, high: float, size: int) -> range:
     """Return the integers from 0 to size - 1 between `low` and `high` inclusive; the two bounds may be any number."""
     low, high = max(0.0, np.ceil(low)), min(size - 1.0, np.floor(high))

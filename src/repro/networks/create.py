@@ -6,11 +6,8 @@ smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in 
 
 from inspect import signature
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeAlias
-
-import segmentation_models_pytorch as smp
-import timm
-from segmentation_models_pytorch.encoders import encoders
 
 from repro.config import RECURRENT, ConfigError, Model
 from repro.networks.convgru import ConvGRU
@@ -41,30 +38,10 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
             return OWN_ARCHITECTURES[architecture](in_channels, **series, **model.parameters)
         except TypeError as error:
             raise ValueError(f"model.parameters={model.parameters}: {error}") from error
-    if architecture not in smp_architectures():
-        known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
-        raise ValueError(f"model.architecture={architecture}: must be one of {known}")
-    try:
-        return smp.create_model(
-            architecture,
-            encoder_name=model.encoder_name,
-            encoder_weights=model.encoder_weights,
-            in_channels=in_channels,
-            classes=1,
-        )
-    except Exception as error:
-        if model.encoder_weights is None:
-            raise
-        raise ValueError(
-            f"the {model.encoder_weights} weights of {model.encoder_name} cannot be loaded "
-            f"({type(error).__name__}: {error}); connect to the internet once, or train from scratch with "
-            "model.encoder_weights=null"
-        ) from error
-
-
-def smp_architectures() -> list[str]:
-    """Return the names of the architectures of segmentation-models-pytorch."""
-    return sorted(smp.MODEL_ARCHITECTURES_MAPPING)
+    smp_networks = _smp_networks()
+    if architecture not in smp_networks.ARCHITECTURES:
+        raise ValueError(f"model.architecture={architecture}: must be one of {_known(smp_networks)}")
+    return smp_networks.create_smp_network(architecture, model, in_channels)
 
 
 def architecture_of(network: Network) -> str:
@@ -78,9 +55,12 @@ def load_network(directory: Path, architecture: str) -> Network:
     Args:
         directory: directory with config.json and model.safetensors.
         architecture: see `architecture_of`.
+
+    Raises:
+        ValueError: the network does not end in logits.
     """
     if architecture == "smp":
-        return smp.from_pretrained(directory, strict=True).float()
+        return _smp_networks().load_smp_network(directory).float()
     return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 
@@ -99,19 +79,17 @@ def architecture_errors(model: Model) -> list[ConfigError]:
     if model.parameters:
         expected = f"parameters are for networks of our own, {', '.join(OWN_ARCHITECTURES)}"
         return [ConfigError("model.parameters", model.parameters, expected)]
-    if architecture not in smp_architectures():
-        known = ", ".join([*smp_architectures(), *OWN_ARCHITECTURES])
-        return [ConfigError(key, architecture, f"must be one of {known}")]
-    if name is None:
-        return [
-            ConfigError("model.encoder_name", None, f"architecture {architecture} needs an encoder, such as mit_b0")
-        ]
-    if name.startswith("tu-") and not timm.is_model(name.removeprefix("tu-")):
-        return [ConfigError("model.encoder_name", name, "must be tu- and a model of timm, such as tu-resnet18")]
-    if name not in encoders and not name.startswith("tu-"):
-        close = ", ".join(sorted(known for known in encoders if known[:3] == name[:3])[:8]) or "mit_b0"
-        return [ConfigError("model.encoder_name", name, f"must be an encoder of smp, such as {close}")]
-    pretrained = sorted(encoders.get(name, {}).get("pretrained_settings", {}))
-    if weights is not None and name in encoders and weights not in pretrained:
-        return [ConfigError("model.encoder_weights", weights, f"must be null or one of {', '.join(pretrained)}")]
-    return []
+    smp_networks = _smp_networks()
+    if architecture not in smp_networks.ARCHITECTURES:
+        return [ConfigError(key, architecture, f"must be one of {_known(smp_networks)}")]
+    return smp_networks.encoder_errors(model)
+
+
+def _smp_networks() -> ModuleType:
+    from repro.networks import smp_networks  # imports smp and timm, which our own networks do not need
+
+    return smp_networks
+
+
+def _known(smp_networks: ModuleType) -> str:
+    return ", ".join([*smp_networks.ARCHITECTURES, *OWN_ARCHITECTURES])

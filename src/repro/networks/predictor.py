@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import torch
 from pydantic import TypeAdapter
-from segmentation_models_pytorch.base.modules import Activation
 from torch import Tensor
 from tqdm import tqdm
 
@@ -235,9 +234,6 @@ def _check_network(network: Network, encoding: Encoding) -> None:
     broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
     if broken:
         raise ValueError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
-    activations = [module for module in network.modules() if isinstance(module, Activation)]
-    if any(not isinstance(module.activation, torch.nn.Identity) for module in activations):
-        raise ValueError("the network must end in logits, without an activation")
     with torch.inference_mode():
         shape = tuple(network.eval()(torch.zeros(1, encoding.channels, 64, 64)).shape)
     if shape != (1, 1, 64, 64):

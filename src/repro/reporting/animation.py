@@ -15,12 +15,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Circle
 
 from repro.maps.ground_truth import rasterize
+from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
 from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
 
-TITLES = ("World, robot, {:.0f}° lidar", "Network input", "Prediction", "Ground truth")
+TITLES = ("World, robot, {:.0f}° lidar", "Scans, dark is recent", "Prediction", "Ground truth")
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class Frames:
 
     Args:
         steps: the steps, counted from 1, (F,).
-        images: last channel of the encoded scans up to the step, uint8, (F, H, W).
+        images: the scans up to the step as the network receives them, or as the paper's image if it receives a series,
+            uint8, (F, H, W).
         predictions: probability of free, (F, H, W).
         maps: true maps, 1 is free, (F, H, W).
     """
@@ -57,7 +59,8 @@ def make_frames(recording: Recording, predictor: Predictor, every: int = 2) -> F
     owner = torch.arange(len(steps)).repeat(len(recording.states))
     maps = rasterize(outlines, states, owner, len(steps), predictor.grid)
     predictions = predictor.predict_images(images)[:, 0]
-    return Frames(steps, images[:, -1].numpy(), predictions.numpy(), maps.numpy())
+    shown = images if len(images[0]) == 1 else Projection().encode(windows.tensors(), predictor.grid)
+    return Frames(steps, shown[:, 0].numpy(), predictions.numpy(), maps.numpy())
 
 
 def write_animation(

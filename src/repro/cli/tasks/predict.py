@@ -14,7 +14,7 @@ from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog
-from repro.prediction.output import agreement, draw, last_image, read_maps, write_map, write_probabilities
+from repro.prediction.output import agreement, draw, read_maps, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
 from repro.system.files import replacing_directory, write_text
@@ -88,8 +88,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), free, window, grid)
     write_map(stem, free, window, grid)
-    image = last_image(predictor.encoding, window.scans, grid)
-    figure = draw(window, image, free, grid)
+    figure = draw(window, free, grid)
     figure.savefig(stem.with_suffix(".png"), dpi=120)
     plt.close(figure)
     row: Row = {"window": window.number, "stamp": window.stamp, "obstacle_share": float((free < 0.5).mean())}

@@ -1,0 +1,64 @@
+"""The architectures of segmentation-models-pytorch (smp); imported only where one is used, which takes seconds."""
+
+from pathlib import Path
+from typing import Any
+
+import segmentation_models_pytorch as smp
+import timm
+import torch
+from segmentation_models_pytorch.base.modules import Activation
+from segmentation_models_pytorch.encoders import encoders
+
+from repro.config import ConfigError, Model
+
+ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)
+
+
+def create_smp_network(architecture: str, model: Model, in_channels: int) -> Any:
+    """Create a network of smp; see `networks.create.create_network`."""
+    try:
+        return smp.create_model(
+            architecture,
+            encoder_name=model.encoder_name,
+            encoder_weights=model.encoder_weights,
+            in_channels=in_channels,
+            classes=1,
+        )
+    except Exception as error:
+        if model.encoder_weights is None:
+            raise
+        raise ValueError(
+            f"the {model.encoder_weights} weights of {model.encoder_name} cannot be loaded "
+            f"({type(error).__name__}: {error}); connect to the internet once, or train from scratch with "
+            "model.encoder_weights=null"
+        ) from error
+
+
+def load_smp_network(directory: Path) -> Any:
+    """Load a network of smp that ends in logits; see `networks.create.load_network`.
+
+    Raises:
+        ValueError: it has an activation.
+    """
+    network = smp.from_pretrained(directory, strict=True)
+    activations = [module for module in network.modules() if isinstance(module, Activation)]
+    if any(not isinstance(module.activation, torch.nn.Identity) for module in activations):
+        raise ValueError("the network must end in logits, without an activation")
+    return network
+
+
+def encoder_errors(model: Model) -> list[ConfigError]:
+    """Return the config errors in the encoder and the encoder weights of a network of smp."""
+    name, weights = model.encoder_name, model.encoder_weights
+    if name is None:
+        expected = f"architecture {model.architecture or model.name} needs an encoder, such as mit_b0"
+        return [ConfigError("model.encoder_name", None, expected)]
+    if name.startswith("tu-") and not timm.is_model(name.removeprefix("tu-")):
+        return [ConfigError("model.encoder_name", name, "must be tu- and a model of timm, such as tu-resnet18")]
+    if name not in encoders and not name.startswith("tu-"):
+        close = ", ".join(sorted(known for known in encoders if known[:3] == name[:3])[:8]) or "mit_b0"
+        return [ConfigError("model.encoder_name", name, f"must be an encoder of smp, such as {close}")]
+    pretrained = sorted(encoders.get(name, {}).get("pretrained_settings", {}))
+    if weights is not None and name in encoders and weights not in pretrained:
+        return [ConfigError("model.encoder_weights", weights, f"must be null or one of {', '.join(pretrained)}")]
+    return []

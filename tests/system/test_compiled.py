@@ -1,0 +1,35 @@
+"""Compiled functions: kept between processes where there is a place, compiled anew where there is none."""
+
+import subprocess
+import sys
+
+from conftest import ROOT
+
+from repro.system.compiled import compiled
+
+CALL = """
+import numpy as np
+from repro.maps import visibility
+visibility._direction(0.5)
+print(sum(visibility._direction.stats.cache_hits.values()))
+"""
+
+
+def hits_of(**environment: str) -> str:
+    command = [sys.executable, "-c", CALL]
+    result = subprocess.run(
+        command, cwd=ROOT / "src", capture_output=True, text=True, check=True, env={"PATH": "/usr/bin", **environment}
+    )
+    return result.stdout.strip()
+
+
+def test_a_function_is_compiled_once(tmp_path):
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    assert hits_of(**cache) == "0"
+    assert hits_of(**cache) == "1"
+
+
+def test_a_function_without_a_place_for_its_code_is_compiled():
+    namespace: dict = {}
+    exec("def doubled(number):\n    return 2 * number", namespace)  # numba keeps code beside a source file alone
+    assert compiled(namespace["doubled"])(21) == 42
