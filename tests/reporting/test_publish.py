@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 import segmentation_models_pytorch as smp
 import torch
-from conftest import ROOT, fake_run, fake_study, prepared
+from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
-from repro.cli.tasks.publish import changes
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, paper_model
+from repro.cli.tasks.publish import changes, training_changes
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts, Scale, paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.grid import Grid
@@ -166,6 +166,18 @@ def test_the_command_of_a_changed_scale_names_the_changed_values_alone():
     now = {"size_px": 128, "pairs": {"train": 8000, "val": 128}, "ema_decay": 0.99}
     assert list(changes("scale", now, usual)) == [" scale.pairs.train=8000", " scale.ema_decay=0.99"]
     assert not list(changes("scale", usual, usual))
+
+
+def test_the_command_names_the_changed_training_settings(tmp_path):
+    settings = run_config().train
+    scale = Scale(
+        *("tiny", "a minute", 32, PairCounts(24, 8, 8), settings.learning_rate, 2 * settings.batch_size),
+        *(settings.max_epochs, settings.flip_augmentation, settings.ema_decay),
+    )
+    fake_run(tmp_path, "3", "all_free", 0.9)
+    assert not list(training_changes(Outputs(tmp_path), scale))
+    fake_run(tmp_path, "3", "unet", 0.5)
+    assert list(training_changes(Outputs(tmp_path), scale)) == [f" train.batch_size={settings.batch_size}"]
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):

@@ -9,9 +9,12 @@ from omegaconf import OmegaConf
 
 from repro.cli.jobs import RESULTS, ROOT, Job
 from repro.cli.tasks.docs import update_docs
-from repro.config import plain, read_world
+from repro.config import Scale, plain, read_world
 from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
+from repro.reporting.results import read_results
+from repro.reporting.rows import keys_of
+from repro.runs.directories import Outputs
 
 CONF = ROOT / "conf"
 
@@ -27,12 +30,23 @@ def run(job: Job) -> None:
 
 
 def overrides_of(job: Job) -> str:
-    """Return the overrides that a world beside the paper's and a changed scale need, each after a space."""
+    """Return the overrides that the runs of a job need, each after a space: of world, scale and training settings."""
     worlds = {path.stem: read_world(path)["experiments"] for path in sorted((CONF / "world").glob("*.yaml"))}
     names = [name for name, experiments in worlds.items() if experiments == job.experiments]
     usual = plain(OmegaConf.load(CONF / "scale" / f"{job.scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names if name != "paper"]
-    return "".join([*world, *changes("scale", asdict(job.scale), usual)])
+    return "".join([*world, *changes("scale", asdict(job.scale), usual), *training_changes(job.outputs, job.scale)])
+
+
+def training_changes(outputs: Outputs, scale: Scale) -> Iterator[str]:
+    """Yield the overrides of the settings that the networks were trained with, if these are not the paper's."""
+    conf = {"scale": asdict(scale), "train": OmegaConf.load(CONF / "train" / "paper.yaml")}
+    usual = plain(OmegaConf.create(conf))["train"]
+    for key in keys_of(read_results(outputs)):
+        training = outputs.run(key).config().train
+        if training:  # a baseline has none; networks that differ from each other are doubts of `publish`
+            return changes("train", asdict(training), usual)
+    return iter(())
 
 
 def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
