@@ -31,7 +31,7 @@ def call(outputs, *words):
 def outputs(tmp_path_factory):
     """Run a small study with its analysis: U-Net with and without decay and with another input."""
     outputs = tmp_path_factory.mktemp("page") / "smoke"
-    call(outputs, "decay=true,false", "-m")
+    call(outputs, "decay=true,false", "hydra/launcher=basic", "-m")  # one process imports torch once
     call(outputs, "encoding=observed_free")
     for task in ("generalization", "report", "analysis"):
         call(outputs, f"task={task}")

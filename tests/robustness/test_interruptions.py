@@ -27,7 +27,7 @@ TINY = (
     *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
 )
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
-KILLS = int(os.environ.get("REPRO_KILLS", "3"))  # of recording, and as many of training
+KILLS = int(os.environ.get("REPRO_KILLS", "2"))  # of recording, and as many of training
 ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
 RUN = Path("runs/exp3/fpn/projection/seed0")
 
@@ -115,7 +115,7 @@ def test_a_killed_training_ends_with_the_same_bytes(recorded, tmp_path):
         "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
         f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
-    whole, killed = (prepared(tmp_path / name, max_epochs=8, patience=50) for name in ("whole", "killed"))
+    whole, killed = (prepared(tmp_path / name, max_epochs=6, patience=50) for name in ("whole", "killed"))
     rng, seconds = random.Random(0), seconds_of(code.format(str(whole.path)))
     begun = start_code(code.format(str(killed.path)))
     wait_for("history.csv", killed.path, begun)
@@ -173,7 +173,7 @@ def test_a_terminated_sweep_ends_its_workers(tmp_path):
 
 
 @pytest.mark.parametrize("round_", range(ROUNDS))
-@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("count", [2] if ROUNDS == 1 else [2, 4])
 def test_concurrent_processes_do_the_work_once(whole, tmp_path, count, round_):
     outputs = tmp_path / "smoke"
     processes = [start(outputs) for _ in range(count)]
@@ -195,8 +195,14 @@ def paused(recorded, tmp_path_factory):
     return run.path, (reference.model / "model.safetensors").read_bytes()
 
 
-@pytest.mark.parametrize("how", ["cut", "empty", "altered", "missing"])
-@pytest.mark.parametrize("names", [("last",), ("best",), ("last", "best"), ("last", "last.before")])
+@pytest.mark.parametrize(
+    ("names", "how"),
+    [
+        *((("last",), how) for how in ("cut", "empty", "altered", "missing")),
+        *((("last", "last.before"), how) for how in ("altered", "missing")),
+        *((("best",), "altered"), (("last", "best"), "altered")),
+    ],
+)
 def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, recorded, tmp_path, names, how, capsys):
     path, weights = paused
     shutil.copytree(path, tmp_path / "run")
