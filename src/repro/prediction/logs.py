@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
@@ -48,6 +48,7 @@ class ScanLog:
         angles: beam angles in the frame of the lidar [rad], (N,), increasing.
         poses: x, y [m] and heading [rad] of the lidar, (S, 3).
         skipped: number of scans that were left out, by reason.
+        range_max_m: smallest range that means a miss [m].
     """
 
     stamps: np.ndarray
@@ -55,6 +56,7 @@ class ScanLog:
     angles: np.ndarray
     poses: np.ndarray
     skipped: dict[str, int] = field(default_factory=dict)
+    range_max_m: float = math.inf
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -68,7 +70,11 @@ class ScanLog:
         inside = np.abs(self.angles) <= fov_rad / 2 + 1e-6
         if inside.sum() < 2:
             raise ValueError(f"{inside.sum()} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
-        return ScanLog(self.stamps, self.ranges[:, inside], self.angles[inside], self.poses, self.skipped)
+        return replace(self, ranges=self.ranges[:, inside], angles=self.angles[inside])
+
+    def without_misses(self) -> "ScanLog":
+        """Return the log with its misses as invalid readings, which say nothing about the pixels on their way."""
+        return replace(self, ranges=np.where(np.isinf(self.ranges), np.float32(np.nan), self.ranges))
 
 
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
@@ -107,7 +113,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     angles, ranges = in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
     poses = kept["pose"].copy()
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped))
+    return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped), first.range_max_m)
 
 
 def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:

@@ -35,6 +35,10 @@ def run(job: Job) -> None:
     log = read_log(path, settings.step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
     _describe(log)
+    reach_m = getattr(predictor.encoding, "range_max_m", 0.0)
+    if log.range_max_m < reach_m:  # the encoding would mark the pixels of a miss as free up to its own range
+        print(f"misses say nothing: the lidar reaches {log.range_max_m:.4g} m, that of the training {reach_m:.4g} m")
+        log = log.without_misses()
     mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / path.name.split(".")[0]
     target.parent.mkdir(parents=True, exist_ok=True)
