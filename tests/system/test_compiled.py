@@ -8,7 +8,6 @@ from conftest import ROOT
 from repro.system.compiled import compiled
 
 CALL = """
-import numpy as np
 from repro.maps import visibility
 visibility._direction(0.5)
 print(sum(visibility._direction.stats.cache_hits.values()))

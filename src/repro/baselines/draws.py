@@ -35,38 +35,48 @@ def draw_ends(
     Returns:
         the positions of the kept draws [m], (K, 2), the indices of their outlines, (K,), and the number of tried draws.
     """
-    ranges, angles, poses = scans
-    step_s, center_x, center_y, clear_m, least, longest = law
     ends, which = np.empty((wanted, 2)), np.empty(wanted, dtype=np.int64)
     kept = tried = 0
     while kept < wanted and tried < most:
         number = tried % len(outlines)
-        outline = outlines[number]
-        x, y, vx, vy, passed = starts[tried % len(starts)]
+        x, y, is_hit = _move(outlines[number], starts[tried % len(starts)], law, scans, rng)
         tried += 1
-        radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
-        speed, since = math.hypot(vx, vy), int(passed)
-        countdown = rng.integers(max(least, since), longest + 1) - since
-        is_hit = False
-        for step in range(len(ranges)):
-            if countdown == 0:
-                bearing = rng.uniform(-math.pi, math.pi)
-                vx, vy = speed * math.cos(bearing), speed * math.sin(bearing)
-                countdown = rng.integers(least, longest + 1)
-            countdown -= 1
-            away_x, away_y = x - center_x, y - center_y
-            next_m = math.hypot(away_x + vx * step_s, away_y + vy * step_s)
-            if next_m < clear_m + radius and vx * away_x + vy * away_y < 0:
-                bearing = math.atan2(away_y, away_x) + rng.uniform(-math.pi / 2, math.pi / 2)
-                vx, vy = speed * math.cos(bearing), speed * math.sin(bearing)
-            x, y = x + vx * step_s, y + vy * step_s
-            if _is_hit(outline, radius, x, y, ranges[step], angles, poses[step]):
-                is_hit = True
-                break
         if not is_hit:
             ends[kept, 0], ends[kept, 1], which[kept] = x, y, number
             kept += 1
     return ends[:kept], which[:kept], tried
+
+
+@compiled
+def _move(
+    outline: np.ndarray,
+    start: np.ndarray,
+    law: tuple[float, float, float, float, int, int],
+    scans: tuple[np.ndarray, np.ndarray, np.ndarray],
+    rng: np.random.Generator,
+) -> tuple[float, float, bool]:
+    """Move an obstacle from a start to the last step or its first hit; return x, y [m] and whether a scan hits it."""
+    ranges, angles, poses = scans
+    step_s, center_x, center_y, clear_m, least, longest = law
+    x, y, vx, vy, passed = start
+    radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
+    speed, since = math.hypot(vx, vy), int(passed)
+    countdown = rng.integers(max(least, since), longest + 1) - since
+    for step in range(len(ranges)):
+        if countdown == 0:
+            bearing = rng.uniform(-math.pi, math.pi)
+            vx, vy = speed * math.cos(bearing), speed * math.sin(bearing)
+            countdown = rng.integers(least, longest + 1)
+        countdown -= 1
+        away_x, away_y = x - center_x, y - center_y
+        next_m = math.hypot(away_x + vx * step_s, away_y + vy * step_s)
+        if next_m < clear_m + radius and vx * away_x + vy * away_y < 0:
+            bearing = math.atan2(away_y, away_x) + rng.uniform(-math.pi / 2, math.pi / 2)
+            vx, vy = speed * math.cos(bearing), speed * math.sin(bearing)
+        x, y = x + vx * step_s, y + vy * step_s
+        if _is_hit(outline, radius, x, y, ranges[step], angles, poses[step]):
+            return x, y, True
+    return x, y, False
 
 
 @compiled

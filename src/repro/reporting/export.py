@@ -78,22 +78,29 @@ def make_card(run: Run, path: str, form: str) -> str:
     Raises:
         ValueError: huggingface_hub cannot read the card.
     """
-    config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
-    assert config.encoding, "a network has an encoding"
-    trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
+    config, metrics = run.config(), run.read_metrics()
     measured = {name: float(metrics[name]) for name in CARD_METRICS}
-    numbers = ", ".join(f"{metric} {value:.4f}" for metric, value in measured.items())
-    size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
-    setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
-    parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
+    setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
+    library = "segmentation-models-pytorch" if encoder else "pytorch"
+    body = f"# {title}\n\n" + _card_text(run, setup, measured, path, form)
+    return with_front_matter(body, title, setup, measured, library)
+
+
+def _card_text(run: Run, setup: str, measured: dict[str, float], path: str, form: str) -> str:
+    """Return the text of a model card: use, input, output, data, metrics, limits; arguments as in `make_card`."""
+    config, origin = run.config(), run.provenance()
+    assert config.encoding, "a network has an encoding"
+    trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
+    numbers = ", ".join(f"{metric} {value:.4f}" for metric, value in measured.items())
+    size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
+    parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
+    definition = "The metadata of the file define" if path.endswith(ONNX) else "`predictor.json` defines"
     worlds = "one world and its variations, see `conf/world`"
     if config.experiment in SETUPS:
         worlds = "`conf/world/paper.yaml`, without noise, with its obstacles and speeds and one robot path"
-    body = f"""# {title}
-
-```python
+    return f"""```python
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 
@@ -102,7 +109,7 @@ free = predictor.predict(Scans(ranges, angles, poses))  # probability of free at
 ```
 
 **Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
-in a map of {size} with its origin at the lower left; NumPy arrays or tensors. `predictor.json` defines the encoding
+in a map of {size} with its origin at the lower left; NumPy arrays or tensors. {definition} the encoding
 ({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
 **Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 
@@ -114,10 +121,6 @@ commit {trained["commit"]}.
 
 **Limits**: trained on simulated scans of {worlds}; {form}.
 """
-    if path.endswith(ONNX):
-        body = body.replace("`predictor.json` defines", "The metadata of the file define")
-    library = "segmentation-models-pytorch" if encoder else "pytorch"
-    return with_front_matter(body, title, setup, measured, library)
 
 
 def with_front_matter(

@@ -12,9 +12,8 @@ from repro.cli.tasks.docs import update_docs
 from repro.config import Scale, plain, read_world
 from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
-from repro.reporting.results import read_results
-from repro.reporting.rows import keys_of
 from repro.runs.directories import Outputs
+from repro.runs.provenance import Status
 
 CONF = ROOT / "conf"
 
@@ -42,11 +41,9 @@ def training_changes(outputs: Outputs, scale: Scale) -> Iterator[str]:
     """Yield the overrides of the settings that the networks were trained with, if these are not the paper's."""
     conf = {"scale": asdict(scale), "train": OmegaConf.load(CONF / "train" / "paper.yaml")}
     usual = plain(OmegaConf.create(conf))["train"]
-    for key in keys_of(read_results(outputs)):
-        training = outputs.run(key).config().train
-        if training:  # a baseline has none; networks that differ from each other are doubts of `publish`
-            return changes("train", asdict(training), usual)
-    return iter(())
+    trained = (run.config().train for run in outputs.runs() if run.status is Status.evaluated)
+    training = next(filter(None, trained), None)  # a baseline has none; networks that differ are doubts of `publish`
+    return changes("train", asdict(training), usual) if training else iter(())
 
 
 def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
