@@ -15,8 +15,10 @@ OTHER_BOUNDS = {  # with more or less knowledge, see `baselines.privileged`; not
     "without_shapes": "Upper bound, without shapes",
     "without_velocities": "Upper bound, without velocities",
     "positions": "Upper bound, positions only",
+    "inference": "Inference from scans",
 }
 BOUNDS = ("privileged", *OTHER_BOUNDS)
+SLOW_BASELINES = ("inference",)  # evaluated by task=inference only
 QUICK_BASELINES = ("all_free", "last_seen")  # evaluated together with every network; task=analysis evaluates the others
 
 

@@ -13,38 +13,24 @@ them a network can be better, since the scans tell something of every part.
 Not modeled: obstacles without a hit do not overlap others at the start.
 """
 
-import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
-import shapely
 import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
-from repro.baselines.names import BOUNDS
+from repro.baselines.draws import draw_ends, newest_hit, unseen
+from repro.baselines.laws import DRAWS, Obstacles, Scanned, check_laws, sampled_obstacles, share_covered, turned
 from repro.maps.datasets import Recorded, Truth
-from repro.maps.grid import Grid
-from repro.recordings.format import SPLIT_SEEDS, SPLITS, widen
-from repro.simulation.drift import obstacle_states
-from repro.simulation.motions import recorded_steps
-from repro.simulation.shapes import geometry
-from repro.simulation.worlds import sample_world
 from repro.system.resources import count_cores
 
-DRAWS = 512  # kept of each obstacle
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
-WORLDS = 2000  # sampled for the obstacles without a hit
-FIRST_SEED = max(SPLITS.values()) + SPLIT_SEEDS  # no split has these worlds
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
-
 CANDIDATES = 4096  # velocities of an obstacle whose velocity is not known
-
-Scanned = tuple[np.ndarray, np.ndarray, np.ndarray]  # ranges, angles and poses, see `draws.draw_ends`
 
 
 @dataclass(frozen=True)
@@ -65,29 +51,6 @@ class Knowledge:
 UPPER_BOUND = Knowledge()
 
 
-@dataclass(frozen=True)
-class Obstacles:
-    """Obstacles with constant headings: outlines around their origins [m], (K, V, 2), and positions [m], (K, T, 2)."""
-
-    corners: np.ndarray
-    paths: np.ndarray
-
-
-def applies(name: str, spec: dict[str, Any]) -> bool:
-    """Return whether a baseline adds something in worlds of a spec; true for those that are not of `BOUNDS`."""
-    if name not in BOUNDS:
-        return True
-    needs_motion = name in ("without_velocities", "positions")  # where nothing moves, they equal those with velocities
-    return knows(spec) and (not needs_motion or spec["obstacles"].get("behavior") is not None)
-
-
-def knows(spec: dict[str, Any]) -> bool:
-    """Return whether the laws of a world spec are those that this predictor draws from, the paper's."""
-    is_exact = not spec["robot"]["sensors"][0].get("noise")
-    has_zone = spec["motion"]["name"] in ("rotate", "square")
-    return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
-
-
 def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND) -> tuple[Tensor, dict[str, Any]]:
     """Predict the test recordings; nothing is tuned on the validation set.
 
@@ -95,9 +58,8 @@ def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND
         ValueError: the worlds have other laws than the paper's.
     """
     assert test.truth, "the privileged predictor needs the true obstacles"
-    if not knows(test.truth.spec):
-        raise ValueError("the upper bound draws from the paper's laws: no walls, noise, drives or several populations")
-    others = _sampled_obstacles(json.dumps(test.truth.spec))
+    check_laws(test.truth.spec)
+    others = sampled_obstacles(test.truth.spec)
     with ThreadPoolExecutor(count_cores()) as pool:  # the compiled draws release the interpreter
         drawn = pool.map(partial(_predict, test, test.truth, others, knowledge), range(len(test)))
         free = list(tqdm(drawn, desc="drawing motions", total=len(test), delay=2, leave=False, disable=None))
@@ -106,7 +68,7 @@ def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND
 
 def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowledge, index: int) -> np.ndarray:
     """Compute the probability of free of one recording, (H, W)."""
-    known = _obstacles(*truth.of_recording(index))
+    known = turned(*truth.of_recording(index))
     parts = (test.scans.ranges[index], test.scans.angles, test.scans.poses[index])
     ranges, angles, poses = (np.ascontiguousarray(part, dtype=np.float64) for part in parts)
     newest = [newest_hit(*each, ranges, angles, poses) for each in zip(known.corners, known.paths, strict=True)]
@@ -118,12 +80,12 @@ def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowled
             outlines = corners[None] if knowledge.shapes else others.corners
             starts = _starts(corners, path, last, truth.spec, rng, knowledge)
             drawn, ends = _draw(outlines, starts, (reached[last:], angles, poses[last:]), truth.spec, rng, knowledge)
-            free *= 1 - _share_covered(drawn, ends, test.grid)
+            free *= 1 - share_covered(drawn, ends, test.grid)
         elif knowledge.unseen:
-            free *= 1 - _share_covered(corners[None], path[-1:], test.grid)
+            free *= 1 - share_covered(corners[None], path[-1:], test.grid)
     if 0 in newest and not knowledge.unseen:
         chosen = unseen(others.corners, others.paths, (reached, angles, poses), DRAWS)
-        covered = _share_covered(others.corners[chosen], others.paths[chosen, -1], test.grid)
+        covered = share_covered(others.corners[chosen], others.paths[chosen, -1], test.grid)
         free *= (1 - covered) ** newest.count(0)
     return free
 
@@ -188,28 +150,3 @@ def _motion(path: np.ndarray, center_m: float, keep_out_m: float, step_s: float)
     at_zone = (ahead < keep_out_m) & ((away * moves[turns - 1]).sum(1) < 0)  # such a turn does not count
     random = turns[~at_zone]
     return moves[-1] / step_s, int(len(path) - 1 - random[-1]) if len(random) else len(path)
-
-
-@cache
-def _sampled_obstacles(content: str) -> Obstacles:
-    """Sample obstacles with their motions from other worlds of an experiment, given its spec as JSON."""
-    spec = json.loads(content)
-    steps, step_s = recorded_steps(spec["motion"]), spec["world"]["step_time"]
-    drawn = [each for number in range(WORLDS) for each in sample_world(spec, FIRST_SEED + number)["obstacle"]]
-    outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]
-    most = max(outline.shape[1] for outline in outlines)
-    states = np.stack([obstacle_states(each, steps, step_s) for each in drawn])
-    return _obstacles(np.concatenate([widen(outline, most) for outline in outlines]), states)
-
-
-def _obstacles(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
-    """Turn outlines (K, V, 2) to the constant headings of their states (K, T, 3)."""
-    cos, sin = (turn(states[:, 0, 2].astype(np.float64))[:, None] for turn in (np.cos, np.sin))
-    x, y = outlines[..., 0].astype(np.float64), outlines[..., 1].astype(np.float64)
-    corners = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
-    return Obstacles(corners, np.ascontiguousarray(states[..., :2], dtype=np.float64))
-
-
-def _share_covered(corners: np.ndarray, ends: np.ndarray, grid: Grid) -> np.ndarray:
-    """Compute the share of the draws that cover each pixel, (H, W)."""
-    return count_cover(corners, ends, grid.size_px, grid.size_m) / max(len(ends), 1)

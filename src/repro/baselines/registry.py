@@ -15,6 +15,7 @@ import torch
 from scipy.ndimage import grey_dilation
 from torch import Tensor
 
+from repro.baselines.inference import infer
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.privileged import Knowledge, privileged
 from repro.baselines.tracker import draw, track
@@ -73,6 +74,7 @@ PREDICTORS: dict[str, Baseline] = {
     "without_shapes": partial(privileged, knowledge=Knowledge(shapes=False)),
     "without_velocities": partial(privileged, knowledge=Knowledge(velocities=False)),
     "positions": partial(privileged, knowledge=Knowledge(shapes=False, velocities=False)),
+    "inference": infer,
 }
 
 

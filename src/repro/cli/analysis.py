@@ -6,8 +6,8 @@ from contextlib import suppress
 
 import pandas as pd
 
-from repro.baselines.names import OTHER_BOUNDS
-from repro.baselines.privileged import applies
+from repro.baselines.laws import applies
+from repro.baselines.names import OTHER_BOUNDS, SLOW_BASELINES
 from repro.baselines.registry import PREDICTORS
 from repro.cli.inputs import CLAIMS, analysis_inputs
 from repro.cli.jobs import Job
@@ -41,7 +41,7 @@ def analyze(job: Job) -> None:
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
     configs = {config.experiment: config for config in networks}
     for experiment, name in itertools.product(sorted(configs), PREDICTORS):
-        if not _applies(name, outputs, experiment):
+        if name in SLOW_BASELINES or not _applies(name, outputs, experiment):
             continue
         try:
             evaluate_baseline(outputs, configs[experiment], name)

@@ -12,7 +12,10 @@ from pydantic import AfterValidator, Field, TypeAdapter
 
 from repro.config import STRICT, Encoding, Gray, Model, NotNegative, Scale, Training, choice
 
-RUN_TASKS = ("all", "record", "train", "evaluate", "world", "animate", "generalization", "export", "predict")
+RUN_TASKS = (
+    *("all", "record", "train", "evaluate", "world", "animate"),
+    *("generalization", "inference", "export", "predict"),
+)
 # once for all runs:
 STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names

@@ -1,0 +1,244 @@
+"""What scans alone tell: a predictor that knows the laws of the paper's worlds and infers the obstacles from the scans.
+
+Hits are clustered over space and time. One obstacle explains each cluster: its shape and path are sampled given its
+hits and all beams that pass (`particles`). Hits of other clusters that it explains become its own, and two obstacles
+that one explains as well are joined. Obstacles without a hit are drawn from other worlds, as for the upper bound, and
+their number from the law given those that were found.
+
+The best prediction from scans lies between this predictor, which decides which hits belong together, and the upper
+bound, which knows more than the scans tell.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.special import comb
+from sklearn.cluster import DBSCAN
+from torch import Tensor
+from tqdm import tqdm
+
+from repro.baselines import particles as model
+from repro.baselines.draws import unseen
+from repro.baselines.laws import DRAWS, Obstacles, Scanned, check_laws, sampled_obstacles, share_covered
+from repro.baselines.tempering import temper
+from repro.maps.datasets import Recorded
+from repro.maps.grid import Grid
+from repro.system.resources import count_cores
+
+PARTICLES = 384  # of each obstacle
+MOST_HITS = 120  # of an obstacle that are used, spread over all
+NEAR_M, NEAR_STEPS = 1.2, 4  # hits closer than this belong to one cluster
+FEWEST = 3  # hits of an obstacle
+AROUND_M = 6.0  # between the mean of the hits of a step and the center of the obstacle, along x and y
+EXPLAINED_M = 0.25  # a hit this close to the outlines of most particles is explained
+GOOD, ATTEMPTS = 8.0, 2  # mean energy of a fit that is not tried again, number of trials
+ROUNDS = 3  # fits of one obstacle while the hits that it explains change
+SAME_M = 3.0  # between the inferred centers of one obstacle, besides its motion
+JOINED_SHARE, JOINED_ENERGY = 0.95, 5.0  # explained hits of both, at least, and additional energy, at most
+CORNERS = 64  # of a disc, as in the simulation
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a recording tells.
+
+    Args:
+        scans: see `particles.energies`.
+        steps: step of every hit, (H,).
+        points: place of every hit [m], (H, 2).
+        spec: the laws of the worlds.
+        rng: random generator.
+    """
+
+    scans: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    steps: np.ndarray
+    points: np.ndarray
+    spec: dict[str, Any]
+    rng: np.random.Generator
+
+    def law(self, reference: int) -> model.Law:
+        """Return the law of motion for particles that are at their x and y at a step."""
+        middle_m = self.spec["world"]["width"] / 2
+        return self.spec["world"]["step_time"], middle_m, middle_m, float(self.spec["clear_radius_m"]), reference
+
+
+@dataclass(frozen=True, eq=False)
+class Inferred:
+    """An obstacle: particles (K, PARAMETERS), the step of their x and y, the indices of its hits, their mean energy."""
+
+    particles: np.ndarray
+    reference: int
+    hits: np.ndarray
+    energy: float
+
+    def center(self) -> np.ndarray:
+        """Return the mean of x and y of the particles [m], (2,)."""
+        return self.particles[:, model.X : model.Y + 1].mean(0)
+
+
+def infer(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
+    """Predict the test recordings from their scans; nothing is tuned on the validation set.
+
+    Raises:
+        ValueError: the worlds have other laws than the paper's.
+    """
+    assert test.truth, "the predictor needs the laws of the worlds"
+    spec = test.truth.spec
+    check_laws(spec)
+    others = sampled_obstacles(spec)
+    with ThreadPoolExecutor(count_cores()) as pool:  # the compiled moves release the interpreter
+        drawn = pool.map(partial(_predict, test, spec, others), range(len(test)))
+        free = list(tqdm(drawn, desc="inferring obstacles", total=len(test), delay=2, leave=False, disable=None))
+    return torch.from_numpy(np.stack(free)).float()[:, None], {"particles": PARTICLES}
+
+
+def _predict(test: Recorded, spec: dict[str, Any], others: Obstacles, index: int) -> np.ndarray:
+    """Compute the probability of free of one recording, (H, W)."""
+    parts = (test.scans.ranges[index], test.scans.angles, test.scans.poses[index])
+    ranges, angles, poses = (np.ascontiguousarray(part, dtype=np.float64) for part in parts)
+    seen = observe((ranges, angles, poses), test.range_max_m, spec, np.random.default_rng(index))
+    found = explain(seen)
+    free = np.ones((test.grid.size_px, test.grid.size_px))
+    for each in found:
+        free *= 1 - share_covered(*_ends(each, seen), test.grid)
+    return free * _free_of_unseen(others, (seen.scans[0], angles, poses), spec, len(found), test.grid)
+
+
+def observe(scanned: Scanned, range_max_m: float, spec: dict[str, Any], rng: np.random.Generator) -> Seen:
+    """Return what ranges (T, N), inf for a miss, angles (N,) and poses (T, 3) tell."""
+    ranges, angles, poses = scanned
+    headings = poses[:, 2:] + angles
+    directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    steps, beam = np.nonzero(np.isfinite(ranges))
+    points = poses[steps, :2] + ranges[steps, beam, None] * directions[steps, beam]
+    robot = np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+    reached = np.where(np.isfinite(ranges), ranges, range_max_m)
+    return Seen((reached, angles, robot, directions), steps, points, spec, rng)
+
+
+def explain(seen: Seen) -> list[Inferred]:
+    """Explain the hits of a recording by obstacles, those of large clusters first."""
+    if not len(seen.steps):
+        return []
+    places = np.column_stack([seen.points, seen.steps * NEAR_M / NEAR_STEPS])
+    label = DBSCAN(eps=NEAR_M, min_samples=1).fit_predict(places)  # -1 afterwards: explained, or too few
+    found: list[Inferred] = []
+    while (counts := np.bincount(label[label >= 0], minlength=1)).max() >= FEWEST:
+        cluster = np.flatnonzero(label == counts.argmax())
+        each = _explain_cluster(seen, cluster, np.flatnonzero(label >= 0))
+        label[each.hits] = -1
+        rest = cluster[label[cluster] >= 0]
+        label[rest] = label.max() + 1 if len(rest) < len(cluster) else -1
+        if len(each.hits) >= FEWEST:
+            found.append(each)
+    return _join(seen, found)
+
+
+def _explain_cluster(seen: Seen, cluster: np.ndarray, left: np.ndarray) -> Inferred:
+    """Fit an obstacle to a cluster, then to those of the hits that are left which it explains; keep these hits."""
+    each = fit(seen, cluster)
+    for _ in range(ROUNDS - 1):
+        hits = left[_explains(seen, each, left)]
+        if len(hits) < FEWEST or np.array_equal(hits, each.hits):
+            break
+        each = fit(seen, hits)
+    return replace(each, hits=each.hits[_explains(seen, each, each.hits)])
+
+
+def _join(seen: Seen, found: list[Inferred]) -> list[Inferred]:
+    """Join obstacles that one explains as well as two: one that is seen again later, or around another one."""
+    apart: set[tuple[Inferred, Inferred]] = set()
+    while pairs := [pair for pair in combinations(found, 2) if pair not in apart and _may_be_one(seen, *pair)]:
+        first, second = pairs[0]
+        both = fit(seen, np.union1d(first.hits, second.hits))
+        is_one = _explains(seen, both, both.hits).mean() >= JOINED_SHARE
+        if is_one and both.energy <= first.energy + second.energy + JOINED_ENERGY:
+            found = [each for each in found if each not in (first, second)] + [both]
+        else:
+            apart.add((first, second))
+    return found
+
+
+def _may_be_one(seen: Seen, first: Inferred, second: Inferred) -> bool:
+    """Return whether an obstacle is fast enough to be both."""
+    fastest = seen.spec["obstacles"].get("behavior", {"speed_m_s": (0, 0)})["speed_m_s"][1]
+    way_m = fastest * seen.spec["world"]["step_time"] * abs(first.reference - second.reference)
+    return bool(np.linalg.norm(first.center() - second.center()) < way_m + SAME_M)
+
+
+def fit(seen: Seen, hits: np.ndarray) -> Inferred:
+    """Sample the obstacle of hits, given by their indices; a poor fit is tried again with twice the particles."""
+    fits = []
+    for attempt in range(ATTEMPTS):
+        fits.append(_sample(seen, hits, PARTICLES * 2**attempt))
+        if fits[-1].energy < GOOD:
+            break
+    return min(fits, key=lambda each: each.energy)
+
+
+def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
+    """Sample particles from the posterior of the obstacle of hits."""
+    steps, points = seen.steps[hits], seen.points[hits]
+    reference = int(steps[len(steps) // 2])
+    bounds, center_m = _bounds(seen.spec), points[steps == reference].mean(0)
+    bounds[:, model.X : model.Y + 1] = center_m - AROUND_M, center_m + AROUND_M
+    particles = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))
+    particles[:, model.IS_DISC] = seen.rng.random(count) < seen.spec["obstacles"]["disc_share"]
+    used = np.unique(np.linspace(0, len(hits) - 1, MOST_HITS).round().astype(int))
+    used = seen.rng.permutation(used)  # a poor proposal is seen after few hits
+    known = (seen.law(reference), (steps[used], points[used]), seen.scans)
+    energy = model.energies(particles, *known)
+
+    def move(particles: np.ndarray, energy: np.ndarray, weight: float) -> None:
+        model.move(particles, energy, weight, bounds, *known, seen.rng)
+
+    temper(particles, energy, move, seen.rng)
+    return Inferred(particles, reference, hits, float(energy.mean()))
+
+
+def _bounds(spec: dict[str, Any]) -> np.ndarray:
+    """Return the least and the largest value of each parameter by the laws, (2, PARAMETERS); x and y are left at 0."""
+    obstacles = spec["obstacles"]
+    behavior = obstacles.get("behavior") or {"speed_m_s": (0.0, 0.0), "turn_steps": (1, 1)}
+    bounds = np.zeros((2, model.PARAMETERS))
+    half = np.array([-np.pi / 2, np.pi / 2])
+    bounds[:, model.RADIUS], bounds[:, model.ASPECT] = obstacles["radius_m"], obstacles["aspect"]
+    bounds[:, model.SPEED], bounds[:, model.TURN] = behavior["speed_m_s"], behavior["turn_steps"]
+    bounds[1, model.TURN] += 1  # its whole part is the step
+    bounds[:, [model.HEADING, model.FIRST_BOUNCE, model.NEXT_BOUNCE]] = half[:, None]
+    bounds[:, [model.BEARING, model.NEXT_BEARING]] = 2 * half[:, None]
+    return bounds
+
+
+def _explains(seen: Seen, each: Inferred, hits: np.ndarray) -> np.ndarray:
+    """Return which hits lie on the outlines of most particles."""
+    places = (seen.steps[hits], seen.points[hits])
+    return model.near(each.particles, seen.law(each.reference), places, EXPLAINED_M, len(seen.scans[0])) > 0.5
+
+
+def _ends(each: Inferred, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
+    """Return outlines around their origins (K, V, 2) and positions at the last step (K, 2) of particles [m]."""
+    turn = 2 * np.pi * np.arange(CORNERS) / CORNERS
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]] + [[1.0, -1.0]] * (CORNERS - 3))
+    corners = np.empty((len(each.particles), CORNERS, 2))
+    for own, particle in zip(corners, each.particles, strict=True):
+        is_disc, length, width, cos, sin, _ = model.shape(particle)
+        own[:] = (circle if is_disc else square) * [length, width] @ np.array([[cos, sin], [-sin, cos]])
+    law, steps = seen.law(each.reference), len(seen.scans[0])
+    return corners, np.stack([model.path(particle, law, steps)[-1] for particle in each.particles])
+
+
+def _free_of_unseen(others: Obstacles, scanned: Scanned, spec: dict[str, Any], found: int, grid: Grid) -> np.ndarray:
+    """Compute the probability that no obstacle without a hit covers a pixel, given how many were found, (H, W)."""
+    drawn = unseen(others.corners, others.paths, scanned, len(others.corners))
+    least, most = spec["obstacles"]["count"]
+    missing = np.arange(max(least - found, 0), max(most - found, 0) + 1)
+    weights = comb(found + missing, found) * (len(drawn) / len(others.corners)) ** missing
+    covered = share_covered(others.corners[drawn[:DRAWS]], others.paths[drawn[:DRAWS], -1], grid)
+    return np.average((1 - covered)[..., None] ** missing, axis=-1, weights=weights)

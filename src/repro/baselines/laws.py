@@ -1,0 +1,86 @@
+"""The laws of the paper's worlds, for predictors that know them: the worlds that have them, obstacles drawn by them."""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import shapely
+
+from repro.baselines.draws import count_cover
+from repro.baselines.names import BOUNDS
+from repro.maps.grid import Grid
+from repro.recordings.format import SPLIT_SEEDS, SPLITS, widen
+from repro.simulation.drift import obstacle_states
+from repro.simulation.motions import recorded_steps
+from repro.simulation.shapes import geometry
+from repro.simulation.worlds import sample_world
+
+DRAWS = 512  # of each obstacle
+WORLDS = 2000  # sampled for the obstacles without a hit
+FIRST_SEED = max(SPLITS.values()) + SPLIT_SEEDS  # no split has these worlds
+
+Scanned = tuple[np.ndarray, np.ndarray, np.ndarray]  # ranges, angles and poses, see `draws.draw_ends`
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Obstacles with constant headings: outlines around their origins [m], (K, V, 2), and positions [m], (K, T, 2)."""
+
+    corners: np.ndarray
+    paths: np.ndarray
+
+
+def applies(name: str, spec: dict[str, Any]) -> bool:
+    """Return whether a baseline adds something in worlds of a spec; true for those that are not of `BOUNDS`."""
+    if name not in BOUNDS:
+        return True
+    needs_motion = name in ("without_velocities", "positions")  # where nothing moves, they equal those with velocities
+    return knows(spec) and (not needs_motion or spec["obstacles"].get("behavior") is not None)
+
+
+def knows(spec: dict[str, Any]) -> bool:
+    """Return whether the laws of a world spec are those that these predictors draw from, the paper's."""
+    is_exact = not spec["robot"]["sensors"][0].get("noise")
+    has_zone = spec["motion"]["name"] in ("rotate", "square")
+    return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
+
+
+def check_laws(spec: dict[str, Any]) -> None:
+    """Check that the laws of a world spec are known.
+
+    Raises:
+        ValueError: the worlds have other laws than the paper's.
+    """
+    if not knows(spec):
+        raise ValueError("the upper bound draws from the paper's laws: no walls, noise, drives or several populations")
+
+
+def sampled_obstacles(spec: dict[str, Any]) -> Obstacles:
+    """Sample obstacles with their motions from other worlds of an experiment."""
+    return _sampled(json.dumps(spec))
+
+
+@cache
+def _sampled(content: str) -> Obstacles:
+    spec = json.loads(content)
+    steps, step_s = recorded_steps(spec["motion"]), spec["world"]["step_time"]
+    drawn = [each for number in range(WORLDS) for each in sample_world(spec, FIRST_SEED + number)["obstacle"]]
+    outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]
+    most = max(outline.shape[1] for outline in outlines)
+    states = np.stack([obstacle_states(each, steps, step_s) for each in drawn])
+    return turned(np.concatenate([widen(outline, most) for outline in outlines]), states)
+
+
+def turned(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
+    """Turn outlines (K, V, 2) to the constant headings of their states (K, T, 3)."""
+    cos, sin = (turn(states[:, 0, 2].astype(np.float64))[:, None] for turn in (np.cos, np.sin))
+    x, y = outlines[..., 0].astype(np.float64), outlines[..., 1].astype(np.float64)
+    corners = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
+    return Obstacles(corners, np.ascontiguousarray(states[..., :2], dtype=np.float64))
+
+
+def share_covered(corners: np.ndarray, ends: np.ndarray, grid: Grid) -> np.ndarray:
+    """Compute the share of draws, outlines (K, V, 2) at ends (K, 2) [m], that cover each pixel, (H, W)."""
+    return count_cover(corners, ends, grid.size_px, grid.size_m) / max(len(ends), 1)
