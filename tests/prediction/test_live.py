@@ -13,6 +13,7 @@ from conftest import ROOT
 from rosbags.typesys import Stores, get_typestore
 
 from repro.config import paper_model
+from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
@@ -96,9 +97,9 @@ class Robot:
         self.mapper = LiveMapper(predictor, lambda *sent: self.maps.append(sent), self.warnings.append, **options)
 
 
-def expected(predictor, count: int, center=(25.0, 25.0)) -> list[np.ndarray]:
+def expected(predictor, count: int, center=(25.0, 25.0), ranges=EXAMPLE["ranges"]) -> list[np.ndarray]:
     stamps = START_S + STEP_S * np.arange(count)
-    log = ScanLog(stamps, EXAMPLE["ranges"][:count].astype(np.float32), EXAMPLE["angles"], POSES[:count])
+    log = ScanLog(stamps, ranges[:count].astype(np.float32), EXAMPLE["angles"], POSES[:count])
     options = {"steps": STEPS, "step_s": STEP_S, "stride_s": STEP_S, "size_m": 50.0}
     return [predictor.predict(window.scans)[0].numpy() for window in cut(log, **options, center=center)]
 
@@ -144,6 +145,23 @@ def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second(predictor):
     assert "no transform of laser" in warning
     robot.warnings.clear()
     check(robot, expected(predictor, 30))
+
+
+def test_misses_of_a_lidar_that_reaches_less_far_say_nothing():
+    torch.manual_seed(0)
+    encoding = create_encoding("observed_free", {})
+    network = create_network(paper_model("unet"), in_channels=encoding.channels).eval()
+    robot = Robot(Predictor(network, encoding, Grid(32, 50.0)))
+    for step in range(25):
+        robot.mapper.add_odometry(odometry(step))
+        robot.mapper.add_scan(scan(step, range_max=12.0))
+    assert robot.warnings == ["misses say nothing: the lidar reaches 12 m, that of the training 30 m"]
+    robot.warnings.clear()
+    ranges = np.where(EXAMPLE["ranges"] < 12, EXAMPLE["ranges"], np.nan)
+    maps = expected(robot.mapper.predictor, 25, ranges=ranges)
+    check(robot, maps)
+    as_free = expected(robot.mapper.predictor, 25, ranges=np.where(np.isnan(ranges), np.inf, ranges))
+    assert not np.allclose(maps[-1], as_free[-1], atol=1e-3)
 
 
 def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):

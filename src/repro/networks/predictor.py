@@ -14,6 +14,7 @@ import dataclasses
 import hashlib
 import io
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -54,6 +55,11 @@ class Predictor:
     grid: Grid
     statistics: Statistics | None = None
 
+    @property
+    def reach_m(self) -> float:
+        """Return how far the encoding takes the pixels on the way of a miss as free [m], 0 if it does not."""
+        return getattr(self.encoding, "range_max_m", 0.0)
+
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
         """Predict the map at the last step of each window of scans.
 
@@ -87,13 +93,14 @@ class Predictor:
         center: str | tuple[float, float] = "robot",
         steps: int = 100,
         step_s: float = 0.1,
+        range_max_m: float = math.inf,
     ) -> PredictionStream:
         """Return an object whose `update` takes scans one by one and predicts a map for each, see `PredictionStream`.
 
         stream = predictor.stream(angles)
         predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
         """
-        return PredictionStream(self, angles, center=center, steps=steps, step_s=step_s)
+        return PredictionStream(self, angles, center=center, steps=steps, step_s=step_s, range_max_m=range_max_m)
 
     def to(self, device: str) -> "Predictor":
         """Return a predictor with the network on a device."""

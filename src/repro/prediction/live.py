@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repro.prediction.logs import LogScan, check_beams, in_order, valid_ranges, why_unusable
+from repro.prediction.logs import (
+    LogScan,
+    check_beams,
+    in_order,
+    misses_left_out,
+    valid_ranges,
+    why_unusable,
+)
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
 from repro.prediction.transforms import MAX_GAP_S, Transforms
 
@@ -128,7 +135,9 @@ class LiveMapper:
         angles = scan.first_angle + scan.spacing * np.arange(len(scan.ranges))
         angles, ranges = in_order(angles, valid_ranges(scan)[None])
         if self.first is None:
-            self.stream = self.predictor.stream(angles, center=self.center, steps=self.steps, step_s=self.step_s)
+            self.stream = self.predictor.stream(angles, self.center, self.steps, self.step_s, scan.range_max_m)
+            if self.stream.is_short:
+                self.warn(misses_left_out(scan.range_max_m, self.predictor.reach_m))
             self.first = scan
         self.last_s = scan.stamp
         return self.stream.update(ranges[0], np.array(scan.pose), scan.stamp)

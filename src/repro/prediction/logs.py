@@ -72,10 +72,6 @@ class ScanLog:
             raise ValueError(f"{inside.sum()} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
         return replace(self, ranges=self.ranges[:, inside], angles=self.angles[inside])
 
-    def without_misses(self) -> "ScanLog":
-        """Return the log with its misses as invalid readings, which say nothing about the pixels on their way."""
-        return replace(self, ranges=np.where(np.isinf(self.ranges), np.float32(np.nan), self.ranges))
-
 
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
@@ -174,6 +170,19 @@ def valid_ranges(scan: LogScan) -> np.ndarray:
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     is_valid = ranges > max(scan.range_min_m, 0)  # false for NaN
     return np.where(is_valid, np.where(ranges < scan.range_max_m, ranges, np.inf), np.nan).astype(np.float32)
+
+
+def without_misses(ranges: np.ndarray) -> np.ndarray:
+    """Return ranges with the misses as invalid readings, which say nothing about the pixels on their way.
+
+    An encoding takes these pixels as free up to its own range, which is wrong if the lidar reaches less far.
+    """
+    return np.where(np.isinf(ranges), np.float32(np.nan), ranges)
+
+
+def misses_left_out(range_max_m: float, reach_m: float) -> str:
+    """Return the message about a lidar whose misses are invalid, given its range and that of the training [m]."""
+    return f"misses say nothing: the lidar reaches {range_max_m:.4g} m, that of the training {reach_m:.4g} m"
 
 
 def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from repro.prediction.logs import without_misses
 from repro.prediction.windows import on_map, steps_before
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ class PredictionStream:
         center: center of the map: `robot` (the newest pose), or x, y in the frame of the poses [m].
         steps: steps of a window, T, as in training.
         step_s: time of a step [s], as in training.
+        range_max_m: maximum range of the lidar [m]; the misses of one that reaches less far than that of the training
+            say nothing.
 
     Raises:
         ValueError: an argument has another shape or value.
@@ -61,6 +64,7 @@ class PredictionStream:
         center: str | tuple[float, float] = "robot",
         steps: int = 100,
         step_s: float = 0.1,
+        range_max_m: float = math.inf,
     ) -> None:
         self.predictor, self.angles, self.steps, self.step_s = predictor, np.array(angles, dtype=float), steps, step_s
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
@@ -68,6 +72,9 @@ class PredictionStream:
         if steps < 1 or not 0 < step_s < math.inf:
             raise ValueError(f"expected steps of at least 1 and a positive step_s [s], got {steps} and {step_s}")
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
+        if not range_max_m > 0:
+            raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
+        self.is_short = range_max_m < predictor.reach_m
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
@@ -140,7 +147,7 @@ class PredictionStream:
             )
         if not np.isfinite(pose).all() or not math.isfinite(stamp):
             raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
-        return ranges, pose
+        return without_misses(ranges) if self.is_short else ranges, pose
 
 
 def _point(center: str | tuple[float, float]) -> np.ndarray:

@@ -1,6 +1,7 @@
 """task=predict: maps from a log of your own robot."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -13,7 +14,7 @@ from repro.cli.jobs import Job
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
-from repro.prediction.logs import ScanLog
+from repro.prediction.logs import ScanLog, misses_left_out, without_misses
 from repro.prediction.output import agreement, draw, read_maps, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
@@ -35,10 +36,9 @@ def run(job: Job) -> None:
     log = read_log(path, settings.step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
     _describe(log)
-    reach_m = getattr(predictor.encoding, "range_max_m", 0.0)
-    if log.range_max_m < reach_m:  # the encoding would mark the pixels of a miss as free up to its own range
-        print(f"misses say nothing: the lidar reaches {log.range_max_m:.4g} m, that of the training {reach_m:.4g} m")
-        log = log.without_misses()
+    if log.range_max_m < predictor.reach_m:
+        print(misses_left_out(log.range_max_m, predictor.reach_m))
+        log = replace(log, ranges=without_misses(log.ranges))
     mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / path.name.split(".")[0]
     target.parent.mkdir(parents=True, exist_ok=True)
