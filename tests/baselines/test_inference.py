@@ -1,14 +1,16 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import world_spec
+from scipy.special import comb
 from scipy.stats import kstest, norm
 
 from repro.baselines import inference, particles
 from repro.baselines.draws import newest_hit
-from repro.baselines.inference import _bounds, explain, infer, observe
-from repro.baselines.laws import turned
+from repro.baselines.inference import _bounds, _free_of_unseen, explain, infer, observe
+from repro.baselines.laws import Obstacles, turned
 from repro.baselines.particles import ASPECT, HEADING, IS_DISC, PARAMETERS, RADIUS, SPEED, TURN, X, Y
 from repro.baselines.privileged import privileged
 from repro.baselines.tempering import resample, temper
@@ -75,12 +77,13 @@ def test_the_paths_of_particles_are_those_of_the_simulation(reference):
 
 def test_moves_without_hits_keep_the_prior():
     rng, bounds = np.random.default_rng(0), _bounds(world_spec("3"))
-    bounds[:, [X, Y]] = [[19.0, 29.0], [31.0, 41.0]]
+    bounds[:, [X, Y]] = [[19.0, 21.0], [31.0, 29.0]]
     population = rng.uniform(bounds[0], bounds[1], (3000, PARAMETERS))
     population[:, IS_DISC] = rng.random(3000) < 0.5
     before = population.copy()
+    # the reference is near the middle of a large map without a zone, so that every start is lawful
     scans = (np.zeros((4, 5)), np.linspace(-0.7, 0.7, 5), np.tile([25.0, 25.0, 1.0, 0.0], (4, 1)), np.zeros((4, 5, 2)))
-    known = ((0.1, 25.0, 25.0, 4.0, 2), (np.zeros(0, dtype=np.int64), np.zeros((0, 2))), scans)
+    known = ((0.1, 25.0, 25.0, -100.0, 2), (np.zeros(0, dtype=np.int64), np.zeros((0, 2))), scans)
     energy = particles.energies(population, *known)
     assert (energy == 0).all()
     for _ in range(40):
@@ -94,9 +97,37 @@ def test_moves_without_hits_keep_the_prior():
             assert kstest((values - low) / (high - low), "uniform").pvalue > 1e-3, (kind, number)
 
 
-def test_moves_without_speed_keep_static_obstacles():
-    bounds = _bounds(world_spec("1"))
-    assert bounds[:, SPEED].tolist() == [0, 0]
+def test_starts_are_lawful_where_the_path_begins_on_the_map():
+    rng, bounds = np.random.default_rng(0), _bounds(world_spec("3"))
+    bounds[:, [X, Y]] = [[0.0, 0.0], [12.0, 50.0]]
+    law, lawful = (0.1, 25.0, 25.0, 4.0, 70), 0
+    for particle in rng.uniform(bounds[0], bounds[1], (300, PARAMETERS)):
+        particle[IS_DISC] = 1.0
+        path = particles.path(particle, law, STEPS)
+        start = path[0] - 0.1 * particle[SPEED] * np.array(
+            [np.cos(particle[particles.BEARING]), np.sin(particle[particles.BEARING])]
+        )
+        expected = particle[RADIUS] <= start.min() and start.max() <= 50 - particle[RADIUS]
+        assert particles.is_lawful(particle, law) == expected
+        lawful += expected
+    assert 50 < lawful < 250
+
+
+def test_a_longer_width_is_another_rectangle_where_the_laws_allow_it():
+    """Moved sides keep the prior of aspects below 1, too."""
+    spec = world_spec("1")
+    spec["obstacles"]["aspect"] = [0.5, 2.0]
+    rng, bounds = np.random.default_rng(0), _bounds(spec)
+    bounds[:, [X, Y]] = [[15.0, 15.0], [35.0, 35.0]]
+    population = rng.uniform(bounds[0], bounds[1], (3000, PARAMETERS))
+    population[:, IS_DISC] = 0.0
+    scans = (np.zeros((4, 5)), np.linspace(-0.7, 0.7, 5), np.tile([25.0, 25.0, 1.0, 0.0], (4, 1)), np.zeros((4, 5, 2)))
+    known = ((0.1, 25.0, 25.0, -100.0, 2), (np.zeros(0, dtype=np.int64), np.zeros((0, 2))), scans)
+    energy = particles.energies(population, *known)
+    for _ in range(40):
+        particles.move(population, energy, 0.5, bounds, *known, rng)
+    assert kstest((population[:, ASPECT] - 0.5) / 1.5, "uniform").pvalue > 1e-3
+    assert (population[:, SPEED] == 0).all()
 
 
 def test_tempering_ends_at_the_posterior():
@@ -171,13 +202,60 @@ def test_obstacles_are_inferred_from_scans(test_set, monkeypatch):
     assert squared["bound"] < squared["inference"] < 0.6 * squared["nothing"]
 
 
+@pytest.mark.slow
+def test_every_obstacle_is_found_once(test_set):
+    """Also those that the rotating robot sees at the start and again at the end."""
+    differences = []
+    for index in range(len(test_set)):
+        parts = (test_set.scans.ranges[index], test_set.scans.angles, test_set.scans.poses[index])
+        scanned = tuple(np.ascontiguousarray(part, dtype=float) for part in parts)
+        known = turned(*test_set.truth.of_recording(index))
+        hit = [newest_hit(*each, *scanned) > 0 for each in zip(known.corners, known.paths, strict=True)]
+        seen = observe(scanned, 30.0, test_set.truth.spec, np.random.default_rng(index))
+        found = explain(seen)
+        assert len(np.unique(np.concatenate([each.hits for each in found]))) == sum(len(each.hits) for each in found)
+        differences.append(len(found) - sum(hit))
+    assert np.abs(differences).max() <= 1
+    assert np.count_nonzero(differences) <= len(differences) // 3
+
+
 def test_scans_without_hits_tell_of_no_obstacle():
     poses = np.tile([25.0, 25.0, 0.0], (STEPS, 1))
     seen = observe((np.full((STEPS, 9), np.inf), np.linspace(-0.7, 0.7, 9), poses), 30.0, world_spec("3"), None)
     assert explain(seen) == []
 
 
-def test_other_laws_are_refused(test_set, monkeypatch):
-    monkeypatch.setitem(test_set.truth.spec, "fixed", [{"shape": {"name": "circle", "radius": 1.0}}])
-    with pytest.raises(ValueError, match="the paper's laws"):
+def test_the_number_of_unseen_obstacles_follows_from_that_of_those_found():
+    grid, spec = Grid(64, 50.0), world_spec("3")
+    others = Obstacles(np.array([[[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]]]), np.full((1, 3, 2), 10.0))
+    scanned = (np.full((3, 5), 0.1), np.linspace(-0.7, 0.7, 5), np.tile([25.0, 25.0, 0.0], (3, 1)))
+    covered = others.corners[0] + 10.0
+    inside = grid.size_px - 1 - int(covered[:, 1].mean() / grid.resolution_m), int(10 / grid.resolution_m)
+    assert _free_of_unseen(others, scanned, spec, 10, grid)[inside] == 1  # at most 10 in a world
+    assert _free_of_unseen(others, scanned, spec, 6, grid)[inside] == 0  # at least 7
+    weights = np.array([comb(n, 8) for n in (8, 9, 10)])  # unseen with certainty, each number as likely before
+    assert _free_of_unseen(others, scanned, spec, 8, grid)[inside] == pytest.approx(weights[0] / weights.sum())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fixed": [{"shape": {"name": "circle", "radius": 1.0}}]}, "the paper's laws"),
+        ({"obstacles": {"turn_steps": [10, 30]}}, r"one random turn in 100 steps: .* at least 50, got \[10, 30\]"),
+    ],
+)
+def test_other_laws_are_refused(test_set, monkeypatch, change, message):
+    spec = test_set.truth.spec
+    if "obstacles" in change:
+        behavior = spec["obstacles"]["behavior"] | change["obstacles"]
+        change = {"obstacles": spec["obstacles"] | {"behavior": behavior}}
+    for key, value in change.items():
+        monkeypatch.setitem(spec, key, value)
+    with pytest.raises(ValueError, match=message):
         infer(test_set, test_set)
+
+
+def test_wide_lidars_are_refused(test_set):
+    wide = replace(test_set, scans=replace(test_set.scans, angles=2.5 * test_set.scans.angles))
+    with pytest.raises(ValueError, match="less than 180 degrees"):
+        infer(wide, wide)

@@ -1,14 +1,16 @@
 """What scans alone tell: a predictor that knows the laws of the paper's worlds and infers the obstacles from the scans.
 
-Hits are clustered over space and time. One obstacle explains each cluster: its shape and path are sampled given its
-hits and all beams that pass (`particles`). Hits of other clusters that it explains become its own, and two obstacles
-that one explains as well are joined. Obstacles without a hit are drawn from other worlds, as for the upper bound, and
-their number from the law given those that were found.
+Hits are clustered over space and time. One obstacle explains each cluster: its shape and path are sampled given some of
+its hits and of the beams that pass (`particles`). Hits of other clusters that it explains become its own, and two
+obstacles are joined if one explains the hits of both as well. Obstacles without a hit are drawn from other worlds, as
+for the upper bound, and their number from the law given those that were found.
 
-The best prediction from scans lies between this predictor, which decides which hits belong together, and the upper
-bound, which knows more than the scans tell.
+In expected log loss and Brier score, the best prediction from scans is at least as good as this one, which decides
+which hits belong together and lets obstacles overlap at the start, and at most as good as the upper bound, which knows
+more than the scans tell.
 """
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,12 +36,12 @@ PARTICLES = 384  # of each obstacle
 MOST_HITS = 120  # of an obstacle that are used, spread over all
 NEAR_M, NEAR_STEPS = 1.2, 4  # hits closer than this belong to one cluster
 FEWEST = 3  # hits of an obstacle
-AROUND_M = 6.0  # between the mean of the hits of a step and the center of the obstacle, along x and y
 EXPLAINED_M = 0.25  # a hit this close to the outlines of most particles is explained
 GOOD, ATTEMPTS = 8.0, 2  # mean energy of a fit that is not tried again, number of trials
+PRIOR_ROUNDS = 40  # of draws for a start that is lawful
 ROUNDS = 3  # fits of one obstacle while the hits that it explains change
 SAME_M = 3.0  # between the inferred centers of one obstacle, besides its motion
-JOINED_SHARE, JOINED_ENERGY = 0.95, 5.0  # explained hits of both, at least, and additional energy, at most
+JOINED_SHARE, JOINED_ENERGY = 0.95, 50.0  # of the hits of both, at least; more than of two, at most
 CORNERS = 64  # of a disc, as in the simulation
 
 
@@ -69,7 +71,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Inferred:
-    """An obstacle: particles (K, PARAMETERS), the step of their x and y, the indices of its hits, their mean energy."""
+    """An obstacle: particles (K, PARAMETERS), the step of their x and y, its hits' indices, the mean energy."""
 
     particles: np.ndarray
     reference: int
@@ -90,11 +92,23 @@ def infer(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     assert test.truth, "the predictor needs the laws of the worlds"
     spec = test.truth.spec
     check_laws(spec)
+    _check_window(test, spec)
     others = sampled_obstacles(spec)
     with ThreadPoolExecutor(count_cores()) as pool:  # the compiled moves release the interpreter
         drawn = pool.map(partial(_predict, test, spec, others), range(len(test)))
         free = list(tqdm(drawn, desc="inferring obstacles", total=len(test), delay=2, leave=False, disable=None))
     return torch.from_numpy(np.stack(free)).float()[:, None], {"particles": PARTICLES}
+
+
+def _check_window(test: Recorded, spec: dict[str, Any]) -> None:
+    behavior, steps = spec["obstacles"].get("behavior"), test.scans.ranges.shape[1]
+    if behavior and 2 * behavior["turn_steps"][0] < steps:
+        raise ValueError(
+            f"the inference takes one random turn in {steps} steps: expected turn_steps of at least "
+            f"{math.ceil(steps / 2)}, got {list(behavior['turn_steps'])}"
+        )
+    if float(test.scans.angles.abs().max()) >= math.pi / 2:
+        raise ValueError("the inference takes a field of view of less than 180 degrees")
 
 
 def _predict(test: Recorded, spec: dict[str, Any], others: Obstacles, index: int) -> np.ndarray:
@@ -157,16 +171,24 @@ def _join(seen: Seen, found: list[Inferred]) -> list[Inferred]:
         first, second = pairs[0]
         both = fit(seen, np.union1d(first.hits, second.hits))
         is_one = _explains(seen, both, both.hits).mean() >= JOINED_SHARE
-        if is_one and both.energy <= first.energy + second.energy + JOINED_ENERGY:
+        alone = sum(_energy(seen, each, each.hits) for each in (first, second))
+        if is_one and sum(_energy(seen, both, each.hits) for each in (first, second)) <= alone + JOINED_ENERGY:
             found = [each for each in found if each not in (first, second)] + [both]
         else:
             apart.add((first, second))
     return found
 
 
+def _energy(seen: Seen, each: Inferred, hits: np.ndarray) -> float:
+    """Return the mean energy of the particles of an obstacle, given hits."""
+    used = _spread(hits)
+    known = (seen.law(each.reference), (seen.steps[used], seen.points[used]), seen.scans)
+    return float(model.energies(each.particles, *known).mean())
+
+
 def _may_be_one(seen: Seen, first: Inferred, second: Inferred) -> bool:
     """Return whether an obstacle is fast enough to be both."""
-    fastest = seen.spec["obstacles"].get("behavior", {"speed_m_s": (0, 0)})["speed_m_s"][1]
+    fastest = _bounds(seen.spec)[1, model.SPEED]
     way_m = fastest * seen.spec["world"]["step_time"] * abs(first.reference - second.reference)
     return bool(np.linalg.norm(first.center() - second.center()) < way_m + SAME_M)
 
@@ -183,15 +205,16 @@ def fit(seen: Seen, hits: np.ndarray) -> Inferred:
 
 def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
     """Sample particles from the posterior of the obstacle of hits."""
-    steps, points = seen.steps[hits], seen.points[hits]
-    reference = int(steps[len(steps) // 2])
-    bounds, center_m = _bounds(seen.spec), points[steps == reference].mean(0)
-    bounds[:, model.X : model.Y + 1] = center_m - AROUND_M, center_m + AROUND_M
-    particles = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))
-    particles[:, model.IS_DISC] = seen.rng.random(count) < seen.spec["obstacles"]["disc_share"]
-    used = np.unique(np.linspace(0, len(hits) - 1, MOST_HITS).round().astype(int))
-    used = seen.rng.permutation(used)  # a poor proposal is seen after few hits
-    known = (seen.law(reference), (steps[used], points[used]), seen.scans)
+    reference = int(seen.steps[hits[len(hits) // 2]])
+    law, bounds = seen.law(reference), _bounds(seen.spec)
+    center_m = seen.points[hits][seen.steps[hits] == reference].mean(0)
+    farthest = np.array(bounds[1])
+    farthest[model.IS_DISC] = 0
+    reach_m = model.shape(farthest)[5]
+    bounds[:, model.X : model.Y + 1] = center_m - reach_m, center_m + reach_m
+    particles = _prior(bounds, law, seen, count)
+    used = seen.rng.permutation(_spread(hits))  # a poor proposal is seen after few hits
+    known = (law, (seen.steps[used], seen.points[used]), seen.scans)
     energy = model.energies(particles, *known)
 
     def move(particles: np.ndarray, energy: np.ndarray, weight: float) -> None:
@@ -199,6 +222,23 @@ def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
 
     temper(particles, energy, move, seen.rng)
     return Inferred(particles, reference, hits, float(energy.mean()))
+
+
+def _prior(bounds: np.ndarray, law: model.Law, seen: Seen, count: int) -> np.ndarray:
+    """Draw particles from the prior; if few starts are lawful, each is drawn several times."""
+    lawful: list[np.ndarray] = []
+    for _ in range(PRIOR_ROUNDS):
+        drawn = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))
+        drawn[:, model.IS_DISC] = seen.rng.random(count) < seen.spec["obstacles"]["disc_share"]
+        lawful += [particle for particle in drawn if model.is_lawful(particle, law)]
+        if len(lawful) >= count:
+            break
+    return np.resize(lawful or drawn, (count, model.PARAMETERS))
+
+
+def _spread(hits: np.ndarray) -> np.ndarray:
+    """Return at most `MOST_HITS` of hits, spread over all."""
+    return hits[np.unique(np.linspace(0, len(hits) - 1, MOST_HITS).round().astype(int))]
 
 
 def _bounds(spec: dict[str, Any]) -> np.ndarray:
@@ -237,6 +277,8 @@ def _ends(each: Inferred, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
 def _free_of_unseen(others: Obstacles, scanned: Scanned, spec: dict[str, Any], found: int, grid: Grid) -> np.ndarray:
     """Compute the probability that no obstacle without a hit covers a pixel, given how many were found, (H, W)."""
     drawn = unseen(others.corners, others.paths, scanned, len(others.corners))
+    if not len(drawn):
+        return np.ones((grid.size_px, grid.size_px))
     least, most = spec["obstacles"]["count"]
     missing = np.arange(max(least - found, 0), max(most - found, 0) + 1)
     weights = comb(found + missing, found) * (len(drawn) / len(others.corners)) ** missing

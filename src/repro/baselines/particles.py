@@ -1,7 +1,8 @@
 """Compiled particles: what one obstacle may be, given the beams that end on it and those that pass.
 
 A particle is a disc or a rectangle with a path of the whole window, by the laws of the paper's worlds. Random moves
-draw from its prior, uniform in every parameter, times the likelihood of the scans to the power of a weight.
+draw from its prior, uniform in every parameter where the start is lawful, times the likelihood of the scans to the
+power of a weight.
 """
 
 import math
@@ -14,7 +15,7 @@ from repro.system.compiled import compiled
 # the path turns once at random, at step TURN, and at the zone in the middle by the bounces
 IS_DISC, RADIUS, ASPECT, HEADING, X, Y, SPEED, BEARING, TURN, NEXT_BEARING, FIRST_BOUNCE, NEXT_BOUNCE = range(12)
 PARAMETERS = 12
-SIGMA_M = 0.1  # standard deviation of a range; the scans have no noise, so that this is a tolerance
+SIGMA_M = 0.1  # of the distance of a hit to the outline and of the length of a beam inside; the scans have no noise
 EVERY = 2  # steps whose passing beams are used
 FARTHEST_M = 1.0  # a beam that misses by more counts as one that misses by this, since it may be of another obstacle
 
@@ -47,7 +48,7 @@ def move(
     """
     for index in range(len(particles)):
         proposed, log_ratio = _propose(particles, index, bounds, rng)
-        if log_ratio == -math.inf:
+        if log_ratio == -math.inf or not is_lawful(proposed, law):
             continue
         most = energy[index] + (log_ratio - math.log(rng.random())) / weight
         new = _energy(proposed, law, hits, scans, most)
@@ -134,7 +135,7 @@ def _move_side(particle: np.ndarray, bounds: np.ndarray, rng: np.random.Generato
         particle[Y] += sign * change * cos
     if length <= 0 or width <= 0:
         return particle, -math.inf
-    if width > length:
+    if width > length and bounds[0, ASPECT] >= 1:  # the same rectangle with its longer side first
         length, width = width, length
         particle[HEADING] += math.pi / 2 if particle[HEADING] < 0 else -math.pi / 2
     particle[ASPECT], particle[RADIUS] = length / width, math.sqrt(4 * length * width / math.pi)
@@ -160,6 +161,18 @@ def shape(particle: np.ndarray) -> Form:
 
 
 @compiled
+def is_lawful(particle: np.ndarray, law: Law) -> bool:
+    """Return whether the circle around a particle is on the map before the first step, see `path`."""
+    step_s, center_x, center_y, _, reference = law
+    radius, way_m = shape(particle)[5], particle[SPEED] * step_s
+    turned = max(0, reference + 1 - int(particle[TURN]))  # moves after the random turn
+    straight = reference + 1 - turned
+    x = particle[X] - way_m * (straight * math.cos(particle[BEARING]) + turned * math.cos(particle[NEXT_BEARING]))
+    y = particle[Y] - way_m * (straight * math.sin(particle[BEARING]) + turned * math.sin(particle[NEXT_BEARING]))
+    return radius <= x <= 2 * center_x - radius and radius <= y <= 2 * center_y - radius
+
+
+@compiled
 def path(particle: np.ndarray, law: Law, steps: int) -> np.ndarray:
     """Return the positions of a particle at every step [m], (T, 2), by the law of `drift.Drift`.
 
@@ -167,8 +180,8 @@ def path(particle: np.ndarray, law: Law, steps: int) -> np.ndarray:
 
     Args:
         particle: (PARAMETERS,).
-        law: duration of a step [s], x and y of the center [m], distance that the outline keeps from it [m], and the
-            step at which the particle is at its x and y.
+        law: duration of a step [s], x and y of the center of the map [m], distance that the outline keeps from it
+            [m], and the step at which the particle is at its x and y.
         steps: T.
     """
     step_s, center_x, center_y, clear_m, reference = law
