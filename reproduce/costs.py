@@ -47,7 +47,9 @@ ENCODINGS = {
 }
 CELLS = [  # networks and their inputs
     *((name, "projection") for name in NETWORKS),
-    *(("unet", "stack10"), ("unet", "series10"), ("convlstm", "stack10"), ("convgru", "series10")),
+    ("unet", "stack10"),
+    *((name, "series10") for name in NETWORKS),
+    *(("convlstm", "stack10"), ("convgru", "series10")),
 ]
 LATENCIES = ("cpu_eager_ms", "cpu_compiled_ms", "cpu_onnx_ms", "cuda_eager_ms", "cuda_compiled_ms")
 

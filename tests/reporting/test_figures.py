@@ -92,13 +92,14 @@ def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):
 
 def test_networks_are_placed_by_the_time_of_their_training_below_the_bound():
     columns = ["experiment", "model", "encoding", "metric", "value", "low", "high"]
-    scores = {("unet", "projection"): 0.4, ("convgru", "series10"): 0.6, ("privileged", ""): 0.8}
+    scores = {("unet", "projection"): 0.4, ("convgru", "series10"): 0.6}
+    scores |= {("privileged", ""): 0.8, ("inference", ""): 0.7}
     rows = [(e, *cell, "obstacle_iou", iou, iou - 0.01, iou + 0.01) for e in "34" for cell, iou in scores.items()]
     costs = [("unet", "projection", 3.4), ("unet", "projection", None), ("convgru", "series10", 5.2)]
     table = pd.DataFrame(costs, columns=["model", "encoding", "training_min"])
     figure = efficiency(pd.DataFrame(rows, columns=columns), table)
     assert len(figure.axes) == 2
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert sorted(labels) == ["ConvGRU, series10", "U-Net", "Upper bound"]
+    assert sorted(labels) == ["ConvGRU, series10", "Inference from scans", "U-Net", "Upper bound"]
     points = [line.get_xydata()[0] for line in figure.axes[0].get_lines() if line.get_marker() in "os"]
     assert sorted(map(tuple, points)) == [(3.4, 0.4), (5.2, 0.6)]

@@ -4,13 +4,15 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.baselines.names import BOUNDS, OTHER_BOUNDS, rank
+from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
-from repro.reporting.names import experiment_title, predictor_title
+from repro.reporting.names import experiment_title, model_title, predictor_title
 from repro.reporting.plots import LOOKS, Frames, one_legend
 from repro.reporting.results import OURS
+
+DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
 
 
 def baselines(frames: Frames) -> Figure | None:
@@ -35,7 +37,7 @@ def encodings(frames: Frames) -> Figure | None:
 
 
 def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
-    """Plot the obstacle IoU of networks against the time of their training, with the upper bound as a line.
+    """Plot the obstacle IoU of networks against the time of their training, with what can be known as lines.
 
     Args:
         intervals: experiment, model, encoding, metric, value, low, high.
@@ -49,14 +51,14 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
     size = (1.6 + 3.0 * len(experiments), 3.4)
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
     for ax, experiment in zip(axes[0], experiments, strict=True):
-        bound = rows[(rows["experiment"] == experiment) & (rows["model"] == BOUNDS[0])]["value"]
-        for value in bound:
-            ax.axhline(value, color=INK, linewidth=1, linestyle=(0, (4, 2)), label="Upper bound")
+        for name, dashes in zip(LIMITS, DASHES, strict=True):
+            for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
+                ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))
         for number, name in enumerate(names):
             point = points[(points["experiment"] == experiment) & (points["title"] == name)]
             look = {"marker": "osD^vP*X"[number % 8], "color": ACCENT if "GRU" in name else INK, "linestyle": "none"}
             spread = [point["value"] - point["low"], point["high"] - point["value"]]
-            filled = None if number % 2 == 0 else "white"
+            filled = None if (number + number // 8) % 2 == 0 else "white"
             ax.errorbar(point["training_min"], point["value"], spread, label=name, markerfacecolor=filled, **look)
         ax.set(title=experiment_title(experiment, "\n{}"), xlabel="training on one thread [min]")
         ax.set_xlim(left=0)

@@ -5,7 +5,7 @@ import math
 
 import pandas as pd
 
-from repro.baselines.names import BOUNDS, OTHER_BOUNDS, rank
+from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.reporting.names import predictor_title
 
@@ -48,7 +48,8 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         intervals: experiment, model, encoding, metric, value, low, high, seeds.
         words: the caption.
     """
-    is_shown = intervals["metric"].isin(SHOWN) & ~intervals["model"].isin(["average", *OTHER_BOUNDS])
+    hidden = {"average", *OTHER_BOUNDS} - set(LIMITS)
+    is_shown = intervals["metric"].isin(SHOWN) & ~intervals["model"].isin(hidden)
     rows = intervals[is_shown & ~intervals["encoding"].str.endswith(NO_DECAY)]
     inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
     chosen = sorted(inputs.index[inputs == inputs.max()])  # the experiments with most inputs
