@@ -108,7 +108,7 @@ def test_starts_are_lawful_where_the_path_begins_on_the_map():
             [np.cos(particle[particles.BEARING]), np.sin(particle[particles.BEARING])]
         )
         expected = particle[RADIUS] <= start.min() and start.max() <= 50 - particle[RADIUS]
-        assert particles.is_lawful(particle, law) == expected
+        assert particles.starts_on_map(particle, law) == expected
         lawful += expected
     assert 50 < lawful < 250
 

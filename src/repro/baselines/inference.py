@@ -11,26 +11,31 @@ more than the scans tell.
 """
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
-import torch
 from scipy.special import comb
 from sklearn.cluster import DBSCAN
 from torch import Tensor
-from tqdm import tqdm
 
 from repro.baselines import particles as model
 from repro.baselines.draws import unseen
-from repro.baselines.laws import DRAWS, Obstacles, Scanned, check_laws, sampled_obstacles, share_covered
+from repro.baselines.laws import (
+    DRAWS,
+    Obstacles,
+    Scanned,
+    check_laws,
+    predict_each,
+    sampled_obstacles,
+    scans_of,
+    share_covered,
+)
 from repro.baselines.tempering import temper
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
-from repro.system.resources import count_cores
 
 PARTICLES = 384  # of each obstacle
 MOST_HITS = 120  # of an obstacle that are used, spread over all
@@ -38,7 +43,7 @@ NEAR_M, NEAR_STEPS = 1.2, 4  # hits closer than this belong to one cluster
 FEWEST = 3  # hits of an obstacle
 EXPLAINED_M = 0.25  # a hit this close to the outlines of most particles is explained
 GOOD, ATTEMPTS = 8.0, 2  # mean energy of a fit that is not tried again, number of trials
-PRIOR_ROUNDS = 40  # of draws for a start that is lawful
+PRIOR_ROUNDS = 40  # of draws for starts on the map
 ROUNDS = 3  # fits of one obstacle while the hits that it explains change
 SAME_M = 3.0  # between the inferred centers of one obstacle, besides its motion
 JOINED_SHARE, JOINED_ENERGY = 0.95, 50.0  # of the hits of both, at least; more than of two, at most
@@ -94,10 +99,8 @@ def infer(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     check_laws(spec)
     _check_window(test, spec)
     others = sampled_obstacles(spec)
-    with ThreadPoolExecutor(count_cores()) as pool:  # the compiled moves release the interpreter
-        drawn = pool.map(partial(_predict, test, spec, others), range(len(test)))
-        free = list(tqdm(drawn, desc="inferring obstacles", total=len(test), delay=2, leave=False, disable=None))
-    return torch.from_numpy(np.stack(free)).float()[:, None], {"particles": PARTICLES}
+    free = predict_each(partial(_predict, test, spec, others), len(test), "inferring obstacles")
+    return free, {"particles": PARTICLES}
 
 
 def _check_window(test: Recorded, spec: dict[str, Any]) -> None:
@@ -113,8 +116,7 @@ def _check_window(test: Recorded, spec: dict[str, Any]) -> None:
 
 def _predict(test: Recorded, spec: dict[str, Any], others: Obstacles, index: int) -> np.ndarray:
     """Compute the probability of free of one recording, (H, W)."""
-    parts = (test.scans.ranges[index], test.scans.angles, test.scans.poses[index])
-    ranges, angles, poses = (np.ascontiguousarray(part, dtype=np.float64) for part in parts)
+    ranges, angles, poses = scans_of(test, index)
     seen = observe((ranges, angles, poses), test.range_max_m, spec, np.random.default_rng(index))
     found = explain(seen)
     free = np.ones((test.grid.size_px, test.grid.size_px))
@@ -225,15 +227,15 @@ def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
 
 
 def _prior(bounds: np.ndarray, law: model.Law, seen: Seen, count: int) -> np.ndarray:
-    """Draw particles from the prior; if few starts are lawful, each is drawn several times."""
-    lawful: list[np.ndarray] = []
+    """Draw particles from the prior; if few start on the map, each is drawn several times."""
+    starting: list[np.ndarray] = []
     for _ in range(PRIOR_ROUNDS):
         drawn = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))
         drawn[:, model.IS_DISC] = seen.rng.random(count) < seen.spec["obstacles"]["disc_share"]
-        lawful += [particle for particle in drawn if model.is_lawful(particle, law)]
-        if len(lawful) >= count:
+        starting += [particle for particle in drawn if model.starts_on_map(particle, law)]
+        if len(starting) >= count:
             break
-    return np.resize(lawful or drawn, (count, model.PARAMETERS))
+    return np.resize(starting or drawn, (count, model.PARAMETERS))
 
 
 def _spread(hits: np.ndarray) -> np.ndarray:

@@ -1,21 +1,28 @@
 """The laws of the paper's worlds, for predictors that know them: the worlds that have them, obstacles drawn by them."""
 
 import json
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 import shapely
+import torch
+from torch import Tensor
+from tqdm import tqdm
 
 from repro.baselines.draws import count_cover
 from repro.baselines.names import BOUNDS
+from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
 from repro.recordings.format import SPLIT_SEEDS, SPLITS, widen
 from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
+from repro.system.resources import count_cores
 
 DRAWS = 512  # of each obstacle
 WORLDS = 2000  # sampled for the obstacles without a hit
@@ -79,6 +86,30 @@ def turned(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
     x, y = outlines[..., 0].astype(np.float64), outlines[..., 1].astype(np.float64)
     corners = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
     return Obstacles(corners, np.ascontiguousarray(states[..., :2], dtype=np.float64))
+
+
+def predict_each(predict: Callable[[int], np.ndarray], count: int, description: str) -> Tensor:
+    """Predict recordings 0 to M - 1 in threads; return the probability of free, (M, 1, H, W).
+
+    Args:
+        predict: function from the index of a recording to its probability of free, (H, W); its compiled loops release
+            the interpreter.
+        count: number of recordings, M.
+        description: of the progress bar.
+    """
+    with ThreadPoolExecutor(count_cores()) as pool:
+        drawn = pool.map(predict, range(count))
+        free = list(tqdm(drawn, desc=description, total=count, delay=2, leave=False, disable=None))
+    return torch.from_numpy(np.stack(free)).float()[:, None]
+
+
+def scans_of(recorded: Recorded, index: int) -> Scanned:
+    """Return ranges, inf for a miss, angles and poses of a recording in double precision."""
+    scans = recorded.scans
+    ranges, angles, poses = (
+        np.ascontiguousarray(part, dtype=np.float64) for part in (scans.ranges[index], scans.angles, scans.poses[index])
+    )
+    return ranges, angles, poses
 
 
 def share_covered(corners: np.ndarray, ends: np.ndarray, grid: Grid) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Compiled particles: what one obstacle may be, given the beams that end on it and those that pass.
 
 A particle is a disc or a rectangle with a path of the whole window, by the laws of the paper's worlds. Random moves
-draw from its prior, uniform in every parameter where the start is lawful, times the likelihood of the scans to the
+draw from its prior, uniform in every parameter if the path starts on the map, times the likelihood of the scans to the
 power of a weight.
 """
 
@@ -48,7 +48,7 @@ def move(
     """
     for index in range(len(particles)):
         proposed, log_ratio = _propose(particles, index, bounds, rng)
-        if log_ratio == -math.inf or not is_lawful(proposed, law):
+        if log_ratio == -math.inf or not starts_on_map(proposed, law):
             continue
         most = energy[index] + (log_ratio - math.log(rng.random())) / weight
         new = _energy(proposed, law, hits, scans, most)
@@ -161,7 +161,7 @@ def shape(particle: np.ndarray) -> Form:
 
 
 @compiled
-def is_lawful(particle: np.ndarray, law: Law) -> bool:
+def starts_on_map(particle: np.ndarray, law: Law) -> bool:
     """Return whether the circle around a particle is on the map before the first step, see `path`."""
     step_s, center_x, center_y, _, reference = law
     radius, way_m = shape(particle)[5], particle[SPEED] * step_s
@@ -210,9 +210,10 @@ def path(particle: np.ndarray, law: Law, steps: int) -> np.ndarray:
 
 
 @compiled
-def distance(form: Form, x: float, y: float) -> float:
-    """Return the distance of a point to the outline of a `shape` at the origin [m]."""
+def distance(form: Form, position: np.ndarray, point: np.ndarray) -> float:
+    """Return the distance of a point (2,) to the outline of a `shape` at a position (2,) [m]."""
     is_disc, length, width, cos, sin, _ = form
+    x, y = point[0] - position[0], point[1] - position[1]
     if is_disc:
         return abs(math.sqrt(x * x + y * y) - length)
     beyond_x, beyond_y = abs(x * cos + y * sin) - length, abs(y * cos - x * sin) - width
@@ -235,8 +236,7 @@ def near(
     for particle in particles:
         positions, form = path(particle, law, steps), shape(particle)
         for index in range(len(when)):
-            x, y = points[index, 0] - positions[when[index], 0], points[index, 1] - positions[when[index], 1]
-            share[index] += distance(form, x, y) <= within_m
+            share[index] += distance(form, positions[when[index]], points[index]) <= within_m
     return share / len(particles)
 
 
@@ -257,8 +257,7 @@ def _energy(
     positions, form = path(particle, law, len(ranges)), shape(particle)
     total, most = 0.0, most * 2 * SIGMA_M**2
     for index in range(len(when)):
-        x, y = points[index, 0] - positions[when[index], 0], points[index, 1] - positions[when[index], 1]
-        total += min(distance(form, x, y), FARTHEST_M) ** 2
+        total += min(distance(form, positions[when[index]], points[index]), FARTHEST_M) ** 2
         if total > most:
             return total / (2 * SIGMA_M**2)
     radius, spacing = form[5], angles[1] - angles[0]

@@ -13,20 +13,26 @@ them a network can be better, since the scans tell something of every part.
 Not modeled: obstacles without a hit do not overlap others at the start.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from repro.baselines.draws import draw_ends, newest_hit, unseen
-from repro.baselines.laws import DRAWS, Obstacles, Scanned, check_laws, sampled_obstacles, share_covered, turned
+from repro.baselines.laws import (
+    DRAWS,
+    Obstacles,
+    Scanned,
+    check_laws,
+    predict_each,
+    sampled_obstacles,
+    scans_of,
+    share_covered,
+    turned,
+)
 from repro.maps.datasets import Recorded, Truth
-from repro.system.resources import count_cores
 
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
@@ -60,17 +66,14 @@ def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND
     assert test.truth, "the privileged predictor needs the true obstacles"
     check_laws(test.truth.spec)
     others = sampled_obstacles(test.truth.spec)
-    with ThreadPoolExecutor(count_cores()) as pool:  # the compiled draws release the interpreter
-        drawn = pool.map(partial(_predict, test, test.truth, others, knowledge), range(len(test)))
-        free = list(tqdm(drawn, desc="drawing motions", total=len(test), delay=2, leave=False, disable=None))
-    return torch.from_numpy(np.stack(free)).float()[:, None], {"draws": DRAWS}
+    predict = partial(_predict, test, test.truth, others, knowledge)
+    return predict_each(predict, len(test), "drawing motions"), {"draws": DRAWS}
 
 
 def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowledge, index: int) -> np.ndarray:
     """Compute the probability of free of one recording, (H, W)."""
     known = turned(*truth.of_recording(index))
-    parts = (test.scans.ranges[index], test.scans.angles, test.scans.poses[index])
-    ranges, angles, poses = (np.ascontiguousarray(part, dtype=np.float64) for part in parts)
+    ranges, angles, poses = scans_of(test, index)
     newest = [newest_hit(*each, ranges, angles, poses) for each in zip(known.corners, known.paths, strict=True)]
     reached = np.where(np.isfinite(ranges), ranges, test.range_max_m)
     free = np.ones((test.grid.size_px, test.grid.size_px))
