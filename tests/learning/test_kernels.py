@@ -2,11 +2,13 @@ import copy
 
 import pytest
 import torch
+from segmentation_models_pytorch.decoders.segformer.decoder import SegformerDecoder
 from torch import nn
 
 from repro.config import NETWORKS, paper_model
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
-from repro.networks.create import create_network
+from repro.networks.create import create_network, load_network
+from repro.networks.smp_networks import FusedSegformerDecoder
 
 
 def gradients(network, image):
@@ -37,6 +39,18 @@ def test_the_slow_modules_of_fpn_are_replaced_on_a_cpu_only():
     accelerate(network, "cpu")
     kinds = [type(module) for module in network.modules()]
     assert (kinds.count(DepthwiseConv2d), kinds.count(FloatGroupNorm), kinds.count(nn.GroupNorm)) == (8, 7, 0)
+
+
+def test_only_the_decoder_of_segformer_is_fused_and_its_saved_form_is_that_of_smp(tmp_path):
+    for architecture in NETWORKS:
+        network = create_network(paper_model(architecture))
+        accelerate(network, "cuda")
+        assert isinstance(network.decoder, FusedSegformerDecoder) == (architecture == "segformer")
+    network.save_pretrained(tmp_path)
+    loaded = load_network(tmp_path, "smp")
+    assert type(loaded.decoder) is SegformerDecoder
+    images = torch.rand(2, 1, 96, 64)
+    torch.testing.assert_close(network.eval()(images), loaded.eval()(images), rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 5), (2, 2), (3, 2), (4, 4)])

@@ -64,6 +64,12 @@ def load_network(directory: Path, architecture: str) -> Network:
     return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 
+def fuse_decoder(network: Network) -> None:
+    """Replace the decoder of a Segformer in place by one that computes the same in less time."""
+    if architecture_of(network) == "smp":
+        _smp_networks().fuse_decoder(network)
+
+
 def architecture_errors(model: Model) -> list[ConfigError]:
     """Return the config errors in the architecture, encoder and encoder weights of a network of smp."""
     architecture, name, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights

@@ -7,11 +7,38 @@ import segmentation_models_pytorch as smp
 import timm
 import torch
 from segmentation_models_pytorch.base.modules import Activation
+from segmentation_models_pytorch.decoders.segformer.decoder import SegformerDecoder
 from segmentation_models_pytorch.encoders import encoders
+from torch import Tensor
+from torch.nn import functional as F
 
 from repro.config import ConfigError, Model
 
 ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)
+
+
+class FusedSegformerDecoder(SegformerDecoder):
+    """The decoder of Segformer, which convolves before it upsamples.
+
+    The 1 x 1 convolution of the four concatenated features is the sum of one convolution of each, and a convolution of
+    1 x 1 and a bilinear interpolation commute. Three of the four features have a quarter of the pixels or fewer.
+    """
+
+    def forward(self, features: list[Tensor]) -> Tensor:
+        """Return the decoded features (B, C, H / 4, W / 4) from those of the encoder, as smp does."""
+        size = [length // 4 for length in features[0].shape[2:]]
+        convolution, normalization, activation = self.fuse_stage
+        weights = convolution.weight.chunk(len(self.mlp_stage), dim=1)
+        stages = zip(self.mlp_stage, reversed(features[-len(weights) :]), weights, strict=True)
+        fused = [F.conv2d(mlp(feature), weight) for mlp, feature, weight in stages]
+        return activation(normalization(sum(F.interpolate(each, size, mode="bilinear") for each in fused)))
+
+
+def fuse_decoder(network: torch.nn.Module) -> None:
+    """Replace the decoder of a Segformer in place by the faster one; other networks stay as they are."""
+    decoder = getattr(network, "decoder", None)
+    if type(decoder) is SegformerDecoder:
+        decoder.__class__ = FusedSegformerDecoder
 
 
 def create_smp_network(architecture: str, model: Model, in_channels: int) -> Any:
