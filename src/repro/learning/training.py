@@ -187,7 +187,7 @@ def _fit(
         _checkpoint(checkpoints, "best", monitor="val_loss"),
         _checkpoint(checkpoints, "last"),
     ]
-    trainer = _trainer(settings.max_epochs, device, precision, callbacks)
+    trainer = create_trainer(settings.max_epochs, device, precision, callbacks)
     try:
         trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=True)
     except SystemExit:  # Lightning raises it on Ctrl-C
@@ -205,8 +205,8 @@ def _fit(
     return True
 
 
-def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
-    """Create a trainer without messages and sanity checks, with atomic checkpoints."""
+def create_trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
+    """Create a trainer without messages and sanity checks, with the checkpoints of its callbacks, written atomically."""
     quiet()
     return L.Trainer(
         max_epochs=max_epochs,
@@ -216,6 +216,7 @@ def _trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Cal
         callbacks=callbacks,
         plugins=[WholeCheckpointIO()],
         logger=False,
+        enable_checkpointing=any(isinstance(each, ModelCheckpoint) for each in callbacks),  # none of Lightning's own
         reload_dataloaders_every_n_epochs=1,
         num_sanity_val_steps=0,
         enable_progress_bar=sys.stderr.isatty() and multiprocessing.parent_process() is None,  # no bars of workers
