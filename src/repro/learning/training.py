@@ -206,7 +206,7 @@ def _fit(
 
 
 def create_trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
-    """Create a trainer without messages and sanity checks, with the checkpoints of its callbacks, written atomically."""
+    """Create a trainer without messages and sanity checks; the checkpoints of its callbacks are written atomically."""
     quiet()
     return L.Trainer(
         max_epochs=max_epochs,
