@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from repro.config import NETWORKS
 from repro.maps.datasets import STATISTICS_PAIRS
 from repro.maps.statistics import summarize
 from repro.networks.predictor import describe, load_predictor
@@ -51,7 +52,8 @@ def main(results: Path, key: str, recordings: Path) -> None:
     body = "# " + (directory / "README.md").read_text(encoding="utf-8").split("# ", 1)[1]
     title = body.splitlines()[0].removeprefix("# ")
     setup = SETUPS[experiment.removeprefix("exp")]
-    card = with_front_matter(body, title, setup, {name: float(row[name]) for name in CARD_METRICS})
+    library = "segmentation-models-pytorch" if model in NETWORKS else "pytorch"
+    card = with_front_matter(body, title, setup, {name: float(row[name]) for name in CARD_METRICS}, library)
     write_text(directory / "README.md", card)
     load_predictor(directory)
 

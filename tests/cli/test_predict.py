@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,7 @@ import pytest
 import torch
 from conftest import ROOT, cpu_seconds
 
+from repro.cli.tasks.predict import name_of
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
@@ -123,3 +125,20 @@ def test_settings_are_checked_first(arguments, message):
     done = predict(*arguments)
     assert done.returncode == 2
     assert message in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("log", "name"),
+    [
+        ("a/square.npz", "square"),
+        ("2024.01.05.bag", "2024.01.05"),
+        ("run.log.gz", "run"),
+        (".x.npz", "x"),
+        ("bag/.", "bag"),
+        ("bag/sub/..", "bag"),
+    ],
+)
+def test_predictions_have_the_name_of_the_log(log, name, tmp_path, monkeypatch):
+    (tmp_path / "bag" / "sub").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    assert name_of(Path(log)) == name

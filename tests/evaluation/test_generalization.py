@@ -2,10 +2,13 @@ import math
 
 import numpy as np
 import pytest
+import torch
 from conftest import prepared, world_spec
 
 from repro.evaluation import generalization
+from repro.evaluation.generalization import score
 from repro.learning.training import train
+from repro.maps.datasets import load_recorded
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 from repro.simulation.worlds import sample_world
@@ -82,3 +85,11 @@ def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch
         "field of view [deg]",
         "obstacles' speed [times]",
     }
+
+
+def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recorded):
+    test = load_recorded(recorded, "test", predictor.grid)
+    scans = Scans(*(part.clone() for part in (test.scans.ranges, test.scans.angles, test.scans.poses)))
+    scans.ranges[0] = torch.inf
+    scans.poses[1, :, 0] += 100
+    assert score(predictor, scans, test).value.notna().all()

@@ -198,6 +198,22 @@ def test_a_scan_after_a_gap_of_poses_is_skipped(predictor):
     assert robot.warnings == ["a scan is skipped: it is without a pose"]
 
 
+def test_maps_go_on_after_the_clock_was_set_back(predictor):
+    """As with a bag that is played again; the mounting of the lidar is sent once."""
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    for _ in range(2):
+        robot.mapper.add_transforms(base(-1))
+        for step in range(45):
+            robot.mapper.add_scan(scan(step))
+            robot.mapper.add_transforms(base(step))
+    assert robot.warnings == ["the clock was set back: the window begins again"]
+    maps = expected(predictor, 45)
+    assert len(robot.maps) == 2 * len(maps)
+    for (_, _, predicted), free in zip(robot.maps, 2 * maps, strict=True):
+        assert predicted.free == pytest.approx(free, abs=1e-5)
+
+
 def test_parameters_of_two_numbers():
     assert pair("25,-3.5") == (25, -3.5)
     assert pair("") is None

@@ -219,6 +219,19 @@ def test_scans_that_follow_too_soon_are_left_out(tmp_path):
     assert len(read_log(path, 0.25)) == SCANS / 3
 
 
+@pytest.mark.parametrize("first", [0.0, -math.pi])
+def test_a_log_is_cropped_to_the_beams_ahead(first):
+    angles = first + np.radians(np.arange(360))
+    ranges = np.tile(np.cos(angles), (2, 1))  # tells the direction of a beam
+    log = ScanLog(np.arange(2.0), ranges, angles, np.zeros((2, 3))).crop(math.radians(90))
+    assert np.degrees(log.angles) == pytest.approx(np.arange(-45, 46), abs=1e-6)
+    assert log.ranges[0] == pytest.approx(np.cos(log.angles))
+
+
+def altered(data: bytes) -> bytes:
+    return data[:12] + b"\xff" * 40 + data[52:]
+
+
 def truncated(path: Path) -> Path:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     return path
@@ -232,6 +245,10 @@ NO_LOGS = {
     "directory": (lambda path: (path.mkdir(), path)[1], "without metadata.yaml"),
     "zip": (lambda path: (path.write_bytes(b"PK\x03\x04" + bytes(99)), path)[1], "cannot be read"),
     "gzip": (lambda path: (path.write_bytes(gzip.compress(flaser(0).encode())[:-20]), path)[1], "is damaged"),
+    "gzip with other bytes": (
+        lambda path: (path.write_bytes(altered(gzip.compress(flaser(0).encode()))), path)[1],
+        "is damaged",
+    ),
     "gzip of nothing": (lambda path: (path.write_bytes(gzip.compress(b"")), path)[1], "0 scans can be used"),
     "bag header only": (lambda path: (path.write_bytes(b"#ROSBAG V2.0\n"), path)[1], "the bag cannot be read"),
     "mcap header only": (lambda path: (path.write_bytes(b"\x89MCAP0\r\n"), path)[1], "the bag cannot be read"),
@@ -252,6 +269,7 @@ NO_LOGS = {
         "expected scans of 2 to 100000 beams",
     ),
     "a short line": (lambda path: write_lines(path, [flaser(0)[:300]]), "line 3 is no FLASER line"),
+    "no readings": (lambda path: write_lines(path, ["FLASER 0 0 0 0 0 0 0 1.0 robot 1.0"]), "beams, got 0"),
     "words": (lambda path: write_lines(path, ["FLASER two 1 2 3"]), "line 3 is no FLASER line"),
 }
 

@@ -118,8 +118,11 @@ def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch
         key.begin_step("evaluated", Status.evaluated)
     before = read_results(outputs)
     assert len(before) == 1
-    with pytest.raises(ValueError, match="uncommitted code"):
+    with pytest.raises(ValueError, match=r"uncommitted code; publish.force=true"):
         add_to_published(outputs, published, "laptop")
+    target = add_to_published(outputs, published, "laptop", overrides=" train.batch_size=2", force=True)
+    assert "abc+" in (target / "provenance.json").read_text()
+    assert "scale=laptop train.batch_size=2" in (target / "README.md").read_text()
 
 
 def test_nothing_is_added_to_what_is_not_published(later, tmp_path):

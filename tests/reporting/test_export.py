@@ -75,6 +75,16 @@ def test_weights_are_exported_with_a_card(run, tmp_path):
     assert set(METRICS) < set(CARD_METRICS)
 
 
+def test_weights_of_another_input_are_not_replaced(run, tmp_path):
+    export_weights(run, tmp_path / "weights")
+    export_weights(run, tmp_path / "weights")
+    Predictor(create_network(paper_model("unet")), Projection(decay=False), Grid(32, 50.0)).save(run.model)
+    with pytest.raises(ValueError, match=r"publish\.force=true replaces them anyway"):
+        export_weights(run, tmp_path / "weights")
+    export_weights(run, tmp_path / "weights", force=True)
+    assert load_predictor(tmp_path / "weights").encoding == Projection(decay=False)
+
+
 def test_a_run_is_loaded_by_its_directory(run):
     assert load_predictor(run.path).grid == load_predictor(run.model).grid == Grid(32, 50.0)
 

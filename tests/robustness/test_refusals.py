@@ -33,6 +33,7 @@ KEYS = {  # unknown keys, and what the message suggests
     "encoding.decay=true": "did you mean decay or encoding.parameters.decay?",
     "model.foo=1": "known are name",
     "size_px=64": "did you mean scale.size_px?",
+    "world.robot.sensors.lidar.range_max=3": "an entry of a list is named by its number",
     f"{LIDAR}.rang_max=3": "did you mean world.robot.sensors.0.range_max?",
     "hydra.foo=1": "not a known key of Hydra",
     "~scale": "cannot be left out",

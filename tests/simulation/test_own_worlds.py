@@ -131,6 +131,13 @@ def test_noise_has_its_deviation_and_is_reproducible():
     assert abs(error.mean()) < 0.01
 
 
+def test_noise_needs_no_range_min():
+    spec = own_spec(lidar={"noise": True, "std": 0.05, "angle_std": None})
+    expected = simulate(sample_world(spec, 4)).scans.ranges
+    del spec["robot"]["sensors"][0]["range_min"]
+    assert np.array_equal(simulate(sample_world(spec, 4)).scans.ranges, expected)
+
+
 def test_a_twin_has_other_noise_and_is_undone_by_its_twin():
     world, twin = both(own_spec(lidar={"noise": True, "std": 0.05}), 4)
     assert world["custom"]["seed"] != twin["custom"]["seed"]

@@ -133,7 +133,7 @@ def _draw(
     if len(outlines) == 1 and (stands_still or not len(later[0])):
         return outlines, starts[:1, :2]
     center_m = spec["world"]["width"] / 2
-    turn_steps = spec["obstacles"].get("behavior", {"turn_steps": (1, 1)})["turn_steps"]
+    turn_steps = (spec["obstacles"].get("behavior") or {"turn_steps": (1, 1)})["turn_steps"]
     law = (spec["world"]["step_time"], center_m, center_m, spec["clear_radius_m"], *turn_steps)
     ends, which, tried = draw_ends(outlines, starts, law, later, DRAWS, MOST_DRAWS, rng)
     if not len(ends):

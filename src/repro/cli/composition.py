@@ -106,6 +106,8 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         if WANTS_TRACEBACKS:
             raise
         raise Refused(*composition_errors(error)) from error
+    except (TypeError, ValueError) as error:  # OmegaConf's own for the name of an entry of a list
+        raise Refused(f"an entry of a list is named by its number, as in world.robot.sensors.0: {error}") from error
 
 
 def override_errors(override: Override, multirun: bool) -> list[str]:

@@ -147,7 +147,11 @@ def unknown_key(key: str, value: Any, values: dict[str, Any]) -> ConfigError:
     *parents, name = key.split(".")
     siblings: Any = values
     for number, parent in enumerate(parents):
-        found = siblings.get(parent) if isinstance(siblings, dict) else dict(enumerate(siblings)).get(int(parent))
+        found = (
+            siblings.get(parent)
+            if isinstance(siblings, dict)
+            else {str(index): each for index, each in enumerate(siblings)}.get(parent)
+        )
         if not isinstance(found, dict | list):
             return unknown_key(".".join(parents[: number + 1]), None, values)
         siblings = found

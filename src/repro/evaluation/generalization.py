@@ -128,7 +128,7 @@ def under_changes(predictor: Predictor, experiment: str, spec: Spec, directory: 
 
 def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:
     """Compare the prediction of scans with the true maps of their recordings; rows of metric, value, low, high."""
-    free = predictor.predict(scans)
+    free = predictor.predict(scans, allow_empty=True)  # a change may leave no hit, or move a pose off the map
     quantized = (free * 255).round().numpy().astype(np.uint8)
     counts = by_world(count_quantized(quantized, test.maps[:, 0].numpy()))[:, 0]
     similarity = by_world(ssim(free[:, None], test.maps.float()).numpy()) / 2

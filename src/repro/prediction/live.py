@@ -79,8 +79,10 @@ class LiveMapper:
         self.lock = threading.Lock()
 
     def add_scan(self, message: Any) -> None:
-        """Take a LaserScan."""
+        """Take a LaserScan; if it is earlier than the last one by more than a window, the clock was set back."""
         with self.lock:
+            if seconds(message.header.stamp) < self.last_s - self.steps * self.step_s:
+                self._restart()
             self.waiting.append(message)
             if len(self.waiting) > MAX_WAITING:
                 self.waiting.popleft()
@@ -99,6 +101,13 @@ class LiveMapper:
         with self.lock:
             add_odometry(self.transforms, message)
             self._predict(seconds(message.header.stamp))
+
+    def _restart(self) -> None:
+        """Forget all scans and poses, as the stream does with its scans; static transforms stay."""
+        self.warn("the clock was set back: the window begins again")
+        self.transforms.forget()
+        self.waiting.clear()
+        self.newest_s = self.last_s = -np.inf
 
     def _predict(self, stamp: float) -> None:
         """Predict maps for the scans that have their poses, or have waited too long for them."""

@@ -67,10 +67,12 @@ class ScanLog:
         Raises:
             ValueError: fewer than two beams are within it.
         """
-        inside = np.abs(self.angles) <= fov_rad / 2 + 1e-6
-        if inside.sum() < 2:
-            raise ValueError(f"{inside.sum()} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
-        return replace(self, ranges=self.ranges[:, inside], angles=self.angles[inside])
+        ahead = (self.angles + math.pi) % (2 * math.pi) - math.pi  # a lidar may count its angles from 0 to a full turn
+        inside = np.flatnonzero(np.abs(ahead) <= fov_rad / 2 + 1e-6)
+        if len(inside) < 2:
+            raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
+        inside = inside[np.argsort(ahead[inside])]
+        return replace(self, ranges=self.ranges[:, inside], angles=ahead[inside])
 
 
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:

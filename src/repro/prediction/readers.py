@@ -6,6 +6,7 @@ CARMEN: http://carmen.sourceforge.net/program_carmen/logger.html ("FLASER", "ROB
 import gzip
 import math
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,7 +56,7 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
             else path.open(encoding="utf-8", errors="replace") as lines
         ):
             return collect(carmen_scans(lines, path), path, spacing_s)
-    except (gzip.BadGzipFile, EOFError) as error:
+    except (gzip.BadGzipFile, zlib.error, EOFError) as error:
         raise ValueError(f"{path}: is damaged ({error})") from error
 
 
@@ -74,7 +75,7 @@ def _npz_scans(path: Path) -> Iterator[LogScan]:
                 raise ValueError(f"lacks {', '.join(missing)}")
             ranges, angles, poses, stamps = (np.asarray(content[name], dtype=float) for name in ARRAYS)
             range_max_m = float(content["range_max_m"]) if "range_max_m" in content else math.inf
-    except (ValueError, TypeError, OSError, zipfile.BadZipFile, EOFError) as error:
+    except (ValueError, TypeError, OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise ValueError(f"{path}: cannot be read ({error}): expected {', '.join(ARRAYS)}") from error
     shapes = [array.shape for array in (ranges, angles, poses, stamps)]
     if ranges.ndim != 2 or shapes[1:] != [ranges.shape[1:], (len(ranges), 3), (len(ranges),)]:
@@ -116,7 +117,7 @@ def _flaser(words: list[str], range_max_m: float) -> LogScan:
     count = int(words[1])
     ranges, rest = _floats(words[2 : 2 + count], count), words[2 + count :]
     x, y, heading = _floats(rest[:3], 3)
-    spacing = math.radians({180: 1, 181: 1, 360: 0.5, 361: 0.5, 540: 0.5, 541: 0.5}.get(count, 180 / count))
+    spacing = math.radians({181: 1, 360: 0.5, 361: 0.5, 540: 0.5, 541: 0.5}.get(count, 180 / max(count, 1)))
     return LogScan(float(rest[6]), ranges, -spacing * (count // 2), spacing, 0.0, range_max_m, (x, y, heading))
 
 

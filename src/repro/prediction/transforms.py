@@ -13,7 +13,7 @@ MAX_BEYOND_S = 0.1  # between a scan and the first or last pose, which then stan
 
 @dataclass
 class Edge:
-    """The poses of one frame in its parent frame, in the order of time; a single pose is a static transform."""
+    """The poses of one frame in its parent frame, in the order of time; a single pose holds at all times."""
 
     parent: str
     is_static: bool = False
@@ -23,8 +23,8 @@ class Edge:
 
     def at(self, stamp: float) -> Pose | None:
         """Return the pose at a time, None if no poses are near it."""
-        if len(self.stamps) == 1:
-            return self.poses[0]
+        if len(self.stamps) <= 1:
+            return self.poses[0] if self.poses else None
         after = bisect_left(self.stamps, stamp)
         if after in (0, len(self.stamps)):
             nearest = 0 if after == 0 else -1
@@ -66,6 +66,12 @@ class Transforms:
         if self.keep_s is not None and edge.stamps[0] < edge.stamps[-1] - 2 * self.keep_s:
             old = bisect_left(edge.stamps, edge.stamps[-1] - self.keep_s) - 1
             del edge.stamps[:old], edge.poses[:old]
+
+    def forget(self) -> None:
+        """Remove all poses that are not static; their frames stay, so that scans wait for new ones."""
+        for edge in self.edges.values():
+            if not edge.is_static:
+                edge.stamps, edge.poses = [], []
 
     def pose_at(self, frame: str, stamp: float) -> Pose | None:
         """Return the pose of a frame in its last parent at a time [s]; None if a transform on the way is not known.

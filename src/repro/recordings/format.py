@@ -7,6 +7,7 @@ content of a shard depends only on that configuration.
 import hashlib
 import json
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -113,7 +114,7 @@ def read_shard(path: Path, fingerprint: str) -> ShardContent:
         recorded = str(arrays.pop("fingerprint"))
         scans = Scans(*(arrays.pop(name) for name in ("ranges", "angles", "poses")))
         content = ShardContent(scans, **arrays)
-    except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise BrokenShard(f"shard {path} cannot be read ({error}): record again with task=record") from error
     if recorded != fingerprint:
         raise ValueError(f"shard {path} was recorded with another configuration: delete {path.parent} or set outputs=")

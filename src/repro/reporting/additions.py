@@ -21,7 +21,7 @@ COMPARED = ("experiment", "comparison", "one", "other", "model", "encoding")  # 
 TESTED = ("trained", "model", "encoding")  # columns that identify a network tested under changes
 
 
-def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
+def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: str = "", force: bool = False) -> Path:
     """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
 
     Tables, runs, provenance and the README.md are made anew from all runs. The rows of the analysis are added for new
@@ -32,6 +32,8 @@ def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
         outputs: the outputs directory with the new runs, analyzed by task=analysis.
         results: reproduce/results.
         scale: name of the scale.
+        overrides: further overrides of the commands that repeat the trainings.
+        force: whether to add runs of uncommitted code.
 
     Returns:
         the published directory.
@@ -44,7 +46,11 @@ def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
     known = set(keys_of(published))
     new = found[[key not in known for key in keys_of(found)]]
     origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
-    _check(new, published, list(origins.values()), target)
+    _check(new, published, target)
+    if not force and any(str(step.get("commit", "")).endswith("+") for each in origins.values() for step in each.steps):
+        raise ValueError(
+            f"not added to {target}: some runs were made with uncommitted code; publish.force=true adds them anyway"
+        )
     runs = pd.concat([published, new.drop(columns="training")], ignore_index=True).sort_values(KEY)
     with lock(results), replacing_directory(target) as directory:
         shutil.copytree(target, directory, dirs_exist_ok=True)
@@ -55,21 +61,19 @@ def add_to_published(outputs: Outputs, results: Path, scale: str) -> Path:
         if outputs.analysis.is_dir() and (target / "analysis").is_dir():
             _add_analysis(outputs.analysis, directory / "analysis", published)
         every = {path: Provenance(**content) for path, content in contents.items()}
-        options = f"scale={scale}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
+        options = f"scale={scale}{overrides}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
         page = published_page(target.name, options, runs, every, with_analysis=(target / "analysis").is_dir())
         write_text(directory / "README.md", page)
     return target
 
 
-def _check(new: pd.DataFrame, published: pd.DataFrame, origins: list[Provenance], target: Path) -> None:
+def _check(new: pd.DataFrame, published: pd.DataFrame, target: Path) -> None:
     if new.empty:
         raise ValueError(f"nothing to add to {target}: all evaluated runs are published")
     for size, unit in SIZES.items():
         now, then = (sorted({int(value) for value in rows[size].dropna()}) for rows in (new, published))
         if not set(now) <= set(then):
             raise ValueError(f"not added to {target}: the published runs have {then} {unit}, the new runs {now}")
-    if any(str(step.get("commit", "")).endswith("+") for origin in origins for step in origin.steps):
-        raise ValueError(f"not added to {target}: some runs were made with uncommitted code")
 
 
 def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:

@@ -110,9 +110,9 @@ def write_animation(
 
 
 def _so_far(scans: Scans, step: int) -> Scans:
-    """Return the scans up to a step as a window of full length, with misses before the first scan."""
+    """Return the scans up to a step as a window of full length, with invalid readings before the first scan."""
     total = len(scans.ranges)
-    ranges = np.full(scans.ranges.shape, np.inf)
+    ranges = np.full(scans.ranges.shape, np.nan)
     poses = np.repeat(scans.poses[:1], total, axis=0)
     ranges[total - step :], poses[total - step :] = scans.ranges[:step], scans.poses[:step]
     return Scans(ranges, scans.angles, poses)

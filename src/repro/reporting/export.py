@@ -21,19 +21,19 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     Args:
         run: an evaluated run directory.
         target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
-        force: whether to replace existing weights of a higher resolution.
+        force: whether to replace existing weights of a higher resolution or for another input.
 
     Raises:
-        ValueError: the run is not evaluated, or the existing weights have a higher resolution.
+        ValueError: the run is not evaluated, or the existing weights have a higher resolution or another input.
     """
     _check_evaluated(run)
     predictor = load_predictor(run.model)
     if (target / "predictor.json").is_file() and not force:
-        existing_px = load_predictor(target).grid.size_px
-        if existing_px > predictor.grid.size_px:
+        existing = load_predictor(target)
+        if existing.grid.size_px > predictor.grid.size_px or existing.encoding != predictor.encoding:
             raise ValueError(
-                f"{target} has weights for {existing_px} px, {run} has {predictor.grid.size_px} px: "
-                "publish.force=true replaces them anyway"
+                f"{target} has weights for {existing.grid.size_px} px and {existing.encoding}, {run} has "
+                f"{predictor.grid.size_px} px and {predictor.encoding}: publish.force=true replaces them anyway"
             )
     target.parent.mkdir(parents=True, exist_ok=True)
     with lock(target.parent), replacing_directory(target) as new:

@@ -70,7 +70,7 @@ def simulate(world: World) -> Recording:
     if has_noise:
         ranges = _with_noise(ranges, lidar, world["custom"]["seed"])[1:]
         poses, states = poses[1:], states[:, 1:]
-    is_plain = has_noise and lidar.get("angle_std", 0) > 0
+    is_plain = has_noise and (lidar.get("angle_std") or 0) > 0
     if is_plain or (fixed and grazes(poses, angles, outlines[:fixed], states[:fixed])):
         return Recording(_replay_world(world).scans, outlines, states, seen, is_plain=True)
     return Recording(Scans(ranges, angles, poses), outlines, states, seen)
@@ -81,7 +81,7 @@ def _with_noise(ranges: np.ndarray, lidar: dict[str, Any], seed: int) -> np.ndar
     hit = np.isfinite(ranges)
     noisy = ranges.copy()
     noisy[hit] += np.random.default_rng(seed).normal(0, lidar["std"], int(hit.sum()))
-    return np.where((noisy >= lidar["range_min"]) & (noisy <= lidar["range_max"]), noisy, np.inf)
+    return np.where((noisy >= lidar.get("range_min", 0)) & (noisy <= lidar["range_max"]), noisy, np.inf)
 
 
 def replay(path: Path, *, env: Any = None) -> Recording:

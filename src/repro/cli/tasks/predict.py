@@ -21,6 +21,7 @@ from repro.prediction.windows import Window, cut
 from repro.system.files import replacing_directory, write_text
 
 Row = dict[str, float | str]
+SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 
 
 def run(job: Job) -> None:
@@ -39,8 +40,9 @@ def run(job: Job) -> None:
     if log.range_max_m < predictor.reach_m:
         print(misses_left_out(log.range_max_m, predictor.reach_m))
         log = replace(log, ranges=without_misses(log.ranges))
+    range_max_m = min(settings.range_max_m, log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
-    target = job.outputs.path / "predictions" / path.name.split(".")[0]
+    target = job.outputs.path / "predictions" / name_of(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     grid = predictor.grid
     options = {"steps": settings.steps, "step_s": settings.step_s, "stride_s": settings.stride_s}
@@ -52,7 +54,7 @@ def run(job: Job) -> None:
             try:
                 if isinstance(window, str):
                     raise ValueError(window)
-                rows.append(_predict(window, predictor, new, settings.range_max_m))
+                rows.append(_predict(window, predictor, new, range_max_m))
             except ValueError as error:
                 left_out += 1
                 print(f"left out: {error}", flush=True)
@@ -61,10 +63,18 @@ def run(job: Job) -> None:
         if settings.animate:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=_number))
         if mcap:
-            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), settings.range_max_m)
+            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), range_max_m)
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
     _warn(pd.DataFrame(rows), predictor.statistics)
     _summarize(rows, target)
+
+
+def name_of(log: Path) -> str:
+    """Return the name of a log without the suffixes of its kind."""
+    name = log.resolve().name
+    while Path(name).suffix in SUFFIXES:
+        name = Path(name).stem
+    return name.strip(".") or "log"
 
 
 def _number(figure: Path) -> int:

@@ -20,10 +20,8 @@ CONF = ROOT / "conf"
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
-    if job.add:
-        target = add_to_published(job.outputs, RESULTS, job.scale.name)
-    else:
-        target = publish(job.outputs, RESULTS, job.scale.name, overrides=overrides_of(job), force=job.force)
+    write = add_to_published if job.add else publish
+    target = write(job.outputs, RESULTS, job.scale.name, overrides=overrides_of(job), force=job.force)
     print(f"published {target}")
     update_docs()
 
