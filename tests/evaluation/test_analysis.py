@@ -1,3 +1,5 @@
+import shutil
+
 import numpy as np
 import pytest
 from conftest import ROOT, run_config
@@ -145,3 +147,19 @@ def test_intervals_agree_with_the_metrics_of_the_run(outputs):
     kept = evaluate(outputs.run(RunKey("3", "last_seen")), outputs.recordings("3"))
     for metric in ("accuracy", "specificity", "ssim", "obstacle_iou"):
         assert row[metric] == pytest.approx(kept[metric], abs=1e-5), metric
+
+
+def test_damaged_and_copied_runs_are_left_out(outputs, tmp_path):
+    damaged = Outputs(tmp_path / "outputs")
+    shutil.copytree(outputs.path, damaged.path)
+    first, second = (damaged.run(run_config(seed=seed).key).path for seed in (0, 1))
+    shutil.rmtree(second)
+    shutil.copytree(first, second)
+    assert "uncertainty" not in gather(damaged)  # a copy is no second seed
+    (first / "config.yaml").write_text("")
+    with pytest.raises(ValueError, match=r"config\.yaml"):
+        gather(damaged)
+    errors: list[str] = []
+    assert set(gather(damaged, errors)["intervals"]["model"]) == {"last_seen"}
+    assert len(errors) == 1
+    assert str(first) in errors[0]

@@ -90,8 +90,8 @@ def _write_page(job: Job, frames: dict[str, pd.DataFrame], results: pd.DataFrame
     shown: dict[str, list[Run]] = {}
     for key in sorted(runs, key=lambda key: key.is_baseline):  # a network comes first, which has the grid
         with suppress(ValueError):  # of a damaged run, which the analysis has named
-            runs[key].check_file("predictions.npz")
-            if key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):
+            is_there = runs[key].check_file("predictions.npz").is_file()
+            if is_there and key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):
                 shown.setdefault(key.experiment, []).append(runs[key])
     report = Report(
         scale=job.scale.name,

@@ -63,7 +63,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
     Raises:
         ValueError: a recording is damaged, or a run is and `errors` is None.
     """
-    analysis, cells = Analysis(), _cells(outputs)
+    analysis, cells = Analysis(), _cells(outputs, errors)
     for experiment in sorted({experiment for experiment, *_ in cells}):
         own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
         recordings, config = outputs.recordings(experiment), next(iter(own_cells.values()))[0].config()
@@ -92,12 +92,18 @@ def _columns(cell: Cell) -> dict[str, Any]:
     return dict(zip(CELL, cell, strict=True))
 
 
-def _cells(outputs: Outputs) -> dict[Cell, list[Run]]:
-    """Return the evaluated runs of each cell, in the order of the tables."""
+def _cells(outputs: Outputs, errors: list[str] | None) -> dict[Cell, list[Run]]:
+    """Return the evaluated runs of each cell, in the order of the tables; copies of other runs are left out."""
     cells: dict[Cell, list[Run]] = defaultdict(list)
     for run in outputs.runs():
-        if run.is_evaluated:
-            key = run.config().key
+        try:
+            key = run.config().key if run.is_evaluated else None
+        except ValueError as error:
+            if errors is None:
+                raise
+            errors.append(str(error))
+            continue
+        if key and outputs.run(key) == run:
             cells[key.experiment, key.model, key.encoding].append(run)
     return dict(sorted(cells.items(), key=lambda item: (item[0][0], item[0][2].endswith(NO_DECAY), rank(item[0][1]))))
 
