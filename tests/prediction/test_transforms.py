@@ -59,6 +59,15 @@ def test_a_frame_that_nobody_places_is_at_the_frame_with_most_poses():
     assert "/base" in transforms
 
 
+def test_a_frame_that_nobody_places_is_at_the_robot_and_not_on_a_wheel():
+    transforms = Transforms()
+    for number in range(10):
+        transforms.add("wheel", "base_link", 0.1 * number, (0.2, 0.3, 5.0 * number))
+    for number in range(3):
+        transforms.add("base_link", "odom", 0.5 * number, (1.0, 2.0, 0.1))
+    assert transforms.pose_at("laser", 0.5) == pytest.approx((1.0, 2.0, 0.1))
+
+
 def test_a_cycle_ends():
     transforms = Transforms()
     transforms.add("a", "b", 1.0, (1.0, 0.0, 0.0))

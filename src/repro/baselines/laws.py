@@ -61,7 +61,7 @@ def check_laws(spec: dict[str, Any]) -> None:
         ValueError: the worlds have other laws than the paper's.
     """
     if not knows(spec):
-        raise ValueError("the upper bound draws from the paper's laws: no walls, noise, drives or several populations")
+        raise ValueError("this predictor draws from the paper's laws: no walls, noise, drives or several populations")
 
 
 def sampled_obstacles(spec: dict[str, Any]) -> Obstacles:

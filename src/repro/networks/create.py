@@ -71,7 +71,7 @@ def fuse_decoder(network: Network) -> None:
 
 
 def architecture_errors(model: Model) -> list[ConfigError]:
-    """Return the config errors in the architecture, encoder and encoder weights of a network of smp."""
+    """Return the config errors in the architecture of a network, its parameters, encoder and encoder weights."""
     architecture, name, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights
     key = "model.architecture" if model.architecture else "model.name"
     if architecture in OWN_ARCHITECTURES:

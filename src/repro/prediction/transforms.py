@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 Pose = tuple[float, float, float]  # x, y [m], heading [rad]
 
+BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
 MAX_GAP_S = 1.0  # between two poses that are interpolated
 MAX_BEYOND_S = 0.1  # between a scan and the first or last pose, which then stands in
 
@@ -77,7 +78,7 @@ class Transforms:
         """Return the pose of a frame in its last parent at a time [s]; None if a transform on the way is not known.
 
         A frame without a transform, such as that of a lidar whose mounting is not published, is taken to be at the
-        origin of the frame with the most poses.
+        origin of the robot: of `BASES`, or else of the frame with the most poses.
         """
         x, y, heading = 0.0, 0.0, 0.0
         for edge in self._chain(frame):
@@ -105,7 +106,8 @@ class Transforms:
         """Yield the transforms from a frame upward."""
         frame = frame.lstrip("/")
         if frame not in self.edges and self.edges:
-            frame = max(self.edges, key=lambda name: self.edges[name].count)
+            known = [name for name in BASES if name in self.edges]
+            frame = known[0] if known else max(self.edges, key=lambda name: self.edges[name].count)
         for _ in range(len(self.edges)):  # no more steps than frames, so that a cycle ends
             if frame not in self.edges:
                 return

@@ -48,7 +48,7 @@ def replacing(path: Path) -> Iterator[Path]:
 def replacing_directory(path: Path) -> Iterator[Path]:
     """Yield an empty directory beside `path` to fill, and move it to `path` when the block ends without an error.
 
-    A directory at `path` is moved aside first and deleted last, so that it is never lost.
+    A directory at `path` is moved aside first and deleted last, so that an error leaves the old or the new one.
     """
     new, old = (path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp") for _ in range(2))
     new.mkdir(parents=True)

@@ -35,7 +35,7 @@ def process_pool(workers: int, **options: Any) -> Iterator[joblib.Parallel]:
     that, and the sweep waits for it.
 
     Args:
-        workers: number of processes; one works in this process.
+        workers: number of processes; with 1, the work is done in this process.
         options: further options of `joblib.Parallel`.
     """
     try:
