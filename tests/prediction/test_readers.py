@@ -103,17 +103,18 @@ def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, sca
             return types["geometry_msgs/msg/TransformStamped"](header(stamp, parent), child, of)
 
         tf = "tf2_msgs/msg/TFMessage"
-        if poses == "tf":
+        if poses in ("tf", "both"):
             static = transform(STAMPS[0], "base_link", "laser", (0.2, 0.0, 0.0))
             write("/tf_static", tf, types[tf]([static]), STAMPS[0])
         for step in range(-1, scans + 1):  # poses at other times than the scans, linear in between
             stamp = 100 + 0.1 * step + 0.04
             x, y, heading = (rate * (step + 0.4) for rate in (0.05, -0.02, 0.03))
-            if poses == "tf":
+            if poses in ("tf", "both"):
                 x, y = x - 0.2 * math.cos(heading), y - 0.2 * math.sin(heading)
-                moving = transform(stamp, "odom", "base_link", (x, y, heading))
+                drift = 5.0 if poses == "both" else 0.0  # of a localization that is to be replaced by odometry
+                moving = transform(stamp, "odom", "base_link", (x + drift, y, heading))
                 write("/tf", tf, types[tf]([moving]), stamp)
-            elif poses == "odometry":
+            if poses in ("odometry", "both"):
                 point = types["geometry_msgs/msg/Point"](x, y, 0.0)
                 pose = types["geometry_msgs/msg/Pose"](point, rotation(heading))
                 zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
@@ -151,6 +152,17 @@ def test_ros2_bags(poses, storage, tmp_path):
         renamed = tmp_path / "recorded yesterday"
         file.rename(renamed)
         expect(read_log(renamed, 0.05), atol=2e-3)
+
+
+def test_named_odometry_replaces_the_transforms_but_not_the_mounting_of_the_lidar(tmp_path):
+    expect(read_log(bag(tmp_path / "log.bag", 1, poses="both"), 0.05, (None, "/odom")), atol=2e-3)
+
+
+def test_a_lidar_whose_mounting_is_not_known_is_reported_once(tmp_path, capsys):
+    read_log(bag(tmp_path / "log.bag", 1, poses="odometry"), 0.05)
+    assert capsys.readouterr().out.count("no transform of laser") == 1
+    read_log(bag(tmp_path / "other.bag", 1, poses="tf"), 0.05)
+    assert "no transform" not in capsys.readouterr().out
 
 
 def test_the_pose_of_a_scan_is_that_of_its_middle(tmp_path):

@@ -3,13 +3,15 @@
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from repro.prediction.logs import LogScan
 from repro.prediction.ros import add_odometry, add_transforms, log_scan
-from repro.prediction.transforms import Transforms
+from repro.prediction.transforms import Transforms, lidar_at_base
 
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -20,12 +22,14 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
     """Read the scans of a bag with the pose of the lidar at the middle of each scan.
 
     The pose is composed of the transforms from the frame of the scan up to the last parent, usually `map` or `odom`,
-    and interpolated in time; odometry stands in where there is no transform.
+    and interpolated in time; odometry stands in where there is no transform. A lidar whose frame has no transform is
+    reported once; see `Transforms.pose_at`.
 
     Args:
         path: the file, or the directory of a ROS 2 bag.
         scan_topic: topic of the scans; None for the LaserScan topic with the most messages.
-        odometry_topic: topic of the odometry; None for the Odometry topic with the most messages.
+        odometry_topic: topic of the odometry, which then replaces all transforms that are not static; None for the
+            Odometry topic with the most messages, which only adds to the transforms.
 
     Raises:
         ValueError: the bag is damaged, or has no such topic, no scans or no poses.
@@ -37,8 +41,14 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
             ) as bag:
                 scans = _topic(bag, path, [LASER], scan_topic)
                 transforms = _transforms(bag, path, odometry_topic)
+                without_transform: set[str] = set()
                 for connection, _, raw in bag.messages([c for c in bag.connections if c.topic == scans]):
-                    yield log_scan(bag.deserialize(raw, connection.msgtype), transforms)
+                    message: Any = bag.deserialize(raw, connection.msgtype)
+                    frame = message.header.frame_id
+                    if frame not in transforms and frame not in without_transform:
+                        without_transform.add(frame)
+                        print(f"{path}: {lidar_at_base(frame)}", flush=True)
+                    yield log_scan(message, transforms)
         except ValueError:
             raise
         except Exception as error:  # rosbags and its storages raise many types for damaged files
@@ -68,13 +78,14 @@ def _topic(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> s
 
 
 def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Transforms:
-    """Read all transforms, and odometry where its frame has none."""
+    """Read the transforms, only the static ones for named odometry, and odometry where its frame has none."""
     transforms, moving = Transforms(), Transforms()
     connections = [connection for connection in bag.connections if connection.msgtype in TRANSFORMS]
-    if odometry_topic is None:
-        for connection, _, raw in bag.messages(connections) if connections else ():
-            is_static = connection.topic.endswith("tf_static")
-            add_transforms(transforms, bag.deserialize(raw, connection.msgtype), is_static=is_static)
+    if odometry_topic is not None:
+        connections = [connection for connection in connections if _is_static(connection)]
+    for connection, _, raw in bag.messages(connections) if connections else ():
+        message = bag.deserialize(raw, connection.msgtype)
+        add_transforms(transforms, message, is_static=_is_static(connection))
     has_odometry = any(info.msgtype == ODOMETRY and info.msgcount for info in bag.topics.values())
     if odometry_topic is not None or has_odometry:
         topic = _topic(bag, path, [ODOMETRY], odometry_topic)
@@ -84,3 +95,7 @@ def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Trans
     if not transforms.edges:
         raise ValueError(f"{path}: no poses: it has neither transforms nor odometry; its topics are {list(bag.topics)}")
     return transforms
+
+
+def _is_static(connection: Connection) -> bool:
+    return connection.topic.endswith("tf_static")

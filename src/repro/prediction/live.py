@@ -18,7 +18,7 @@ from repro.prediction.logs import (
     why_unusable,
 )
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
-from repro.prediction.transforms import MAX_GAP_S, Transforms
+from repro.prediction.transforms import MAX_GAP_S, Transforms, lidar_at_base
 
 if TYPE_CHECKING:
     from repro.networks.predictor import Predictor
@@ -120,7 +120,7 @@ class LiveMapper:
                 return
             if is_late and not is_placed:
                 self.without_transform.add(frame)
-                self.warn(f"no transform of {frame}: the lidar is taken to be at the origin of the frame that moves")
+                self.warn(lidar_at_base(frame))
             self._update(self.waiting.popleft())
 
     def _update(self, message: Any) -> None:

@@ -113,3 +113,8 @@ class Transforms:
                 return
             yield self.edges[frame]
             frame = self.edges[frame].parent
+
+
+def lidar_at_base(frame: str) -> str:
+    """Return the message about a lidar whose frame has no transform; see `Transforms.pose_at`."""
+    return f"no transform of {frame}: the lidar is taken to be at the origin of the robot"
