@@ -36,7 +36,7 @@ from repro.reporting.figures import STYLE
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import Table, costs_to_markdown
 from repro.scans import Scans
-from repro.system.devices import clock, resolve_precision
+from repro.system.devices import clock, one_thread, resolve_precision
 
 MODELS = Path(__file__).parents[1] / "conf" / "model"
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
@@ -107,13 +107,9 @@ def onnx(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
 
 def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame) -> float:
     """Measure a few training steps on one CPU thread and return the time of a training of all published steps [min]."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with one_thread():
         size_px, precision = int(runs["size_px"].iloc[0]), resolve_precision("auto", "cpu")
         seconds = seconds_per_image(model, size_px, 16, precision, 6, encoding.channels, encoding.frames)
-    finally:
-        torch.set_num_threads(threads)
     return seconds * runs["train_pairs"].max() * runs["epochs"].max() / 60
 
 

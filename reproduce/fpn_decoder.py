@@ -9,8 +9,7 @@ fpn_decoder.csv in the outputs. A training takes about two minutes.
 
 import argparse
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import Network, create_network
-from repro.system.devices import resolve_precision
+from repro.system.devices import one_thread, resolve_precision
 
 GRID, PAIRS = Grid(64, 50.0), {"train": 2000, "val": 500}
 SCHEDULE = Training(1e-3, 1e-3, 99, 8, 5, 1e-6, flip_augmentation=True, ema_decay=0.99)
@@ -113,15 +112,6 @@ VARIANTS = {
     "FPN with a head that upsamples and convolves": fpn(head=True),
     "FPN with all four changes": fpn(dropout=0.0, aligned=False, batch_norm=True, head=True),
 }
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Compute on one thread, as a sweep does."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 def train_variant(create: Callable[[], Network], data: dict[str, Pairs], seed: int) -> pd.Series:

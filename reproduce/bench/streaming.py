@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import torch
 from table import head, row
 
 from repro.maps.encodings import create_encoding
@@ -19,6 +18,7 @@ from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
 from repro.prediction.windows import on_map
+from repro.system.devices import one_thread
 
 ROOT = Path(__file__).parents[2]
 TARGET_MS = 20
@@ -32,9 +32,7 @@ def bench_streaming() -> None:
     series = create_encoding("series10", {"frames": 10})
     gru = Predictor(ConvGRU(series.channels, frames=10).eval(), series, unet.grid)  # not trained
     predictors = {"ConvGRU, series10": gru, "U-Net, projection": unet}
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
+    with one_thread():
         head(
             f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",
             *("network", "size", "encoding", "torch", "ONNX Runtime", "largest difference"),
@@ -42,8 +40,6 @@ def bench_streaming() -> None:
         for name, predictor in predictors.items():
             for size_px in (128, 256):
                 _bench(name, dataclasses.replace(predictor, grid=Grid(size_px, unet.grid.size_m)), log)
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _bench(name: str, predictor: Predictor, log: ScanLog) -> None:

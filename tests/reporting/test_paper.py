@@ -1,7 +1,7 @@
 import pytest
 
 from repro.metrics.names import METRICS
-from repro.reporting.paper import implied_coverage, read_paper, targets
+from repro.reporting.paper import read_paper, targets
 
 
 def test_tables_are_complete():
@@ -15,14 +15,7 @@ def test_averages_are_the_means_of_the_rows():
     table = read_paper()
     means = table[table["model"] != "average"].groupby(["experiment", "encoding"])[list(METRICS)].mean()
     printed = table[table["model"] == "average"].set_index(["experiment", "encoding"])[list(METRICS)]
-    assert (means - printed).abs().max(axis=None) < 1e-3
-
-
-def test_free_is_the_positive_class_of_the_tables():
-    table = read_paper()
-    precision, recall, specificity = (table[name] for name in ("precision", "recall", "specificity"))
-    ratio = precision * (1 - specificity) / (recall * (1 - precision) + precision * (1 - specificity))
-    assert (ratio - (1 - implied_coverage(table))).abs().max() < 1e-2
+    assert (means - printed).abs().max(axis=None) < 1.01e-4  # its last digit
 
 
 def test_targets_are_implied_by_the_tables():

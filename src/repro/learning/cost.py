@@ -1,6 +1,7 @@
 """Cost of a study on this machine, measured before it starts."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 
 import torch
 
@@ -8,7 +9,7 @@ from repro.config import Model, Scale, paper_model
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.networks.create import create_network
-from repro.system.devices import clock, resolve_device, resolve_precision
+from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
 from repro.system.resources import parallel_trainings
 
 USUAL_EPOCHS = 20  # early stopping usually ends a training by then
@@ -76,12 +77,8 @@ def training_seconds(model: Model, scale: Scale, precision: str) -> float:
     quick = device == "cuda" or scale.size_px <= 64  # a smaller batch suffices on a CPU at high resolution
     batch_size, steps = (scale.batch_size, 8) if quick else (4, 2)
     precision = resolve_precision(precision, device)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1 if device == "cpu" else threads)
-    try:
+    with one_thread() if device == "cpu" else nullcontext():
         seconds = seconds_per_image(model, scale.size_px, batch_size, precision, steps)
-    finally:
-        torch.set_num_threads(threads)
     return seconds * scale.pairs.train * _epochs(scale)
 
 

@@ -12,3 +12,4 @@ HEADINGS = {
     "specificity": "Spec.",
     "obstacle_iou": "Obstacle IoU",
 }
+SUMMARY = {name: HEADINGS[name] for name in ("accuracy", "specificity", "obstacle_iou")}  # of summaries, with headings

@@ -18,7 +18,7 @@ import torch
 from onnx import AttributeProto, ModelProto, NodeProto, TensorProto
 from torch import Tensor, nn
 
-from repro.system.files import replacing
+from repro.system.files import first_line, replacing
 
 DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
 INPUT, OUTPUT = "scans", "logits"
@@ -46,14 +46,14 @@ class OnnxNetwork(nn.Module):
         try:
             self.session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # classes of its own, without a common base
-            raise ValueError(f"ONNX Runtime cannot run it ({_first_line(error)})") from error
+            raise ValueError(f"ONNX Runtime cannot run it ({first_line(error)})") from error
 
     def forward(self, images: Tensor) -> Tensor:
         """Return logits, (B, 1, H, W), of images, (B, C, H, W)."""
         try:
             (logits,) = self.session.run([OUTPUT], {INPUT: images.cpu().numpy()})
         except Exception as error:  # classes of its own, without a common base
-            raise ValueError(f"ONNX Runtime cannot run it ({_first_line(error)})") from error
+            raise ValueError(f"ONNX Runtime cannot run it ({first_line(error)})") from error
         return torch.from_numpy(logits)
 
 
@@ -129,7 +129,7 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
         network = OnnxNetwork(content)
         _check_output(network, description)
     except Exception as error:  # of protobuf, onnx, ONNX Runtime or ours
-        raise ValueError(f"{path} cannot be used ({_first_line(error)}): export it with task=export") from error
+        raise ValueError(f"{path} cannot be used ({first_line(error)}): export it with task=export") from error
     return network, description
 
 
@@ -193,7 +193,3 @@ def _checksum(model: ModelProto, description: dict[str, Any]) -> str:
     """Return the SHA-256 of the graph and the description."""
     graph = model.graph.SerializeToString(deterministic=True)
     return hashlib.sha256(graph + json.dumps(description, sort_keys=True).encode()).hexdigest()
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().split("\n")[0] or type(error).__name__

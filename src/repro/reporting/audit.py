@@ -51,27 +51,6 @@ def audit(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def audit_averages(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
-    """Compare the rows `average` with the means over the models, metric by metric.
-
-    Args:
-        table: experiment, model, encoding and the metrics.
-        digits: number of printed decimals.
-
-    Returns:
-        experiment, encoding, metric, printed, mean, agrees.
-    """
-    keys, printed = ["experiment", "encoding"], table[table["model"] == "average"]
-    means = table[table["model"] != "average"].groupby(keys)[list(METRICS)].mean()
-    rows = []
-    for _, row in printed.iterrows():
-        for metric in METRICS:
-            mean = float(means.loc[(row["experiment"], row["encoding"]), metric])
-            agrees = abs(mean - row[metric]) <= 1.01 * 10**-digits
-            rows.append([row["experiment"], row["encoding"], metric, row[metric], mean, agrees])
-    return pd.DataFrame(rows, columns=[*keys, "metric", "printed", "mean", "agrees"])
-
-
 def free_share(row: Row) -> float:
     """Solve accuracy = f recall + (1 - f) specificity for the share of free pixels f."""
     return _ratio(row["accuracy"] - row["specificity"], row["recall"] - row["specificity"])

@@ -6,6 +6,7 @@ import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
+from repro.reporting.audit import free_share
 from repro.runs.keys import CELL
 
 TABLES = files("repro.reporting") / "paper_tables"
@@ -20,15 +21,6 @@ def read_paper() -> pd.DataFrame:
     return table.assign(experiment=table["experiment"].astype(str), encoding=encoding)[[*CELL, *METRICS]]
 
 
-def implied_coverage(table: pd.DataFrame) -> pd.Series:
-    """Compute the obstacle share of the test maps that each row implies.
-
-    With FREE as the positive class, accuracy = f * recall + (1 - f) * specificity for a free share f.
-    """
-    free = (table["accuracy"] - table["specificity"]) / (table["recall"] - table["specificity"])
-    return 1 - free
-
-
 def targets(experiment: str) -> dict[str, float]:
     """Return the target statistics of the recordings of an experiment.
 
@@ -40,5 +32,5 @@ def targets(experiment: str) -> dict[str, float]:
     rows = read_paper().query("model == 'average' and encoding == @PROJECTION and experiment == @experiment")
     if rows.empty:
         return {}
-    coverage, specificity = implied_coverage(rows).item(), rows["specificity"].item()
-    return {"coverage": coverage, "specificity": specificity}
+    row = {name: rows[name].item() for name in METRICS}
+    return {"coverage": 1 - free_share(row), "specificity": row["specificity"]}

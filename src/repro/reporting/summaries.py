@@ -7,11 +7,11 @@ import pandas as pd
 
 from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
+from repro.metrics.names import SUMMARY
 from repro.reporting.names import predictor_title
 
 BOUND = BOUNDS[0]
 PROBABILISTIC = ("best_iou", "log_loss", "brier")
-SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 
 
 def claims_to_markdown(claims: pd.DataFrame) -> str:
@@ -49,13 +49,13 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         words: the caption.
     """
     hidden = {"average", *OTHER_BOUNDS} - set(LIMITS)
-    is_shown = intervals["metric"].isin(SHOWN) & ~intervals["model"].isin(hidden)
+    is_shown = intervals["metric"].isin(SUMMARY) & ~intervals["model"].isin(hidden)
     rows = intervals[is_shown & ~intervals["encoding"].str.endswith(NO_DECAY)]
     inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
     chosen = sorted(inputs.index[inputs == inputs.max()])  # the experiments with most inputs
     rows = rows[rows["experiment"].isin(chosen)]
     bounds = rows[(rows["model"] == BOUND) & (rows["metric"] == "obstacle_iou")].set_index("experiment")["value"]
-    heads = [f"Exp. {e}: {head}" for e in chosen for head in SHOWN.values()]
+    heads = [f"Exp. {e}: {head}" for e in chosen for head in SUMMARY.values()]
     heads += [f"Exp. {e}: share of the bound" for e in chosen if e in bounds]
     lines = [
         f"**{words}**",
@@ -66,7 +66,7 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     cells = set(zip(rows["model"], rows["encoding"], strict=True))
     for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1])):
         own_rows = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
-        values = [_cell(own_rows, experiment, metric) for experiment in chosen for metric in SHOWN]
+        values = [_cell(own_rows, experiment, metric) for experiment in chosen for metric in SUMMARY]
         iou = own_rows[own_rows["metric"] == "obstacle_iou"].set_index("experiment")["value"]
         values += [f"{iou[e] / bounds[e]:.2f}" if e in iou else "" for e in chosen if e in bounds]
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
@@ -113,7 +113,7 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: st
         recency: experiment, model, encoding, recency, metric, value, low, high.
         words: the caption.
     """
-    heads = [*SHOWN.values(), "IoU at its best threshold", "Log loss [nat]", "Brier score"]
+    heads = [*SUMMARY.values(), "IoU at its best threshold", "Log loss [nat]", "Brier score"]
     lines = [f"**{words}**", "", "| Exp. | Predictor | " + " | ".join(heads) + " |", "|---|---|" + "---|" * len(heads)]
     for experiment in sorted(intervals["experiment"].unique()):
         of_map = recency[(recency["experiment"] == experiment) & (recency["recency"] == "all")]
@@ -121,7 +121,7 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: st
             rows = intervals[(intervals["experiment"] == experiment) & (intervals["model"] == name)]
             if rows.empty:
                 continue
-            cells = [_cell(rows, experiment, metric) for metric in SHOWN]
+            cells = [_cell(rows, experiment, metric) for metric in SUMMARY]
             cells += [_cell(of_map[of_map["model"] == name], experiment, metric) for metric in PROBABILISTIC]
             lines.append(f"| {experiment} | {predictor_title(name, '')} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
@@ -133,7 +133,7 @@ def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
     Args:
         extrapolated: see `learning_curves.extrapolate`, with the paper's number of each metric as `paper`.
     """
-    shown = {name: head for name, head in SHOWN.items() if name in set(extrapolated["metric"])}
+    shown = {name: head for name, head in SUMMARY.items() if name in set(extrapolated["metric"])}
     aim, held_out = (extrapolated[extrapolated["target"] == target] for target in ("paper scale", "held-out point"))
     pairs, size_px = aim["pairs"].iloc[0], aim["size_px"].iloc[0]
     lines = [

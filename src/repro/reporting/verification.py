@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.metrics.names import METRICS
+from repro.metrics.names import METRICS, SUMMARY
 from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, read_published, read_results
 from repro.reporting.rows import keys_of
@@ -14,7 +14,6 @@ from repro.runs.provenance import Provenance
 from repro.system.files import read_typed
 
 COMPARED = (*METRICS, "obstacle_iou")
-SHOWN = {"accuracy": "Acc.", "specificity": "Spec.", "obstacle_iou": "Obstacle IoU"}
 
 
 def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
@@ -68,16 +67,16 @@ def _commit(origin: Provenance) -> object:
 
 def verification_to_markdown(compared: pd.DataFrame) -> str:
     """Return the comparison of `verify` as Markdown: one row per run, ours (published), and a summary."""
-    lines = ["| Exp. | Model | Seed | Recordings | Weights | " + " | ".join(SHOWN.values()) + " |"]
-    lines.append("|---" * (5 + len(SHOWN)) + "|")
+    lines = ["| Exp. | Model | Seed | Recordings | Weights | " + " | ".join(SUMMARY.values()) + " |"]
+    lines.append("|---" * (5 + len(SUMMARY)) + "|")
     for _, row in compared.iterrows():
         title = predictor_title(row["model"], row["encoding"])
-        numbers = " | ".join(f"{row[metric]:.4f} ({row[f'published_{metric}']:.4f})" for metric in SHOWN)
+        numbers = " | ".join(f"{row[metric]:.4f} ({row[f'published_{metric}']:.4f})" for metric in SUMMARY)
         facts = f"{'' if pd.isna(row['seed']) else row['seed']} | {row['recordings']} | {row['weights']}"
         lines.append(f"| {row['experiment']} | {title} | {facts} | {numbers} |")
     trained = compared[compared["weights"] != ""]
     same_recordings, same_weights = ((rows == "same").sum() for rows in (compared["recordings"], trained["weights"]))
-    largest = ", ".join(f"{head} {compared[f'delta_{metric}'].abs().max():.4f}" for metric, head in SHOWN.items())
+    largest = ", ".join(f"{head} {compared[f'delta_{metric}'].abs().max():.4f}" for metric, head in SUMMARY.items())
     lines += [
         "",
         f"Ours (published). {same_recordings} of {len(compared)} runs use the published recordings; {same_weights} of "

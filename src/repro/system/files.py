@@ -112,7 +112,7 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
             else yaml.safe_load(path.read_text(encoding="utf-8"))
         )
     except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ValueError(f"{path} cannot be read ({_first_line(error)}): {fix}") from error
+        raise ValueError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
     if not isinstance(content, dict):
         raise ValueError(f"{path} cannot be read (expected a mapping, got {type(content).__name__}): {fix}")
     return content
@@ -153,7 +153,7 @@ def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame"
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:
-        raise ValueError(f"{path} cannot be read ({_first_line(error)}): {fix}") from error
+        raise ValueError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
     missing = [name for name in columns if name not in table]
     if missing or table.empty or table[list(columns)].isna().any(axis=None):
         problem = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
@@ -190,5 +190,6 @@ def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
         guard.release()
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """Return the first line of the message of an error, or its type if it has none."""
     return str(error).strip().split("\n")[0] or type(error).__name__

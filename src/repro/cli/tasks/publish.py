@@ -7,15 +7,14 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from repro.cli.jobs import RESULTS, ROOT, Job
+from repro.cli.composition import CONF
+from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks.docs import update_docs
 from repro.config import Scale, plain, read_world
 from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
 from repro.runs.directories import Outputs
 from repro.runs.provenance import Status
-
-CONF = ROOT / "conf"
 
 
 def run(job: Job) -> None:
