@@ -54,11 +54,12 @@ def test_the_costs_table_leaves_out_unmeasured_columns():
 
 
 def test_latex_has_every_experiment_also_a_new_one(tmp_path):
-    for experiment in ("1", "3", "office"):
+    for experiment in ("1", "3", "ground_floor"):
         fake_run(tmp_path, experiment, "unet", 0.5)
+    fake_run(tmp_path, "1", "my_network", 0.5)
     write_tables(Outputs(tmp_path))
     text = (tmp_path / "tables" / "main.tex").read_text()
-    for title in ("Experiment 1 (Static, rotation)", "Experiment 3 (Dynamic, rotation)", "{Experiment office}"):
+    for title in ("Experiment 1 (Static, rotation)", "Experiment 3 (Dynamic, rotation)", r"{Experiment ground\_floor}", r"my\_network &"):
         assert text.count(title) == 1
     rows = [line for line in text.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
     assert all(row.count("&") == 12 for row in rows)

@@ -1,5 +1,7 @@
 """Comparison figures: networks, inputs and baselines; generalization; learning curves."""
 
+from itertools import cycle
+
 import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
@@ -83,7 +85,7 @@ def generalization(frames: Frames) -> Figure | None:
     for column, shift in zip(axes.T, shifts, strict=True):
         for ax, (metric, label) in zip(column, labels.items(), strict=True):
             chosen = rows[(rows["shift"] == shift) & (rows["metric"] == metric)]
-            for name, look in zip(names, LOOKS, strict=False):
+            for name, look in zip(names, cycle(LOOKS), strict=False):
                 line = chosen[chosen["title"] == name]
                 spread = [line["value"] - line["low"], line["high"] - line["value"]]
                 amount = line["tested"].astype(float)
@@ -110,7 +112,7 @@ def curves(frames: Frames) -> Figure | None:
         of_curve = (extrapolated["experiment"] == experiment) & (extrapolated["encoding"] == encoding)
         targets = extrapolated[of_curve].set_index("metric")
         for ax, metric in zip(column, measures, strict=True):
-            for look, (size_px, line) in zip(LOOKS, measured.groupby("size_px"), strict=False):
+            for look, (size_px, line) in zip(cycle(LOOKS), measured.groupby("size_px"), strict=False):
                 means = line.groupby("pairs")[metric].mean()
                 ax.plot(means.index, means, markersize=4, label=f"{size_px} px", **look)
             aim = targets.loc[metric]

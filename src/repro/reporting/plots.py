@@ -1,5 +1,6 @@
 """Shared parts of the analysis figures: styles, axes, marks with intervals, one legend."""
 
+from itertools import cycle
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -10,11 +11,10 @@ from matplotlib.figure import Figure
 from repro.reporting.figures import ACCENT, INK
 
 Frames = dict[str, pd.DataFrame]
-LOOKS: list[dict[str, Any]] = [  # distinguishable by marker and line style without color
-    {"color": ACCENT, "marker": "o", "linestyle": "-"},
-    {"color": "#d1711a", "marker": "s", "linestyle": "--"},
-    {"color": "#777777", "marker": "^", "linestyle": ":"},
-    {"color": INK, "marker": "v", "linestyle": "-."},
+COLORS, LINES, MARKERS = (ACCENT, "#d1711a", "#777777", INK), ("-", "--", ":", "-."), "os^vDPX*"
+LOOKS: list[dict[str, Any]] = [  # distinguishable by their markers without color
+    {"color": COLORS[number % 4], "linestyle": LINES[number % 4], "marker": marker}
+    for number, marker in enumerate(MARKERS)
 ]
 
 
@@ -27,7 +27,7 @@ def columns(rows: pd.DataFrame, number: int, **options: Any) -> tuple[Figure, An
 
 def marks(ax: Axes, kinds: dict[str, pd.DataFrame], names: list[str]) -> None:
     """Draw value and interval of each kind at each name, kinds side by side; the names are the index of each frame."""
-    for number, (look, (label, kind)) in enumerate(zip(LOOKS, kinds.items(), strict=False)):
+    for number, (look, (label, kind)) in enumerate(zip(cycle(LOOKS), kinds.items(), strict=False)):
         rows = kind.reindex(names).dropna(subset=["value"])
         position = [names.index(name) + 0.16 * (number - (len(kinds) - 1) / 2) for name in rows.index]
         spread = [rows["value"] - rows["low"], rows["high"] - rows["value"]]

@@ -1,5 +1,6 @@
 """Tables: a frame and its caption, as CSV, Markdown and LaTeX."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,10 +60,9 @@ class Table:
         experiments = self.frame["experiment"].unique().tolist()
         blocks = [self._latex_block(experiments[first : first + 2]) for first in range(0, len(experiments), 2)]
         body = " \\midrule\n".join(blocks)
-        note = self.caption.replace("_", r"\_")
         return (
             "\\begin{table*}\n\\centering\n"
-            f"\\caption{{{note}}}\n"
+            f"\\caption{{{_escape(self.caption)}}}\n"
             f"\\begin{{tabular}}{{@{{}}l*{{{2 * len(TABLE_METRICS)}}}{{l}}@{{}}}}\n\\toprule\n"
             f"{body} \\bottomrule\n"
             "\\end{tabular}\n\\end{table*}\n"
@@ -80,7 +80,8 @@ class Table:
         halves = [frame[frame["experiment"] == experiment] for experiment in experiments]
         halves = [half.set_index(titles[half.index]) for half in halves]
         halves += [halves[0].iloc[:0]] * (2 - len(halves))
-        heads = [rf"\multicolumn{{{len(TABLE_METRICS)}}}{{c}}{{{experiment_title(e, ' ({})')}}}" for e in experiments]
+        over = [_escape(experiment_title(experiment, " ({})")) for experiment in experiments]
+        heads = [rf"\multicolumn{{{len(TABLE_METRICS)}}}{{c}}{{{head}}}" for head in over]
         lines = [
             " & " + " & ".join(heads) + r" \\",
             " & ".join(["Model", *HEADS.values(), *HEADS.values()]) + r" \\ \midrule",
@@ -88,7 +89,7 @@ class Table:
         for title in titles.unique():
             rows = [half.loc[title] if title in half.index else None for half in halves]
             ours = [_ours(row, metric, 4) if row is not None else "" for row in rows for metric in TABLE_METRICS]
-            lines.append(" & ".join([title, *ours]) + r" \\")
+            lines.append(" & ".join([_escape(title), *ours]) + r" \\")
             paper = [
                 _paper(row, metric, "{:.4f}") if row is not None else "" for row in rows for metric in TABLE_METRICS
             ]
@@ -143,6 +144,11 @@ def costs_to_markdown(table: Table) -> str:
         cells = [_cost(str(name), value) for name, value in row.items()]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def _escape(text: str) -> str:
+    """Return text for LaTeX, which gives these characters a meaning."""
+    return re.sub(r"([&%$#_{}])", r"\\\1", text)
 
 
 def _title(row: pd.Series) -> str:
