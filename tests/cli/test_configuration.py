@@ -9,6 +9,7 @@ from hydra import compose, initialize_config_dir
 from repro.cli import composition
 from repro.cli.config import Config, to_typed
 from repro.cli.jobs import resolve
+from repro.cli.validation import all_errors
 from repro.config import NETWORKS, PAPER_ENCODER, paper_model, plain, world_spec
 
 composition.register()
@@ -72,6 +73,13 @@ def test_decay_belongs_to_the_encoding():
 def test_the_grid_has_the_size_of_the_world():
     config = typed(composed("world.world.width=100", "world.world.height=100"))
     assert resolve(config).config.data.size_m == 100
+
+
+@pytest.mark.parametrize(("task", "refused"), [("all", True), ("train", True), ("plan", True), ("record", False)])
+def test_only_a_training_needs_as_many_pairs_as_its_batches(task, refused):
+    values = plain(composed("scale=laptop", "scale.pairs.train=2", f"task={task}"))
+    found = [str(error) for error in all_errors(values)]
+    assert found == (["train.batch_size=8: must be at most the 2 training pairs"] if refused else [])
 
 
 def test_runtime_settings_do_not_change_the_run():

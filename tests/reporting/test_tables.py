@@ -59,7 +59,12 @@ def test_latex_has_every_experiment_also_a_new_one(tmp_path):
     fake_run(tmp_path, "1", "my_network", 0.5)
     write_tables(Outputs(tmp_path))
     text = (tmp_path / "tables" / "main.tex").read_text()
-    for title in ("Experiment 1 (Static, rotation)", "Experiment 3 (Dynamic, rotation)", r"{Experiment ground\_floor}", r"my\_network &"):
+    for title in (
+        "Experiment 1 (Static, rotation)",
+        "Experiment 3 (Dynamic, rotation)",
+        r"{Experiment ground\_floor}",
+        r"my\_network &",
+    ):
         assert text.count(title) == 1
     rows = [line for line in text.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
     assert all(row.count("&") == 12 for row in rows)

@@ -16,6 +16,7 @@ RUN_TASKS = (
     *("all", "record", "train", "evaluate", "world", "animate"),
     *("generalization", "inference", "export", "predict"),
 )
+TRAINING_TASKS = ("all", "train")
 # once for all runs:
 STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from repro.cli.config import Config, to_typed
+from repro.cli.config import TRAINING_TASKS, Config, to_typed
 from repro.cli.limits import memory_errors, recording_minutes
 from repro.config import (
     NETWORKS,
@@ -90,7 +90,7 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
     experiments = config.world.get("experiments") or {}
     if config.exp not in experiments:
         errors.append(ConfigError("exp", config.exp, f"must be one of {', '.join(experiments)}"))
-    if config.train.batch_size > config.scale.pairs.train:
+    if config.task in (*TRAINING_TASKS, "plan") and config.train.batch_size > config.scale.pairs.train:
         expected = f"must be at most the {config.scale.pairs.train} training pairs"
         errors.append(ConfigError("train.batch_size", config.train.batch_size, expected))
     if not config.decay and "decay" not in config.encoding.parameters:
@@ -121,7 +121,7 @@ def warnings_of(config: Config) -> list[str]:
         found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
     if not config.world["experiments"][config.exp]["clear_radius_m"]:
         found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
-    has_fixed, trains = config.world["experiments"][config.exp].get("fixed"), config.task in ("all", "train")
+    has_fixed, trains = config.world["experiments"][config.exp].get("fixed"), config.task in TRAINING_TASKS
     if has_fixed and trains and config.train.flip_augmentation:
         found.append("train.flip_augmentation=true also shows the network the fixed obstacles upside down")
     return found
@@ -194,7 +194,7 @@ def _library_errors(config: Config) -> list[ConfigError]:
         errors.append(ConfigError("scans", config.scans, expected))
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
     errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
-    if not errors and config.task in ("all", "train") and not has_gpu():
+    if not errors and config.task in TRAINING_TASKS and not has_gpu():
         errors += memory_errors(config.scale, config.encoding)
     if errors:
         return errors
