@@ -34,7 +34,8 @@ def recipes() -> dict[str, str]:
 
 
 def copy_of_the_project(directory: Path) -> Path:
-    ignored = shutil.ignore_patterns(".venv", "outputs", ".git", "__pycache__", ".*_cache", "results", "*.egg-info")
+    """Copy the project without its results and environment, with its compiled loops."""
+    ignored = shutil.ignore_patterns(".venv", "outputs", ".git", ".*_cache", "results", "*.egg-info")
     return Path(shutil.copytree(ROOT, directory / "project", ignore=ignored))
 
 

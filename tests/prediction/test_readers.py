@@ -2,6 +2,7 @@
 
 import gzip
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -255,6 +256,8 @@ NO_LOGS = {
     "garbage": (lambda path: (path.write_bytes(bytes(range(256)) * 99), path)[1], "of no known kind"),
     "text": (lambda path: (path.write_text("hello\nworld\n"), path)[1], "of no known kind"),
     "directory": (lambda path: (path.mkdir(), path)[1], "without metadata.yaml"),
+    "pipe": (lambda path: (os.mkfifo(path), path)[1], "neither a file nor a directory"),
+    "unreadable": (lambda path: Path("/proc/self/mem"), "cannot be read .*error"),
     "zip": (lambda path: (path.write_bytes(b"PK\x03\x04" + bytes(99)), path)[1], "cannot be read"),
     "gzip": (lambda path: (path.write_bytes(gzip.compress(flaser(0).encode())[:-20]), path)[1], "is damaged"),
     "gzip with other bytes": (

@@ -29,8 +29,8 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
         topics: topics of the scans and of the odometry in a bag; None to find them.
 
     Raises:
-        ValueError: the file is missing, empty, damaged or of another kind, or holds no usable scans; the message names
-            it and what was expected.
+        ValueError: the file is missing, unreadable, empty, damaged or of another kind, or holds no usable scans; the
+            message names it and what was expected.
     """
     if not path.exists():
         raise ValueError(f"{path}: no such file: expected {KINDS}")
@@ -38,8 +38,13 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
         if not (path / "metadata.yaml").is_file():
             raise ValueError(f"{path}: is a directory without metadata.yaml: expected {KINDS}")
         return _read_bag(path, spacing_s, topics)
-    with path.open("rb") as file:
-        head = file.read(4096)
+    if not path.is_file():
+        raise ValueError(f"{path}: is neither a file nor a directory: expected {KINDS}")
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror}): expected {KINDS}") from error
     if not head:
         raise ValueError(f"{path}: is empty: expected {KINDS}")
     if head.startswith((b"#ROSBAG V2.0", b"\x89MCAP", b"SQLite format 3")):
