@@ -75,7 +75,7 @@ def test_a_network_is_tested_on_every_experiment(predictor, recorded):
 def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch):
     monkeypatch.setattr(generalization, "FIELDS_OF_VIEW", (60, 90))
     monkeypatch.setattr(generalization, "SPEEDS", (1, 2))
-    table = generalization.under_changes(predictor, "3", world_spec("3"), tmp_path, 4)
+    table = generalization.under_changes(predictor, "3", world_spec("3"), tmp_path, 4, workers=1)
     accuracy = table[table["metric"] == "accuracy"].set_index(["shift", "tested"])["value"]
     assert accuracy["field of view [deg]", "90"] == accuracy["obstacles' speed [times]", "1"]
     assert accuracy["range noise [m]", "0"] == accuracy["pose noise [m]", "0"] == accuracy["beams dropped", "0"]

@@ -89,7 +89,9 @@ def across_experiments(predictors: Mapping[str, Predictor], recordings: Mapping[
     return pd.concat(rows, ignore_index=True)
 
 
-def under_changes(predictor: Predictor, experiment: str, spec: Spec, directory: Path, pairs: int) -> pd.DataFrame:
+def under_changes(
+    predictor: Predictor, experiment: str, spec: Spec, directory: Path, pairs: int, *, workers: int
+) -> pd.DataFrame:
     """Test a network on its own experiment under changed sensing or obstacle speed.
 
     Args:
@@ -98,6 +100,7 @@ def under_changes(predictor: Predictor, experiment: str, spec: Spec, directory: 
         spec: the world spec of that experiment; changed recordings use the same test worlds and seeds.
         directory: directory for the changed recordings.
         pairs: number of recordings per change.
+        workers: number of processes that record.
 
     Returns:
         rows of shift (kind of change), trained, tested (amount of change), metric, value, low, high.
@@ -109,7 +112,7 @@ def under_changes(predictor: Predictor, experiment: str, spec: Spec, directory: 
         rows.append(scored.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
 
     def record(name: str, changed: Spec) -> Recorded:
-        record_experiment(directory / name, changed, {"test": pairs})
+        record_experiment(directory / name, changed, {"test": pairs}, workers=workers)
         return load_recorded(directory / name, "test", predictor.grid)
 
     plain = record("plain", spec)

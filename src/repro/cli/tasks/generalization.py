@@ -31,7 +31,8 @@ def run(job: Job) -> None:
         print(f"testing {title} of experiment {experiment} on changed sensors, poses and speeds", flush=True)
         spec, pairs = read_manifest(outputs.recordings(experiment)).spec, min(job.scale.pairs.test, 100)
         directory = outputs.path / "generalization" / f"exp{experiment}"
-        rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs))
+        workers = job.runtime.workers
+        rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     table = pd.concat(rows, ignore_index=True).assign(seed=job.seed, model=key.model, encoding=key.encoding)
     with suppress(FileNotFoundError):
