@@ -32,7 +32,7 @@ class Verdict(enum.StrEnum):
     in_direction = "reproduced in direction"
     not_reproduced = "not reproduced"
     contradicts = "paper contradicts itself"
-    untested = "cannot be tested at this scale"
+    untested = "cannot be tested"
 
 
 @dataclass(frozen=True)
