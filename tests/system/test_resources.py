@@ -88,3 +88,21 @@ def test_threads_that_the_user_has_set_are_kept(monkeypatch, capsys):
 def test_resources_do_not_import_torch():
     code = "import sys, repro.system.resources; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_kept_memory_is_reused_without_new_pages(keep):
+    code = f"""
+import resource
+from repro.system.resources import keep_freed_memory
+assert not {keep} or keep_freed_memory()
+faults = []
+for _ in range(20):
+    first, second = bytearray(2**26), bytearray(2**26)
+    del first, second
+    faults.append(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+print(faults[-1] - faults[9])
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    pages = 10 * 2 * 2**26 // os.sysconf("SC_PAGE_SIZE")
+    assert int(found.stdout) < 0.01 * pages if keep else int(found.stdout) > 0.5 * pages

@@ -35,6 +35,7 @@ from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
+from repro.system.resources import keep_freed_memory
 
 
 class TrainingModule(L.LightningModule):
@@ -162,6 +163,7 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
     accelerate(network, device)
+    keep_freed_memory()  # of the steps; the data is drawn already
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 

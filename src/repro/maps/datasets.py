@@ -160,13 +160,19 @@ def load_pairs(
     Raises:
         ValueError: a shard fails verification, see `recordings.reader.read_shards`.
     """
-    images, maps = [], []
-    for shard in tqdm(
-        read_shards(recordings, split, count), desc=f"drawing {split}", delay=2, leave=False, disable=None
-    ):
-        images.append(encoding.encode(shard.scans.tensors(device), grid))
-        maps.append(true_maps(shard, grid, device))
-    return Pairs(torch.cat(images), torch.cat(maps)[:, None], encoding)
+    shards = tqdm(read_shards(recordings, split, count), desc=f"drawing {split}", delay=2, leave=False, disable=None)
+    room = count or read_manifest(recordings).pairs[split]
+    images, maps = (  # filled shard by shard: joining them at the end would take twice the memory
+        torch.empty(room, channels, grid.size_px, grid.size_px, dtype=torch.uint8, device=device)
+        for channels in (encoding.channels, 1)
+    )
+    first = 0
+    for shard in shards:
+        drawn = slice(first, first + len(shard.scans))
+        images[drawn] = encoding.encode(shard.scans.tensors(device), grid)
+        maps[drawn, 0] = true_maps(shard, grid, device)
+        first = drawn.stop
+    return Pairs(images, maps, encoding)
 
 
 def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
