@@ -1,7 +1,14 @@
-"""Benchmark an epoch of `learning.training` against the same epoch in plain PyTorch."""
+"""Benchmark an epoch of `learning.training` against the same epoch in plain PyTorch.
 
+Every variant runs in a process of its own, since our training changes how its process frees memory.
+"""
+
+import multiprocessing
 import time
+import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from typing import Any
 
 import lightning as L
@@ -20,12 +27,14 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.networks.create import Network, create_network
 from repro.reporting.names import model_title
 from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
+from repro.system.resources import keep_freed_memory
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
-SIZES = {"cpu": [(64, 8, 96), (128, 8, 32)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
+SIZES = {"cpu": [(64, 8, 96), (128, 8, 32), (256, 8, 16)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
 RECURRENT = "convgru"
 ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
 Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches
+_epoch: Epoch  # of this process
 
 
 def bench_training(with_compile: bool = False) -> None:
@@ -42,21 +51,23 @@ def training_rows(
     device: str, size_px: int, batch_size: int, pairs: int, with_compile: bool
 ) -> Iterator[tuple[str, ...]]:
     """Yield a row per network and variant: plain; ours in float32, in native bfloat16, and optionally compiled."""
-    quiet()
     best = resolve_precision("auto", device)
     dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulation takes minutes
     peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}
     for name in (*NETWORKS, RECURRENT):
-        ways: dict[str, Epoch] = {"plain, 32-true": plain_epoch(name, size_px, batch_size, pairs, device)}
+        arguments = (name, size_px, batch_size, pairs, device)
+        ways: dict[str, tuple[Any, ...]] = {"plain, 32-true": (plain_epoch, *arguments)}
         for precision in sorted({"32-true", best}):
-            ways[f"ours, {precision}"] = our_epoch(name, size_px, batch_size, pairs, device, precision)
+            ways[f"ours, {precision}"] = (our_epoch, *arguments, precision)
         if with_compile and compiles(
             network_of(name).to(device), torch.zeros(2, encoding_of(name).channels, size_px, size_px, device=device)
         ):
-            ways[f"ours, {best}, compiled"] = our_epoch(name, size_px, batch_size, pairs, device, best, True)
-        for epoch in ways.values():
-            epoch()
-        rounds = [{way: epoch() for way, epoch in ways.items()} for _ in range(ROUNDS)]
+            ways[f"ours, {best}, compiled"] = (our_epoch, *arguments, best, True)
+        with ExitStack() as processes:
+            epochs = {way: _in_process(processes, *created) for way, created in ways.items()}
+            for epoch in epochs.values():
+                epoch()
+            rounds = [{way: epoch() for way, epoch in epochs.items()} for _ in range(ROUNDS)]
         times = {way: np.median([results[way] for results in rounds], axis=0) for way in ways}
         plain = times["plain, 32-true"][0]
         operations = training_operations(name, size_px) * pairs
@@ -67,6 +78,24 @@ def training_rows(
                 f"{rate / peaks[torch.bfloat16 if 'bf16' in way else torch.float32]:.0%}",
                 f"{between:.1%}" if "ours" in way else "",
             )  # fmt: skip
+
+
+def _in_process(processes: ExitStack, create: Callable[..., Epoch], *arguments: Any) -> Epoch:
+    """Create an epoch in a process of its own, which ends with the context."""
+    context = multiprocessing.get_context("spawn")
+    pool = processes.enter_context(ProcessPoolExecutor(1, context, _create_epoch, (create, arguments)))
+    return lambda: pool.submit(_run_epoch).result()
+
+
+def _create_epoch(create: Callable[..., Epoch], arguments: tuple[Any, ...]) -> None:
+    global _epoch
+    quiet()
+    warnings.simplefilter("ignore")
+    _epoch = create(*arguments)
+
+
+def _run_epoch() -> tuple[float, float]:
+    return _epoch()
 
 
 def training_operations(name: str, size_px: int) -> float:
@@ -129,6 +158,7 @@ def our_epoch(
     data = Pairs(images, images[:, :1] // 128, encoding)
     network = network_of(name)
     accelerate(network, device)
+    keep_freed_memory()
     module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
     if compiled:
         network.compile()

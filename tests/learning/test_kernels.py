@@ -2,13 +2,12 @@ import copy
 
 import pytest
 import torch
-from segmentation_models_pytorch.decoders.segformer.decoder import SegformerDecoder
 from torch import nn
 
 from repro.config import NETWORKS, paper_model
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
 from repro.networks.create import create_network, load_network
-from repro.networks.smp_networks import FusedSegformerDecoder
+from repro.networks.smp_networks import FASTER, FusedSegformerDecoder, LeanUnetBlock
 
 
 def gradients(network, image):
@@ -41,16 +40,30 @@ def test_the_slow_modules_of_fpn_are_replaced_on_a_cpu_only():
     assert (kinds.count(DepthwiseConv2d), kinds.count(FloatGroupNorm), kinds.count(nn.GroupNorm)) == (8, 7, 0)
 
 
-def test_only_the_decoder_of_segformer_is_fused_and_its_saved_form_is_that_of_smp(tmp_path):
+def test_only_the_decoders_of_segformer_and_unet_are_replaced_and_their_saved_form_is_that_of_smp(tmp_path):
     for architecture in NETWORKS:
         network = create_network(paper_model(architecture))
+        before = [type(module) for module in network.modules()]
         accelerate(network, "cuda")
-        assert isinstance(network.decoder, FusedSegformerDecoder) == (architecture == "segformer")
-    network.save_pretrained(tmp_path)
-    loaded = load_network(tmp_path, "smp")
-    assert type(loaded.decoder) is SegformerDecoder
-    images = torch.rand(2, 1, 96, 64)
-    torch.testing.assert_close(network.eval()(images), loaded.eval()(images), rtol=1e-4, atol=1e-4)
+        replaced = [FASTER[old] for old, module in zip(before, network.modules(), strict=True) if type(module) != old]
+        assert replaced == {"segformer": [FusedSegformerDecoder], "unet": 5 * [LeanUnetBlock]}.get(architecture, [])
+        network.save_pretrained(tmp_path / architecture)
+        loaded = load_network(tmp_path / architecture, "smp")
+        assert [type(module) for module in loaded.modules()] == before
+        images = torch.rand(2, 1, 96, 64)
+        torch.testing.assert_close(network.eval()(images), loaded.eval()(images), rtol=1e-4, atol=1e-4)
+
+
+def test_the_decoder_of_unet_stays_in_one_type_and_format():
+    network = create_network(paper_model("unet"))
+    accelerate(network, "cpu")
+    decoded = []
+    for block in network.decoder.blocks:
+        block.conv1.register_forward_pre_hook(lambda _, images: decoded.append(images[0]))
+    with torch.autocast("cpu", torch.bfloat16):
+        network(torch.rand(2, 1, 64, 64))
+    assert [images.dtype for images in decoded] == 5 * [torch.bfloat16]
+    assert all(images.is_contiguous(memory_format=torch.channels_last) for images in decoded[1:])
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 5), (2, 2), (3, 2), (4, 4)])

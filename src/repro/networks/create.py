@@ -64,10 +64,10 @@ def load_network(directory: Path, architecture: str) -> Network:
     return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 
-def fuse_decoder(network: Network) -> None:
-    """Replace the decoder of a Segformer in place by one that computes the same in less time."""
+def replace_slow_modules(network: Network) -> None:
+    """Replace modules of smp in place by those that compute the same in less time."""
     if architecture_of(network) == "smp":
-        _smp_networks().fuse_decoder(network)
+        _smp_networks().replace_slow_modules(network)
 
 
 def architecture_errors(model: Model) -> list[ConfigError]:
