@@ -30,7 +30,10 @@ from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, 
 from repro.system.resources import keep_freed_memory
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
-SIZES = {"cpu": [(64, 8, 96), (128, 8, 32), (256, 8, 16)], "cuda": [(256, 16, 2048)]}  # pixels, batch, pairs of an epoch
+SIZES = {  # pixels, batch, pairs of an epoch
+    "cpu": [(64, 8, 96), (128, 8, 32), (256, 8, 16)],
+    "cuda": [(256, 16, 2048)],
+}
 RECURRENT = "convgru"
 ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
 Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches
