@@ -32,7 +32,7 @@ from repro.simulation.simulator import make
 from repro.simulation.worlds import sample_world, write_world
 
 ROOT = Path(__file__).parents[1]
-WEIGHTS = ROOT / "reproduce" / "results" / "workstation-8000" / "exp4-convgru"
+WEIGHTS = ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"
 EVERY = 10  # steps between two planned paths
 
 

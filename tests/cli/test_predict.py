@@ -16,7 +16,7 @@ from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 
 pytestmark = pytest.mark.slow
-WEIGHTS = ROOT / "reproduce" / "results" / "workstation-8000" / "exp4-convgru"
+WEIGHTS = ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"
 EXAMPLE = ROOT / "examples" / "square.npz"
 
 
