@@ -10,9 +10,8 @@ Values that cannot be measured stay empty.
 """
 
 import argparse
+import dataclasses
 import sys
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -31,6 +30,8 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
+from repro.networks.onnx_files import INPUT, OUTPUT, OnnxNetwork
+from repro.networks.predictor import Predictor
 from repro.reporting.comparison_figures import efficiency
 from repro.reporting.figures import STYLE
 from repro.reporting.rows import read_rows
@@ -64,23 +65,21 @@ def random_scans(device: str) -> Scans:
     return Scans(ranges, angles, poses).tensors(device)
 
 
-def latency_ms(
-    predict: Callable[[Tensor], object], encoding: Encoding, grid: Grid, device: str, repeat: int = 20
-) -> float:
+def latency_ms(predictor: Predictor, device: str, repeat: int = 20) -> float:
     """Measure the median time from one window of scans to its predicted map [ms]."""
     scans, times = random_scans(device), []
     for _ in range(repeat + 3):
         began = clock(device)
-        predict(encoding.to_input(encoding.encode(scans, grid)))
+        predictor.predict(scans)
         times.append(clock(device) - began)
     return 1000 * float(np.median(times[3:]))
 
 
-def compiled(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
+def compiled(model: nn.Module, image: Tensor) -> nn.Module | None:
     """Return the compiled network, or None if torch.compile fails."""
     torch.compiler.reset()  # otherwise earlier networks count toward its limit of recompilations
     try:
-        network = torch.compile(model)
+        network: nn.Module = torch.compile(model)  # type: ignore[assignment]
         network(image)
     except Exception as error:
         print(f"torch.compile failed ({type(error).__name__}), continuing without it", file=sys.stderr)
@@ -88,21 +87,13 @@ def compiled(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | No
     return network
 
 
-def onnx(model: nn.Module, image: Tensor) -> Callable[[Tensor], object] | None:
-    """Return the network in ONNX Runtime on the CPU, or None if that is not installed."""
-    try:
-        import onnxruntime
-        import onnxscript  # noqa: F401
-    except ImportError:
-        return None
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = torch.get_num_threads()
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.onnx"
-        torch.onnx.export(model, (image,), path, dynamo=True, external_data=False, verbose=False)
-        session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
-    name = session.get_inputs()[0].name
-    return lambda x: session.run(None, {name: x.numpy()})
+def in_onnx_runtime(network: nn.Module, image: Tensor) -> OnnxNetwork:
+    """Return the network in ONNX Runtime on the CPU."""
+    program = torch.onnx.export(
+        network, (image,), dynamo=True, external_data=False, verbose=False, input_names=[INPUT], output_names=[OUTPUT]
+    )
+    assert program is not None, "with dynamo"
+    return OnnxNetwork(program.model_proto.SerializeToString())
 
 
 def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame) -> float:
@@ -151,15 +142,13 @@ def measure(name: str, label: str, size_px: int, runs: pd.DataFrame, options: ar
         "training_gpu_gb": peak_training_gb(model, encoding, size_px, options.batch_size),
     }
     row |= dict.fromkeys(LATENCIES)
-    with torch.inference_mode():
-        for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
-            row[f"{device}_eager_ms"] = latency_ms(network.to(device), encoding, grid, device)
-            fast = compiled(network, image.to(device)) if options.compile else None
-            if fast is not None:
-                row[f"{device}_compiled_ms"] = latency_ms(fast, encoding, grid, device)
-    session = onnx(network.cpu(), image)
-    if session is not None:
-        row["cpu_onnx_ms"] = latency_ms(session, encoding, grid, "cpu")
+    for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
+        predictor = Predictor(network.to(device), encoding, grid)
+        row[f"{device}_eager_ms"] = latency_ms(predictor, device)
+        fast = compiled(network, image.to(device)) if options.compile else None
+        if fast is not None:
+            row[f"{device}_compiled_ms"] = latency_ms(dataclasses.replace(predictor, network=fast), device)
+    row["cpu_onnx_ms"] = latency_ms(Predictor(in_onnx_runtime(network.cpu(), image), encoding, grid), "cpu")
     return row
 
 
@@ -188,7 +177,7 @@ def main() -> None:
     runs = pd.read_csv(options.results / "runs.csv")
     sizes = sorted({int(runs["size_px"].iloc[0]), PAPER_PX})
     table = pd.DataFrame([measure(*cell, size, runs, options) for size in sizes for cell in CELLS])
-    table.to_csv(options.results / "costs.csv", index=False, float_format="%.3g")
+    table.to_csv(options.results / "costs.csv", index=False, float_format="%.4g")
     (options.results / "costs.txt").write_text(note(runs) + "\n", encoding="utf-8")
     intervals = options.results / "analysis" / "intervals.csv"
     if intervals.is_file():

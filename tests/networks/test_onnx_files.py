@@ -13,8 +13,10 @@ from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
 from repro.networks.convgru import ConvGRU
+from repro.networks.convlstm import ConvLSTM
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
+from repro.scans import Scans
 
 pytestmark = pytest.mark.slow
 STATISTICS = Statistics(4, {"hit_share": (0.1, 0.2, 0.3, 0.4, 0.5)})
@@ -57,7 +59,27 @@ def test_a_file_holds_the_whole_predictor(exported):
         again.save_onnx(path)
 
 
-@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4")])
+def test_one_window_is_predicted_without_further_threads_of_torch_and_several_with_all(exported, monkeypatch):
+    predictor, run, threads = load_predictor(exported[1]), onnx_files.OnnxNetwork.forward, []
+
+    def forward(self, images):
+        threads.append(torch.get_num_threads())
+        return run(self, images)
+
+    monkeypatch.setattr(onnx_files.OnnxNetwork, "forward", forward)
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        for windows in (1, 2):
+            ranges, poses = np.full((windows, 5, 3), 4.0), np.full((windows, 5, 3), 20.0)
+            predictor.predict(Scans(ranges, np.array([-0.1, 0.0, 0.1]), poses))
+        assert threads == [1, 2]
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (ConvLSTM, "stack4")])
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
     encoding = create_encoding(name, {"frames": 4})

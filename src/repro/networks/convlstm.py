@@ -4,6 +4,7 @@ Shi et al., "Convolutional LSTM Network", NeurIPS 2015, followed by a decoder as
 Occupancy Grid Map Prediction in Dynamic Scenes", CoRL 2023) without its variational autoencoder.
 """
 
+import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
@@ -19,7 +20,7 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
 
     def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:
         super().__init__()
-        self.frames, self.hidden = frames, hidden
+        self.frames = frames
         self.encoder = nn.Sequential(
             *_block(in_channels // frames, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=2)
         )
@@ -35,10 +36,10 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
         parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
-        encoded = self.from_image(self.encoder(parts.flatten(0, 1)))
-        memory = encoded.new_zeros(len(images), self.hidden, *encoded.shape[-2:])
+        encoded = self.from_image(self.encoder(parts.flatten(0, 1))).unflatten(0, parts.shape[:2])
+        memory = torch.zeros_like(encoded[:, 0].chunk(4, dim=1)[0])
         shown = memory
-        for gates in encoded.unflatten(0, parts.shape[:2]).unbind(1):
+        for gates in encoded.unbind(1):
             write, keep, show, new = (gates + self.from_memory(shown)).chunk(4, dim=1)
             memory = (keep + 1).sigmoid() * memory + write.sigmoid() * new.tanh()  # + 1: remember at first
             shown = show.sigmoid() * memory.tanh()

@@ -38,6 +38,8 @@ class OnnxNetwork(nn.Module):
         ValueError: ONNX Runtime cannot run the file.
     """
 
+    has_own_threads = True
+
     def __init__(self, content: bytes) -> None:
         super().__init__()
         options = onnxruntime.SessionOptions()

@@ -33,6 +33,7 @@ from repro.maps.validity import check_windows
 from repro.networks.create import Network, architecture_of, load_network
 from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
+from repro.system.devices import one_thread
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
 DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
@@ -78,7 +79,10 @@ class Predictor:
         windows = scans.tensors(device)
         check_windows(windows, self.grid, allow_empty=allow_empty)
         parts = [windows[first : first + batch] for first in range(0, len(windows), batch)]
-        return torch.cat([self.predict_images(self.encoding.encode(part, self.grid)) for part in parts])[:, 0]
+        # for one window, threads of torch bring little, and those of ONNX Runtime wait for them
+        alone = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
+        with one_thread() if alone else contextlib.nullcontext():
+            return torch.cat([self.predict_images(self.encoding.encode(part, self.grid)) for part in parts])[:, 0]
 
     @torch.inference_mode()
     def predict_images(self, images: Tensor, batch: int = 32) -> Tensor:

@@ -100,7 +100,7 @@ def networks_to_markdown(
             value = values.get((experiment, row.model, row.encoding), math.nan)
             bound = iou.get((experiment, BOUND, ""), math.nan) if head == "share of the bound" else 1.0
             cells.append("" if math.isnan(value / bound) else f"{value / bound:.{2 if 'share' in head else 3}f}")
-        cells += [f"{row.parameters_m:.2f}", f"{row.training_min:.0f}", f"{row.cpu_onnx_ms:.0f}"]
+        cells += [f"{row.parameters_m:.2f}", f"{row.training_min:.1f}", f"{row.cpu_onnx_ms:.0f}"]
         lines.append(f"| {predictor_title(str(row.model), str(row.encoding))} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
