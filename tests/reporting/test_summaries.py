@@ -82,7 +82,7 @@ def test_networks_are_shown_with_their_share_of_the_bound_and_costs():
     lines = networks_to_markdown(intervals, calibration, costs, "Networks", ("3", "4")).splitlines()
     assert lines[0] == "**Networks**"
     assert lines[4] == "| U-Net | 0.400 | 0.50 | 0.150 | 0.500 |  |  | 5.55 | 3.4 | 6 |"
-    assert lines[5] == "| ConvGRU, series10 | 0.600 | 0.75 |  |  |  |  | 0.15 | 5 | 9 |"
+    assert lines[5] == "| ConvGRU, series10 | 0.600 | 0.75 |  |  |  |  | 0.15 | 5.2 | 9 |"
 
 
 def test_bounds_are_shown_by_experiment_with_their_probabilistic_measures():
