@@ -163,7 +163,7 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
     accelerate(network, device)
-    keep_freed_memory()  # of the steps; the data is drawn already
+    keep_freed_memory()  # for the training steps; the data is loaded before
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 

@@ -128,10 +128,10 @@ def _draw_sector(
     if from_cos * to_cos <= 0:  # the sector contains a y axis direction
         lowest, highest = (lowest, radius) if from_sin + to_sin > 0 else (-radius, highest)
     from_slope, to_slope = from_cos / (from_sin or 1.0), to_cos / (to_sin or 1.0)
-    both = radius * min(abs(from_sin), abs(to_sin)) if from_sin * to_sin > 0 else 0.0  # rows that both rays reach
+    inner = radius * min(abs(from_sin), abs(to_sin)) if from_sin * to_sin > 0 else 0.0  # here the rays are the bounds
     for row in _whole(y + lowest, y + highest, size):
         up = row - y
-        half = size + radius if abs(up) < both else math.sqrt(max(0.0, radius * radius - up * up))
+        half = math.inf if abs(up) < inner else math.sqrt(max(0.0, radius * radius - up * up))
         left, right = x - half, x + half
         # left of or on the ray at `start`
         if from_sin > 0:

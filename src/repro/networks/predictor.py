@@ -79,9 +79,9 @@ class Predictor:
         windows = scans.tensors(device)
         check_windows(windows, self.grid, allow_empty=allow_empty)
         parts = [windows[first : first + batch] for first in range(0, len(windows), batch)]
-        # for one window, threads of torch bring little, and those of ONNX Runtime wait for them
-        alone = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
-        with one_thread() if alone else contextlib.nullcontext():
+        # the encoding of a single window gains little from threads of torch, which slow down those of ONNX Runtime
+        single = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
+        with one_thread() if single else contextlib.nullcontext():
             return torch.cat([self.predict_images(self.encoding.encode(part, self.grid)) for part in parts])[:, 0]
 
     @torch.inference_mode()

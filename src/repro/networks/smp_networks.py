@@ -19,11 +19,11 @@ ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)
 
 
 class LeanUnetBlock(UnetDecoderBlock):
-    """A decoder block of U-Net, in which the skip connection takes the type and the format of what is decoded.
+    """A decoder block of U-Net that converts the skip connection to the type and format of the decoded features.
 
-    In autocast, the skip connections of a mit encoder are float32 in the channels-first format, also the one at half of
-    the resolution, which has no channels. With smp, the concatenation converts what is decoded to the same, and the
-    convolution converts both back.
+    In autocast, the skip connections of a mit encoder are float32 and channels first, also the one at half of the
+    resolution, which has no channels. In smp, the concatenation therefore converts the decoded features to float32 and
+    channels first, and the next convolution converts the result back.
     """
 
     def forward(
