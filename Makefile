@@ -7,6 +7,7 @@ ENCODINGS := projection,negative,observed_free,stack4,stack10,exponential,ages
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 # Points of the learning curves, px:pairs:epochs. 64:2000 is the laptop scale, 128:3000 the workstation scale.
 POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:2000:5 128:4000:5
+RECURRENT_POINTS := 64:500:20 64:1000:10 64:2000:5 64:4000:5 64:10000:5
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
@@ -43,14 +44,17 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop)
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop)
 
-curves: setup ## learning curves of U-Net, extrapolated to paper scale; 3 hours on 2 cores
-	$(PY) run.py -m task=record exp=1,2,3,4 scale=laptop scale.pairs.train=8000 outputs=outputs/curves
-	for point in $(POINTS); do \
-	    IFS=: read -r px pairs epochs <<< "$$point"; \
-	    overrides="scale=laptop scale.size_px=$$px scale.pairs.train=$$pairs scale.max_epochs=$$epochs \
-	        recordings=outputs/curves/recordings outputs=outputs/curves/$${px}px-$$pairs"; \
-	    $(PY) run.py -m exp=1,2,3,4 $$overrides $(ARGS); \
-	    $(PY) run.py -m exp=3,4 decay=false $$overrides $(ARGS); \
+curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of ConvGRU; 4 hours on 2 cores
+	$(PY) run.py -m task=record exp=1,2 scale=laptop scale.pairs.train=8000 outputs=outputs/curves
+	$(PY) run.py -m task=record exp=3,4 scale=laptop scale.pairs.train=10000 outputs=outputs/curves
+	train() { \
+	    IFS=: read -r px pairs epochs <<< "$$1"; \
+	    $(PY) run.py -m scale=laptop scale.size_px=$$px scale.pairs.train=$$pairs scale.max_epochs=$$epochs \
+	        recordings=outputs/curves/recordings outputs=outputs/curves/$${px}px-$$pairs "$${@:2}" $(ARGS); \
+	}; \
+	for point in $(POINTS); do train $$point exp=1,2,3,4; train $$point exp=3,4 decay=false; done; \
+	for point in $(RECURRENT_POINTS); do \
+	    train $$point exp=3,4 model=convgru encoding=series10; \
 	done
 	$(PY) run.py task=curves scale=laptop
 

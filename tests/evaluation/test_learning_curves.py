@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from conftest import fake_run
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.evaluation import learning_curves
 from repro.evaluation.learning_curves import METRICS, extrapolate, fit_law, read_points
 from repro.runs.directories import Outputs
@@ -25,8 +25,8 @@ def made(sizes=(32, 64, 128), alpha=0.4, beta=0.8, noise=0.0) -> pd.DataFrame:
         CURVES.items(), (500, 1000, 2000, 4000, 8000), sizes
     ):
         value = c - a * (pairs / 1000) ** -alpha - b * (px / 64) ** -beta + noise * generator.normal()
-        row = {"experiment": experiment, "encoding": encoding, "pairs": pairs, "size_px": px, "schedule": "short"}
-        rows.append(row | dict.fromkeys(METRICS, value))
+        row = {"model": "unet", "experiment": experiment, "encoding": encoding, "schedule": "short"}
+        rows.append(row | {"pairs": pairs, "size_px": px} | dict.fromkeys(METRICS, value))
     return pd.DataFrame(rows)
 
 
@@ -69,18 +69,35 @@ def test_points_of_the_papers_schedule_are_not_fitted():
     pd.testing.assert_frame_equal(extrapolate(pd.concat([points, anchor])), extrapolate(points))
 
 
-def test_points_are_the_unets_with_the_papers_input(tmp_path):
-    for seed, decay in ((0, True), (1, True), (0, False)):
-        fake_run(tmp_path, "3", "unet", 0.8, decay=decay, seed=seed, flip_augmentation=True, ema_decay=0.99)
-    fake_run(tmp_path, "4", "unet", 0.9)
-    fake_run(tmp_path, "3", "fpn", 0.7)
-    fake_run(tmp_path, "3", "all_free", 0.6)
-    points = read_points([Outputs(tmp_path)])
-    assert len(points) == 4
-    assert points.set_index("experiment").loc["4", "schedule"] == "stated"
-    assert set(points.loc[points["experiment"] == "3", "schedule"]) == {"short"}
-    assert set(points["pairs"]) == {24}
+def test_points_are_of_the_networks_and_inputs_with_four_numbers_of_pairs(tmp_path):
+    short = {"flip_augmentation": True, "ema_decay": 0.99}
+    for train in (24, 48, 96, 192):
+        outputs, pairs = tmp_path / str(train), PairCounts(train, 8, 8)
+        for decay in (True, False):
+            fake_run(outputs, "3", "unet", 0.8, decay=decay, pairs=pairs, **short)
+        fake_run(outputs, "4", "unet", 0.9, pairs=pairs)
+        fake_run(outputs, "3", "all_free", 0.6, pairs=pairs)
+    fake_run(tmp_path / "24", "3", "fpn", 0.7, pairs=PairCounts(24, 8, 8))
+    fake_run(tmp_path / "24", "3", "unet", 0.8, seed=1, pairs=PairCounts(24, 8, 8), **short)
+    points = read_points([Outputs(path) for path in sorted(tmp_path.iterdir())])
+    assert set(points["model"]) == {"unet"}
+    sizes = points.groupby(["experiment", "encoding"]).size().to_dict()
+    assert sizes == {("3", PROJECTION): 5, ("3", PROJECTION_NO_DECAY): 4, ("4", PROJECTION): 4}
+    schedules = points.groupby("experiment")["schedule"].unique().map(list).to_dict()
+    assert schedules == {"3": ["short"], "4": ["stated"]}
+    assert set(points["pairs"]) == {24, 48, 96, 192}
     assert points["commit"].notna().all()
+
+
+def test_no_curve_gives_no_points(tmp_path):
+    fake_run(tmp_path, "3", "unet", 0.8)
+    assert read_points([Outputs(tmp_path)]).empty
+
+
+def test_other_networks_are_not_fitted():
+    points = made()
+    other = points.assign(model="convgru", **dict.fromkeys(METRICS, 0.1))
+    pd.testing.assert_frame_equal(extrapolate(pd.concat([points, other])), extrapolate(points))
 
 
 def test_too_few_points_are_not_fitted():

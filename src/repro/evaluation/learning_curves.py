@@ -1,4 +1,4 @@
-"""Learning curves: extrapolation of the metrics to more training pairs and higher resolution.
+"""Learning curves: metrics by training pairs and resolution, extrapolated to paper scale for the paper's U-Net.
 
 Every metric m for n training pairs and maps of p x p pixels follows
 
@@ -17,38 +17,44 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize, nnls
 
-from repro.config import PROJECTION
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.bootstrap import bounds
 from repro.runs.directories import Outputs, Run
 
 METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
 CURVE = ["experiment", "encoding"]
+POINT = ["pairs", "size_px"]
+FEWEST = 4  # points of a curve
 FITTED = "short"  # schedule of the fitted points: flip augmentation and EMA; "stated" is the schedule of the paper
 DRAWS = 200
 EXPONENTS = (0.02, 3.0)  # search interval
 
 
 def read_points(directories: list[Outputs]) -> pd.DataFrame:
-    """Read all evaluated U-Nets with the paper's input, for any number of pairs and any resolution.
+    """Read all evaluated networks, for any number of pairs and any resolution.
 
     Args:
         directories: outputs directories.
 
     Returns:
-        one row per run: experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics,
+        one row per run of each network, input and experiment with at least four numbers of pairs or resolutions: model,
+        experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics,
         training_seconds, recordings (their hash) and commit of the training.
     """
     runs = [run for outputs in directories for run in outputs.runs() if run.is_evaluated]
-    rows = [_row(run) for run in runs if run.config().model.name == "unet"]
-    return pd.DataFrame([row for row in rows if row is not None])
+    rows = pd.DataFrame([row for row in map(_row, runs) if row is not None])
+    if rows.empty:
+        return rows
+    return rows.groupby(["model", *CURVE]).filter(lambda curve: len(curve[POINT].drop_duplicates()) >= FEWEST)
 
 
 def _row(run: Run) -> dict[str, Any] | None:
     config, origin = run.config(), run.provenance()
-    if config.encoding is None or config.train is None or config.encoding.name != PROJECTION:
+    if config.encoding is None or config.train is None:
         return None
     trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
     return {
+        "model": config.model.name,
         "experiment": config.experiment,
         "encoding": config.key.encoding,
         "seed": config.seed,
@@ -105,10 +111,10 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
 
 
 def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -> pd.DataFrame:
-    """Extrapolate the metrics to paper scale, and to the held-out (largest) point of each curve from its other points.
+    """Extrapolate U-Net to paper scale, and to the held-out (largest) point of each curve from its other points.
 
     Args:
-        points: see `read_points`; the fit uses the points of the short schedule, averaged over seeds.
+        points: see `read_points`; the fit uses the paper's input and the short schedule, averaged over seeds.
         pairs: number of training pairs to extrapolate to.
         size_px: resolution to extrapolate to [px]. The exponent of the resolution needs three resolutions; with fewer,
             only the resolution with most points is fitted and this argument is ignored.
@@ -118,11 +124,12 @@ def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -
         high (95 %, by a parametric bootstrap with normal residuals), alpha, beta, and `measured` for a held-out point.
         Empty if no curve has four points.
     """
-    keys = [*CURVE, "pairs", "size_px"]
-    means = points[points["schedule"] == FITTED].groupby(keys, as_index=False)[list(METRICS)].mean()
+    is_papers = (points["model"] == "unet") & points["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])
+    fitted = points[is_papers & (points["schedule"] == FITTED)]
+    means = fitted.groupby([*CURVE, *POINT], as_index=False)[list(METRICS)].mean()
     if means["size_px"].nunique() < 3:
         means = means[means["size_px"].isin(means["size_px"].mode()[:1])]
-    means = means.groupby(CURVE).filter(lambda rows: len(rows) >= 4)
+    means = means.groupby(CURVE).filter(lambda rows: len(rows) >= FEWEST)
     if means.empty:
         return pd.DataFrame()
     means = means.sort_values(["encoding", "experiment"], kind="stable")  # the order of the tables
@@ -154,7 +161,7 @@ def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str, seed: in
     noise = np.random.default_rng(seed).normal(0, np.sqrt((residuals**2).sum() / free), (DRAWS, len(value)))
     drawn = np.stack([law(*aim), *(fit_law(*at, law(*at) + each)(*aim) for each in noise)])
     low, high = bounds(drawn)
-    table = aims[[*CURVE, "pairs", "size_px"]].reset_index(drop=True)
+    table = aims[[*CURVE, *POINT]].reset_index(drop=True)
     return table.assign(metric=metric, value=drawn[0], low=low, high=high, alpha=law.alpha, beta=law.beta)
 
 

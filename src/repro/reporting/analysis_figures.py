@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.evaluation.recency import RECENCY
-from repro.reporting.comparison_figures import baselines, curves, encodings, generalization
+from repro.reporting.comparison_figures import baselines, curves, encodings, generalization, pairs
 from repro.reporting.figures import STYLE
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import LOOKS, Frames, columns, marks, one_legend
@@ -131,6 +131,7 @@ FIGURES: dict[str, Callable[[Frames], Figure | None]] = {
     "encodings": encodings,
     "generalization": generalization,
     "curves": curves,
+    "pairs": pairs,
 }
 
 

@@ -4,6 +4,7 @@ from itertools import cycle
 
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
@@ -11,7 +12,7 @@ from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
 from repro.reporting.names import experiment_title, model_title, predictor_title
-from repro.reporting.plots import LOOKS, Frames, one_legend
+from repro.reporting.plots import LOOKS, Frames, columns, one_legend
 from repro.reporting.results import OURS
 
 DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
@@ -53,9 +54,7 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
     size = (1.6 + 3.0 * len(experiments), 3.4)
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
     for ax, experiment in zip(axes[0], experiments, strict=True):
-        for name, dashes in zip(LIMITS, DASHES, strict=True):
-            for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
-                ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))
+        _draw_limits(ax, rows, experiment)
         for number, name in enumerate(names):
             point = points[(points["experiment"] == experiment) & (points["title"] == name)]
             look = {"marker": "osD^vP*X"[number % 8], "color": ACCENT if "GRU" in name else INK, "linestyle": "none"}
@@ -101,7 +100,7 @@ def curves(frames: Frames) -> Figure | None:
     """Plot the learning curves, their extrapolation to paper scale and the paper's values; None without data."""
     if "extrapolated" not in frames:
         return None
-    extrapolated, points = frames["extrapolated"], frames["curves"].query("schedule == 'short'")
+    extrapolated, points = frames["extrapolated"], frames["curves"].query("model == 'unet' and schedule == 'short'")
     extrapolated = extrapolated[extrapolated["target"] == "paper scale"]
     setups = list(dict.fromkeys(zip(extrapolated["experiment"], extrapolated["encoding"], strict=True)))
     measures = {"accuracy": "accuracy", "specificity": "specificity"}
@@ -129,6 +128,40 @@ def curves(frames: Frames) -> Figure | None:
         ax.set_ylabel(label)
     one_legend(figure, axes[0])
     return figure
+
+
+def pairs(frames: Frames) -> Figure | None:
+    """Plot obstacle IoU against training pairs where several networks have a learning curve, else return None.
+
+    The networks are compared at the lowest resolution that all of them have. Lines show what can be known, from
+    intervals of the same resolution.
+    """
+    if "curves" not in frames:
+        return None
+    points = frames["curves"].query("schedule == 'short' and not encoding.str.endswith(@NO_DECAY)")
+    points = points[points["size_px"] == points.groupby("model")["size_px"].min().max()]
+    names = points.groupby("experiment")["model"].nunique()
+    points = points[points["experiment"].isin(names.index[names > 1])]
+    if points.empty:
+        return None
+    figure, axes = columns(points, 1, sharey=True)
+    for ax, (experiment, own_points) in zip(axes[0], points.groupby("experiment"), strict=True):
+        _draw_limits(ax, _titled(frames["intervals"]), str(experiment))
+        curves = own_points.groupby(["model", "encoding"])
+        for (model, encoding), look in zip(sorted(curves.groups, key=lambda each: rank(each[0])), LOOKS, strict=False):
+            line = curves.get_group((model, encoding)).groupby("pairs")["obstacle_iou"].mean()
+            ax.plot(line.index, line, markersize=4, label=predictor_title(model, encoding), **look)
+        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="training pairs", xscale="log", ylim=(0, 1))
+    axes[0, 0].set_ylabel("obstacle IoU")
+    one_legend(figure, axes[0], rows=2)
+    return figure
+
+
+def _draw_limits(ax: Axes, rows: pd.DataFrame, experiment: str) -> None:
+    """Draw what can be known in an experiment as horizontal lines."""
+    for name, dashes in zip(LIMITS, DASHES, strict=True):
+        for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
+            ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))
 
 
 def _titled(table: pd.DataFrame) -> pd.DataFrame:

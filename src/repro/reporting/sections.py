@@ -24,6 +24,8 @@ CAPTIONS = {
     "generalization": "Networks under changed sensing and obstacle speed; intervals of 95 % over test worlds.",
     "curves": "U-Net on the paper's input against the number of training pairs, averaged over seeds; at 10,000 pairs "
     "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
+    "pairs": "Obstacle IoU of the networks that have a learning curve against the number of training pairs, averaged "
+    "over seeds, at the lowest resolution that all of them have; dashed, what can be known.",
     "encodings": "Obstacle IoU of U-Net with other inputs and the same training budget, with intervals of 95 %. All "
     "encodings except projection and exponential have inverted intensities; their reference is the encoding negative, "
     "the inverted projection.",
@@ -79,7 +81,7 @@ SECTIONS: list[dict[str, Any]] = [
         "text": "A saturating power law in training pairs and resolution, fitted to smaller trainings; with fewer than "
         "three resolutions it is fitted in pairs alone, at the measured resolution. Held-out point: the largest "
         "training, extrapolated from the smaller ones and then measured.",
-        "images": ("curves",),
+        "images": ("curves", "pairs"),
     },
     {
         "id": "provenance",
