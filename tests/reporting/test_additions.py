@@ -9,6 +9,7 @@ from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
 from repro.reporting.results import read_published, read_results
 from repro.runs.directories import Outputs
+from repro.runs.keys import RunKey
 from repro.runs.provenance import Status
 
 SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
@@ -57,6 +58,22 @@ def test_new_runs_are_added_and_published_ones_stay(published, later):
     origins = json.loads((target / "provenance.json").read_text())
     assert len(origins) == len(after)
     assert "ConvGRU, series10" in (target / "README.md").read_text()
+
+
+def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
+    for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
+        run = later.run(key)
+        pd.DataFrame({"epoch": [0], "val_loss": [0.1]}).to_csv(run.path / "history.csv", index=False)
+    add_to_published(later, published, "laptop")
+    third = Outputs(later.path.parents[1] / "third" / "laptop")
+    run = fake_run(third.path, "3", "unet", 0.6, seed=2)
+    pd.DataFrame({"epoch": [0], "val_loss": [0.2]}).to_csv(run.path / "history.csv", index=False)
+    rows = pd.read_csv(add_to_published(third, published, "laptop") / "history.csv")
+    assert set(zip(rows["model"], rows["seed"], rows["val_loss"], strict=True)) == {
+        ("convgru", 0, 0.1),
+        ("unet", 1, 0.1),
+        ("unet", 2, 0.2),
+    }
 
 
 def test_only_new_combinations_are_added_to_the_analysis(published, later):

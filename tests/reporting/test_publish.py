@@ -23,7 +23,7 @@ from repro.reporting.results import OURS, read_published, read_results
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import ENCODINGS, write_tables
 from repro.runs.directories import Outputs
-from repro.runs.keys import CELL
+from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"
@@ -73,6 +73,18 @@ def test_publishing_copies_tables_runs_and_provenance(tmp_path):
     assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(Outputs(outputs))) == 6
     assert "runs/exp3/unet/projection-no-decay/seed0" in json.loads((target / "provenance.json").read_text())
+
+
+def test_the_losses_of_every_epoch_are_published(tmp_path):
+    fake_study(tmp_path / "laptop")
+    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4, decay=False)
+    losses = pd.DataFrame({"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]})
+    losses.to_csv(run.path / "history.csv", index=False)
+    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+    rows = read_rows(target / "history.csv")
+    assert rows.columns.tolist() == [*KEY, *losses.columns]
+    assert set(map(tuple, rows[KEY].to_numpy())) == {("3", "unet", PROJECTION_NO_DECAY, 0)}
+    pd.testing.assert_frame_equal(rows[losses.columns], losses)
 
 
 def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_removed(tmp_path):

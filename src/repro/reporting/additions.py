@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.publish import published_page, write_published_tables
+from repro.reporting.publish import published_page, write_histories, write_published_tables
 from repro.reporting.results import SIZES, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs
@@ -57,6 +57,7 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
         earlier = read_mapping(target / "provenance.json", f"{target} must be published again")
         contents = {**earlier, **{path: dataclasses.asdict(origin) for path, origin in origins.items()}}
         write_published_tables(runs, directory)
+        write_histories(outputs, keys_of(new), directory)
         write_json(directory / "provenance.json", contents)
         if outputs.analysis.is_dir() and (target / "analysis").is_dir():
             _add_analysis(outputs.analysis, directory / "analysis", published)

@@ -1,7 +1,7 @@
 """Publishing: copies of results from an outputs directory to reproduce/results.
 
 A published directory contains main.csv and ablation.csv, runs.csv (every run with its seed, metrics and times),
-provenance.json (the provenance of every run), the figures, and a README.md with hardware, versions and the commands to
+history.csv (the losses of every epoch), provenance.json (the provenance of every run), the figures, and a README.md with hardware, versions and the commands to
 repeat the trainings. The tables of the project's README are generated from published directories only.
 """
 
@@ -9,6 +9,7 @@ import dataclasses
 import json
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
@@ -16,10 +17,11 @@ import pandas as pd
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, caption, read_published, read_results
-from repro.reporting.rows import keys_of
+from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import make_tables
 from repro.reporting.uptodate import STAMP
 from repro.runs.directories import Outputs
+from repro.runs.keys import KEY, RunKey
 from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
@@ -62,6 +64,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
             if (kept.is_dir() and kept.name != "analysis") or kept.stem in ("costs", "verification"):
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
         write_published_tables(runs, new)
+        write_histories(outputs, keys_of(runs), new)
         write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
         for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(path, new / path.name)
@@ -81,6 +84,21 @@ def write_published_tables(runs: pd.DataFrame, directory: Path) -> None:
             write_text(directory / f"{kind}.txt", table.caption + "\n")
     rows = runs.drop(columns="training", errors="ignore")
     write_text(directory / "runs.csv", rows.to_csv(index=False, float_format="%.6g"))
+
+
+def write_histories(outputs: Outputs, keys: Iterable[RunKey], directory: Path) -> None:
+    """Write history.csv: losses and seconds of every epoch of some runs, after the rows that the file has."""
+    path = directory / "history.csv"
+    histories = [read_rows(path)] if path.is_file() else []
+    for key in keys:
+        history = outputs.run(key).path / "history.csv"
+        if history.is_file():
+            cell = {name: getattr(key, name) for name in KEY}
+            histories.append(pd.read_csv(history).assign(**cell))
+    if histories:
+        rows = pd.concat(histories, ignore_index=True)
+        rows = rows[[*KEY, *rows.columns.drop(KEY)]]
+        write_text(path, rows.to_csv(index=False, float_format="%.6g"))
 
 
 def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[str]:
