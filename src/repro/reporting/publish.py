@@ -1,8 +1,9 @@
 """Publishing: copies of results from an outputs directory to reproduce/results.
 
 A published directory contains main.csv and ablation.csv, runs.csv (every run with its seed, metrics and times),
-history.csv (the losses of every epoch), provenance.json (the provenance of every run), the figures, and a README.md with hardware, versions and the commands to
-repeat the trainings. The tables of the project's README are generated from published directories only.
+history.csv (the losses of every epoch), provenance.json (the provenance of every run), the figures, and a README.md
+with hardware, versions and the commands to repeat the trainings. The tables of the project's README are generated from
+published directories only.
 """
 
 import dataclasses
