@@ -198,6 +198,56 @@ def test_a_scan_after_a_gap_of_poses_is_skipped(predictor):
     assert robot.warnings == ["a scan is skipped: it is without a pose"]
 
 
+def test_a_scan_waits_for_the_poses_of_the_robot(predictor):
+    """The mounting of the lidar alone does not place it."""
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    for step in range(5):
+        robot.mapper.add_scan(scan(step))
+    for step in range(-1, 25):
+        robot.mapper.add_transforms(base(step))
+        if step >= 5:
+            robot.mapper.add_scan(scan(step))
+    check(robot, expected(predictor, 25))
+
+
+def test_the_window_begins_again_when_the_poses_are_in_another_frame(predictor):
+    """As when a localization starts after the node."""
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    robot.mapper.add_transforms(base(-1))
+    for step in range(45):
+        if step >= 15:
+            robot.mapper.add_transforms(transform(step, "map", "odom", (5.0, 0.0, 0.0)))
+        robot.mapper.add_scan(scan(step))
+        robot.mapper.add_transforms(base(step))
+    assert robot.warnings == ["the poses are in the frame map now, not in odom: the window begins again"]
+    assert len(robot.maps) == 45 - 15 - STEPS + 1
+    assert {frame for _, frame, _ in robot.maps} == {"map"}
+
+
+def test_a_tilted_lidar_is_skipped_with_its_reason(predictor):
+    robot = Robot(predictor)
+    on_its_side = TYPES["Quaternion"](math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    MOUNT.transforms[0].transform.rotation, upright = on_its_side, MOUNT.transforms[0].transform.rotation
+    try:
+        robot.mapper.add_transforms(MOUNT, is_static=True)
+    finally:
+        MOUNT.transforms[0].transform.rotation = upright
+    robot.mapper.add_transforms(base(0))
+    robot.mapper.add_scan(scan(0))
+    robot.mapper.add_transforms(base(1))
+    assert robot.warnings == ["laser is tilted by 90 degrees: expected a horizontal lidar, within 30 degrees"]
+
+
+def test_poses_of_a_second_source_are_named_once(predictor):
+    robot = Robot(predictor)
+    for step in range(3):
+        robot.mapper.add_transforms(base(step))
+        robot.mapper.add_transforms(transform(step, "odom_combined", "base_link", POSES[step]))
+    assert robot.warnings == ["poses of base_link in odom_combined are left out: it has poses in odom"]
+
+
 def test_maps_go_on_after_the_clock_was_set_back(predictor):
     """As with a bag that is played again; the mounting of the lidar is sent once."""
     robot = Robot(predictor)

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 import torch
 from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 
 from repro.maps.grid import Grid
-from repro.prediction.ros import GRID_TYPES, grid_message, occupancy, planar_pose
+from repro.prediction.ros import GRID_TYPES, add_transforms, grid_message, log_scan, occupancy
 from repro.prediction.stream import StreamMap
+from repro.prediction.transforms import Transforms
 
 NAME = "nav_msgs/msg/OccupancyGrid"
 ORIGIN, RESOLUTION_M = (-3.0, 7.0), 0.5
@@ -62,8 +64,23 @@ def test_a_message_survives_its_serialization(version):
     assert (again.header.frame_id, again.header.stamp.sec, again.header.stamp.nanosec) == ("odom", 12, 250_000_000)
 
 
-def test_the_heading_of_a_quaternion():
+@pytest.mark.parametrize("is_upside_down", [False, True])
+def test_the_beams_of_a_lidar_point_where_its_transform_says(is_upside_down):
+    """The point that a beam hits is compared with the rotation of its direction in space."""
     types = types_of(get_typestore(Stores.ROS2_HUMBLE))
-    for heading in np.linspace(-3, 3, 13):
-        turn = types["Quaternion"](0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
-        assert planar_pose(types["Point"](1.0, 2.0, 3.0), turn) == pytest.approx((1, 2, heading))
+    header = functools.partial(types["Header"], types["Time"](5, 0))
+    for heading in np.linspace(-3, 3, 7):
+        turn = Rotation.from_euler("z", heading) * Rotation.from_euler("x", math.pi if is_upside_down else 0)
+        moved = types["Transform"](types["Vector3"](1.0, 2.0, 3.0), types["Quaternion"](*turn.as_quat()))
+        transforms = Transforms()
+        stamped = types["TransformStamped"](header("map"), child_frame_id="laser", transform=moved)
+        add_transforms(transforms, types["TFMessage"]([stamped]))
+        limits = {"angle_min": -0.5, "angle_max": 1.0, "angle_increment": 0.5, "range_min": 0.0, "range_max": 30.0}
+        ranges = np.array([1, 2, 3, 4], np.float32)
+        rest = {"time_increment": 0.0, "scan_time": 0.1, "ranges": ranges, "intensities": ranges}
+        scan = log_scan(types["LaserScan"](header("laser"), **limits, **rest), transforms)
+        angles = scan.pose[2] + scan.first_angle + scan.spacing * np.arange(4)
+        found = np.array(scan.pose[:2]) + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        own = -0.5 + 0.5 * np.arange(4)
+        points = turn.apply(ranges[:, None] * np.stack([np.cos(own), np.sin(own), np.zeros(4)], axis=1))
+        assert found == pytest.approx(points[:, :2] + (1, 2))

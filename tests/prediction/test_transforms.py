@@ -4,8 +4,23 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from repro.prediction.transforms import Transforms
+from repro.prediction.transforms import Transforms as RigidTransforms
+from repro.prediction.transforms import without_transform
+
+
+class Transforms(RigidTransforms):
+    """Transforms with planar poses, x, y and heading."""
+
+    def add(self, child, parent, stamp, pose, *, is_static=False) -> None:
+        x, y, heading = pose
+        turn = (0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2))
+        super().add(child, parent, stamp, (x, y, 0.0), turn, is_static=is_static)
+
+    def pose_at(self, frame, stamp):
+        found = super().pose_at(frame, stamp)
+        return found and (found.x, found.y, found.heading)
 
 
 def matrix(pose) -> np.ndarray:
@@ -17,7 +32,7 @@ def test_a_chain_of_frames_is_composed():
     transforms = Transforms()
     chain = [("laser", "base", (0.2, 0.1, 3.0)), ("base", "odom", (4.0, -2.0, 1.2)), ("odom", "map", (-7.0, 3.0, -2.1))]
     for child, parent, pose in chain:
-        transforms.add(child, parent, 5.0, pose, is_static=True)
+        transforms.add(child, parent, 5.0, pose, is_static=child != "base")
     x, y, heading = transforms.pose_at("/laser", 8.0)
     expected = matrix(chain[2][2]) @ matrix(chain[1][2]) @ matrix(chain[0][2])
     assert matrix((x, y, heading)) == pytest.approx(expected)
@@ -48,24 +63,115 @@ def test_poses_are_known_near_others_only(stamp, is_known):
     assert (transforms.pose_at("base", stamp) is not None) == is_known
 
 
-def test_a_frame_that_nobody_places_is_at_the_frame_with_most_poses():
+def test_a_chain_is_composed_in_space():
+    """A robot on a slope, with a lidar on a mast that leans the other way."""
+    transforms, generator = RigidTransforms(), np.random.default_rng(0)
+    total = np.eye(4)
+    for child, parent in (("laser", "mast"), ("mast", "base"), ("base", "odom")):
+        turn, place = Rotation.from_euler("zyx", generator.uniform(-0.2, 0.2, 3)), generator.normal(size=3)
+        transforms.add(child, parent, 5.0, tuple(place), tuple(turn.as_quat()), is_static=child != "base")
+        edge = np.eye(4)
+        edge[:3, :3], edge[:3, 3] = turn.as_matrix(), place
+        total = edge @ total
+    found = transforms.pose_at("laser", 5.0)
+    assert (found.x, found.y) == pytest.approx(total[:2, 3])
+    assert found.heading == pytest.approx(math.atan2(total[1, 0], total[0, 0]))
+    assert not found.is_upside_down
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.5])
+def test_a_lidar_may_hang_upside_down(yaw):
+    transforms = RigidTransforms()
+    mount = Rotation.from_euler("z", yaw) * Rotation.from_euler("x", math.pi)
+    transforms.add("laser", "base_link", 0.0, (0.2, 0.0, 1.0), tuple(mount.as_quat()), is_static=True)
+    transforms.add("base_link", "odom", 1.0, (3.0, 0.0, 0.0), (0, 0, math.sqrt(0.5), math.sqrt(0.5)))
+    found = transforms.pose_at("laser", 1.0)
+    assert found.is_upside_down
+    assert (found.x, found.y, found.heading) == pytest.approx(
+        (3.0, 0.2, (yaw + math.pi / 2 + math.pi) % (2 * math.pi) - math.pi)
+    )
+
+
+def test_a_tilted_lidar_is_refused():
+    transforms = RigidTransforms()
+    optical = tuple(Rotation.from_euler("zyx", [-90, 0, -90], degrees=True).as_quat())
+    transforms.add("camera", "base_link", 0.0, (0.0, 0.0, 1.0), optical, is_static=True)
+    transforms.add("base_link", "odom", 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    with pytest.raises(ValueError, match="camera is tilted by 90 degrees: expected a horizontal lidar, within 30"):
+        transforms.pose_at("camera", 1.0)
+
+
+def test_without_poses_of_the_robot_there_is_no_pose():
+    """A tree with static transforms only tells where the lidar is mounted, not where the robot is."""
+    transforms = Transforms()
+    transforms.add("laser", "base_link", 0.0, (0.2, 0.0, 0.0), is_static=True)
+    assert transforms.pose_at("laser", 5.0) is None
+    assert not transforms.has_later("laser", 5.0)
+    transforms.add("base_link", "odom", 5.0, (1.0, 0.0, 0.0))
+    assert transforms.pose_at("laser", 5.0) == pytest.approx((1.2, 0, 0))
+
+
+def test_poses_in_a_second_parent_are_left_out():
+    transforms = Transforms()
+    for step in range(4):
+        transforms.add("base", "odom", step, (1.0 + step, 0.0, 0.0))
+        transforms.add("base", "odom_combined", step + 0.5, (90.0, 0.0, 0.0))
+    assert [transforms.pose_at("base", stamp)[0] for stamp in (0, 0.5, 1, 2.5)] == pytest.approx([1, 1.5, 2, 3.5])
+    assert list(transforms.left_out) == ["poses of base in odom_combined are left out: it has poses in odom"]
+    transforms.forget()
+    transforms.add("base", "odom_combined", 0.0, (90.0, 0.0, 0.0))
+    assert transforms.pose_at("base", 0.0) == pytest.approx((90, 0, 0))
+
+
+@pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, math.nan, 1.0)])
+def test_poses_without_a_rotation_are_left_out(rotation):
+    transforms = RigidTransforms()
+    transforms.add("base", "odom", 0.0, (1.0, 0.0, 0.0), rotation)
+    assert transforms.pose_at("base", 0.0) is None
+    (message,) = transforms.left_out
+    assert "poses of base are left out" in message
+
+
+def test_poses_that_change_replace_a_static_one():
+    transforms = Transforms()
+    transforms.add("base", "odom", 0.0, (9.0, 0.0, 0.0), is_static=True)
+    for stamp in (5.0, 6.0):
+        transforms.add("base", "odom", stamp, (stamp, 0.0, 0.0))
+    transforms.add("base", "odom", 0.0, (9.0, 0.0, 0.0), is_static=True)
+    assert transforms.pose_at("base", 5.5) == pytest.approx((5.5, 0, 0))
+
+
+def test_a_frame_that_nobody_places_is_at_the_only_frame_that_moves():
     transforms = Transforms()
     assert transforms.pose_at("laser", 1.0) is None
-    transforms.add("arm", "base", 1.0, (9.0, 9.0, 0.0), is_static=True)
+    transforms.add("arm", "robot", 1.0, (9.0, 9.0, 0.0), is_static=True)
     for stamp in (1.0, 2.0):
-        transforms.add("base", "odom", stamp, (stamp, 0.0, 0.0))
+        transforms.add("robot", "odom", stamp, (stamp, 0.0, 0.0))
     assert transforms.pose_at("laser", 1.5) == pytest.approx((1.5, 0, 0))
     assert "laser" not in transforms
-    assert "/base" in transforms
+    assert "/robot" in transforms
+    transforms.add("wheel", "robot", 1.0, (0.0, 0.0, 0.0))
+    assert transforms.pose_at("laser", 1.5) is None, "it could be on the wheel"
+    assert "its scans have no poses" in without_transform("laser", transforms.base_of("laser"))
 
 
 def test_a_frame_that_nobody_places_is_at_the_robot_and_not_on_a_wheel():
     transforms = Transforms()
     for number in range(10):
-        transforms.add("wheel", "base_link", 0.1 * number, (0.2, 0.3, 5.0 * number))
+        transforms.add("r1/wheel", "r1/base_link", 0.1 * number, (0.2, 0.3, 5.0 * number))
     for number in range(3):
-        transforms.add("base_link", "odom", 0.5 * number, (1.0, 2.0, 0.1))
+        transforms.add("r1/base_link", "odom", 0.5 * number, (1.0, 2.0, 0.1))
+    assert transforms.pose_at("r1/laser", 0.5) == pytest.approx((1.0, 2.0, 0.1))
     assert transforms.pose_at("laser", 0.5) == pytest.approx((1.0, 2.0, 0.1))
+    assert "of the robot, r1/base_link" in without_transform("laser", transforms.base_of("laser"))
+
+
+def test_of_several_robots_the_lidar_is_on_that_of_its_namespace():
+    transforms = Transforms()
+    for name, x in (("r1", 1.0), ("r2", 2.0)):
+        transforms.add(f"{name}/base_link", "map", 0.0, (x, 0.0, 0.0))
+    assert transforms.pose_at("r2/laser", 0.0) == pytest.approx((2, 0, 0))
+    assert transforms.pose_at("laser", 0.0) is None
 
 
 def test_a_cycle_ends():
@@ -78,7 +184,6 @@ def test_a_cycle_ends():
 def test_a_pose_is_final_once_a_later_one_is_known():
     transforms = Transforms()
     transforms.add("laser", "base", 0.0, (0.2, 0.0, 0.0), is_static=True)
-    assert transforms.has_later("laser", 5.0)
     transforms.add("base", "odom", 6.0, (0.0, 0.0, 0.0))
     assert not transforms.has_later("laser", 5.0), "one pose could be a static transform"
     transforms.add("base", "odom", 7.0, (0.0, 0.0, 0.0))

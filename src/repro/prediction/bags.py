@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from repro.prediction.logs import LogScan
 from repro.prediction.ros import add_odometry, add_transforms, log_scan
-from repro.prediction.transforms import Transforms, lidar_at_base
+from repro.prediction.transforms import Transforms, without_transform
 
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -23,7 +23,7 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
 
     The pose is composed of the transforms from the frame of the scan up to the last parent, usually `map` or `odom`,
     and interpolated in time; odometry stands in where there is no transform. A lidar whose frame has no transform is
-    reported once; see `Transforms.pose_at`.
+    reported once; see `Transforms.base_of`.
 
     Args:
         path: the file, or the directory of a ROS 2 bag.
@@ -41,13 +41,13 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
             ) as bag:
                 scans = _topic(bag, path, [LASER], scan_topic)
                 transforms = _transforms(bag, path, odometry_topic)
-                without_transform: set[str] = set()
+                reported: set[str] = set()
                 for connection, _, raw in bag.messages([c for c in bag.connections if c.topic == scans]):
                     message: Any = bag.deserialize(raw, connection.msgtype)
                     frame = message.header.frame_id
-                    if frame not in transforms and frame not in without_transform:
-                        without_transform.add(frame)
-                        print(f"{path}: {lidar_at_base(frame)}", flush=True)
+                    if frame not in transforms and frame not in reported:
+                        reported.add(frame)
+                        print(f"{path}: {without_transform(frame, transforms.base_of(frame))}", flush=True)
                     yield log_scan(message, transforms)
         except ValueError:
             raise
@@ -92,8 +92,12 @@ def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Trans
         for connection, _, raw in bag.messages([c for c in bag.connections if c.topic == topic]):
             add_odometry(moving, bag.deserialize(raw, connection.msgtype))
     transforms.edges = moving.edges | transforms.edges
-    if not transforms.edges:
-        raise ValueError(f"{path}: no poses: it has neither transforms nor odometry; its topics are {list(bag.topics)}")
+    if all(edge.is_static for edge in transforms.edges.values()):
+        raise ValueError(
+            f"{path}: no poses: it has neither transforms that change nor odometry; its topics are {list(bag.topics)}"
+        )
+    for message in (*transforms.left_out, *moving.left_out):
+        print(f"{path}: {message}", flush=True)
     return transforms
 
 

@@ -18,7 +18,7 @@ from repro.prediction.logs import (
     why_unusable,
 )
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
-from repro.prediction.transforms import MAX_GAP_S, Transforms, lidar_at_base
+from repro.prediction.transforms import MAX_GAP_S, Transforms, without_transform
 
 if TYPE_CHECKING:
     from repro.networks.predictor import Predictor
@@ -73,8 +73,10 @@ class LiveMapper:
         self.transforms = Transforms(KEEP_S)
         self.waiting: deque[Any] = deque()
         self.without_transform: set[str] = set()  # frames of scans that nobody places
+        self.reported: set[str] = set()  # messages about poses that cannot be used
         self.newest_s = -np.inf  # time of the newest message
         self.first: LogScan | None = None
+        self.root: str | None = None  # frame of the poses in the stream
         self.last_s = -np.inf  # time of the last scan in the stream
         self.lock = threading.Lock()
 
@@ -93,6 +95,7 @@ class LiveMapper:
         """Take a TFMessage."""
         with self.lock:
             add_transforms(self.transforms, message, is_static=is_static)
+            self._report()
             stamps = [] if is_static else [seconds(each.header.stamp) for each in message.transforms]
             self._predict(max(stamps, default=-np.inf))
 
@@ -100,7 +103,14 @@ class LiveMapper:
         """Take an Odometry message."""
         with self.lock:
             add_odometry(self.transforms, message)
+            self._report()
             self._predict(seconds(message.header.stamp))
+
+    def _report(self) -> None:
+        """Warn once of every kind of poses that cannot be used."""
+        for message in self.transforms.left_out.keys() - self.reported:
+            self.reported.add(message)
+            self.warn(message)
 
     def _restart(self) -> None:
         """Forget all scans and poses, as the stream does with its scans; static transforms stay."""
@@ -120,12 +130,16 @@ class LiveMapper:
                 return
             if is_late and not is_placed:
                 self.without_transform.add(frame)
-                self.warn(lidar_at_base(frame))
+                self.warn(without_transform(frame, self.transforms.base_of(frame)))
             self._update(self.waiting.popleft())
 
     def _update(self, message: Any) -> None:
-        scan = log_scan(message, self.transforms)
         try:
+            scan = log_scan(message, self.transforms)
+            root = self.transforms.root(message.header.frame_id)
+            if self.first is not None and scan.pose is not None and root != self.root:
+                self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")
+                self.first = None
             if self.first is None:
                 check_beams(scan, "scan")
             reason = why_unusable(scan, self.first, self.last_s)
@@ -134,11 +148,12 @@ class LiveMapper:
             if scan.stamp - self.last_s < self.step_s / 2:  # more scans than a window has steps
                 return
             predicted = self._map(scan)
+            self.root = root
         except ValueError as error:
             self.warn(str(error))
             return
         if predicted is not None:
-            self.publish(message.header, self.transforms.root(message.header.frame_id), predicted)
+            self.publish(message.header, root, predicted)
 
     def _map(self, scan: LogScan) -> StreamMap | None:
         angles = scan.first_angle + scan.spacing * np.arange(len(scan.ranges))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from repro.prediction.logs import LogScan
-from repro.prediction.transforms import Pose, Transforms
+from repro.prediction.transforms import Transforms
 
 if TYPE_CHECKING:
     from repro.prediction.stream import StreamMap
@@ -24,24 +23,21 @@ def seconds(stamp: Any) -> float:
     return float(stamp.secs) + 1e-9 * float(stamp.nsecs)  # of rospy
 
 
-def planar_pose(position: Any, rotation: Any) -> Pose:
-    """Return x, y and the heading of a position and a quaternion."""
-    x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
-    return position.x, position.y, math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
 def add_transforms(transforms: Transforms, message: Any, *, is_static: bool = False) -> None:
     """Add the transforms of a TFMessage."""
     for each in message.transforms:
-        pose = planar_pose(each.transform.translation, each.transform.rotation)
-        stamp = seconds(each.header.stamp)
-        transforms.add(each.child_frame_id, each.header.frame_id, stamp, pose, is_static=is_static)
+        _add(transforms, each, each.transform.translation, each.transform.rotation, is_static=is_static)
 
 
 def add_odometry(transforms: Transforms, message: Any) -> None:
     """Add the pose of an Odometry message."""
-    pose = planar_pose(message.pose.pose.position, message.pose.pose.orientation)
-    transforms.add(message.child_frame_id, message.header.frame_id, seconds(message.header.stamp), pose)
+    _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation)
+
+
+def _add(transforms: Transforms, message: Any, place: Any, turn: Any, *, is_static: bool = False) -> None:
+    position, quaternion = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+    stamp, parent = seconds(message.header.stamp), message.header.frame_id
+    transforms.add(message.child_frame_id, parent, stamp, position, quaternion, is_static=is_static)
 
 
 def middle_of(message: Any) -> float:
@@ -51,15 +47,23 @@ def middle_of(message: Any) -> float:
 
 
 def log_scan(message: Any, transforms: Transforms) -> LogScan:
-    """Convert a LaserScan, with the pose of its frame in the middle of the scan."""
+    """Convert a LaserScan, with the pose of its frame in the middle of the scan.
+
+    The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
+
+    Raises:
+        ValueError: the lidar is tilted.
+    """
+    placed = transforms.pose_at(message.header.frame_id, middle_of(message))
+    sense = -1 if placed and placed.is_upside_down else 1
     return LogScan(
         stamp=seconds(message.header.stamp),
         ranges=np.asarray(message.ranges, dtype=np.float32),
-        first_angle=float(message.angle_min),
-        spacing=float(message.angle_increment),
+        first_angle=sense * float(message.angle_min),
+        spacing=sense * float(message.angle_increment),
         range_min_m=float(message.range_min),
         range_max_m=float(message.range_max),
-        pose=transforms.pose_at(message.header.frame_id, middle_of(message)),
+        pose=(placed.x, placed.y, placed.heading) if placed else None,
     )
 
 
