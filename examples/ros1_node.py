@@ -2,7 +2,7 @@
 
 PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan _center:=25,25
 
-Topics: scan, /tf and /tf_static or odom; map. Parameters: ~weights, ~odometry (true reads odom instead of tf), ~center
+Topics: scan, /tf_static, /tf or odom; map. Parameters: ~weights, ~odometry (true reads odom instead of tf), ~center
 (robot, or x,y in the frame of the poses [m]), ~steps, ~step_s, ~undecided (low,high: probabilities of an obstacle
 between these are unknown, -1). Debian 12 has ROS 1 for Python 3.11: apt install ros-core python3-rospy.
 """
@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from repro.networks.predictor import load_predictor
-from repro.prediction.live import LiveMapper, pair
+from repro.prediction.live import MAX_WAITING, LiveMapper, pair
 from repro.prediction.ros import grid_message, occupancy
 
 WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"
@@ -48,8 +48,8 @@ def main() -> None:
         rospy.Subscriber("odom", Odometry, mapper.add_odometry)
     else:
         rospy.Subscriber("/tf", TFMessage, mapper.add_transforms)
-        rospy.Subscriber("/tf_static", TFMessage, lambda message: mapper.add_transforms(message, is_static=True))
-    rospy.Subscriber("scan", LaserScan, mapper.add_scan)
+    rospy.Subscriber("/tf_static", TFMessage, lambda message: mapper.add_transforms(message, is_static=True))
+    rospy.Subscriber("scan", LaserScan, mapper.add_scan, queue_size=MAX_WAITING)
     rospy.loginfo("waiting for scans on %s", rospy.resolve_name("scan"))
     rospy.spin()
 

@@ -2,7 +2,7 @@
 
 python3 examples/ros2_node.py --ros-args -r scan:=/base_scan -p center:=25,25
 
-Topics: scan, /tf and /tf_static or odom; map. Parameters: weights, odometry (true reads odom instead of tf), center
+Topics: scan, /tf_static, /tf or odom; map. Parameters: weights, odometry (true reads odom instead of tf), center
 (robot, or x,y in the frame of the poses [m]), steps, step_s, undecided (low,high: probabilities of an obstacle between
 these are unknown, -1). Python must find both ROS 2 and this project.
 """
@@ -49,11 +49,11 @@ class MapPrediction(Node):
         if self.value("odometry", False):
             self.create_subscription(Odometry, "odom", mapper.add_odometry, 100)
         else:
-            static = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             self.create_subscription(TFMessage, "/tf", mapper.add_transforms, 100)
-            self.create_subscription(
-                TFMessage, "/tf_static", lambda message: mapper.add_transforms(message, is_static=True), static
-            )
+        static = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(
+            TFMessage, "/tf_static", lambda message: mapper.add_transforms(message, is_static=True), static
+        )
         self.create_subscription(LaserScan, "scan", mapper.add_scan, qos_profile_sensor_data)
 
     def value(self, name, default):

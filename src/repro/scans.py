@@ -40,7 +40,7 @@ class Scans:
             and ranges[-1:] == angles
             and poses == (*ranges[:-1], 3)
         )
-        if not agree or len(ranges) not in (2, 3) or min(ranges) == 0:
+        if not agree:
             raise ValueError(
                 "expected ranges (B, T, N), angles (N,), poses (B, T, 3), none of them empty, "
                 "or ranges and poses without B, got "
@@ -81,6 +81,6 @@ def _check_array(name: str, array: Any) -> None:
     if not hasattr(array, "shape") or not hasattr(array, "dtype"):
         raise ValueError(f"{name}: expected an array or a tensor, got {type(array).__name__}")
     if isinstance(array, np.ma.MaskedArray):
-        raise ValueError(f"{name}: expected a plain array, got a masked one: set masked ranges to inf, for a miss")
+        raise ValueError(f"{name}: expected a plain array, got a masked one: set invalid ranges to NaN, misses to inf")
     if isinstance(array, np.ndarray) and array.dtype.kind not in "fiu":
         raise ValueError(f"{name}: expected real numbers, got {array.dtype}")

@@ -8,7 +8,7 @@ import torch
 from conftest import ROOT
 from onnx import TensorProto, helper, numpy_helper
 
-from repro.config import paper_model
+from repro.config import paper_model, read_world
 from repro.demo import networks, page
 from repro.demo.runtime import Runtime
 from repro.maps.encodings import create_encoding
@@ -89,9 +89,27 @@ def test_modules_come_after_those_they_import():
 def test_a_page_that_is_too_large_is_refused():
     large = networks.DemoNetwork("Large", "", "4", {}, Grid(32, 50.0), np.random.default_rng(0).bytes(20_000_000))
     spec = {"world": {"step_time": 0.1}, "robot": {"sensors": [{"number": 100, "range_max": 30}]}, "experiments": {}}
-    spec["experiments"]["4"] = {"motion": {"name": "rotate"}, "obstacles": {}}
+    spec["experiments"]["4"] = {"motion": {"name": "rotate"}, "obstacles": {"count": [1, 2]}}
     with pytest.raises(ValueError, match=r"has 26.* MB, at most 25 are allowed.*Large 20.0 MB"):
         page.render([large], Runtime("", b""), spec, 100)
+
+
+@pytest.mark.parametrize(
+    ("world", "changes", "problem"),
+    [
+        ("drive", {}, "the motion random_goals"),
+        ("office", {"motion": {"name": "square"}}, "fixed obstacles"),
+        ("office", {"motion": {"name": "rotate"}, "fixed": []}, "several kinds of obstacles"),
+        ("paper", {"obstacles": {"shapes": [], "count": [1, 2]}}, "shapes other than discs"),
+    ],
+)
+def test_a_world_that_the_page_cannot_simulate_is_refused(world, changes, problem):
+    spec = read_world(ROOT / "conf" / "world" / f"{world}.yaml")
+    for experiment in spec["experiments"].values():
+        experiment.update(changes)
+    network = networks.DemoNetwork("Net", "", None, {}, Grid(32, 50.0), b"")
+    with pytest.raises(ValueError, match=f"cannot simulate experiment .*, which has {problem}.*: use world=paper"):
+        page.render([network], Runtime("", b""), spec, 100)
 
 
 def test_the_assets_are_installed_with_the_package():

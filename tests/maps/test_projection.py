@@ -73,6 +73,11 @@ def test_gray_falls_linearly_from_the_oldest_to_the_newest():
     assert shades.tolist() == pytest.approx([255 * 0.9 * (1 - k / 9) for k in range(10)], abs=0.51)
 
 
+def test_the_newest_hit_is_black_in_a_window_of_any_length():
+    for steps in (1, 2, 7):
+        assert project(one_beam([10.0] * steps), Grid(50, 50.0), oldest_gray=0.8).min() == 0
+
+
 def test_without_decay_every_hit_is_black():
     image = project(one_beam([5.0, 10.0, torch.inf, 20.0]), Grid(50, 50.0), decay=False)
     assert sorted(image.unique().tolist()) == [0, 255]

@@ -1,9 +1,11 @@
+import json
+
 import pytest
 import segmentation_models_pytorch as smp
 import torch
 
 from repro.config import NETWORKS, Model, paper_model
-from repro.networks.create import OWN_ARCHITECTURES, create_network
+from repro.networks.create import OWN_ARCHITECTURES, create_network, load_network
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
@@ -41,6 +43,16 @@ def test_unknown_architecture_lists_the_known_ones():
     with pytest.raises(ValueError, match=r"model\.architecture=resnet: must be one of") as caught:
         create_network(paper_model("resnet"))
     assert all(name in str(caught.value) for name in (*NETWORKS, *OWN_ARCHITECTURES))
+
+
+def test_a_network_that_began_with_pretrained_weights_is_loaded_without_them(tmp_path, monkeypatch):
+    """Its config.json names them; the weights of the training replace them, so nothing is downloaded."""
+    create_network(paper_model("segformer")).save_pretrained(tmp_path)
+    config = json.loads((tmp_path / "config.json").read_text())
+    (tmp_path / "config.json").write_text(json.dumps({**config, "encoder_weights": "imagenet"}))
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+    network = load_network(tmp_path, "smp")
+    assert all(torch.isfinite(weights).all() for weights in network.state_dict().values())
 
 
 def test_encoder_weights_that_cannot_be_loaded_are_reported_with_a_fix(monkeypatch):

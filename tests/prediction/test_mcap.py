@@ -1,10 +1,12 @@
 """MCAP files, read by Foxglove's reader and by ours."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mcap_ros2.reader import read_ros2_messages
 
-from repro.prediction.logs import ScanLog
+from repro.prediction.logs import ScanLog, in_order
 from repro.prediction.mcap import write_mcap
 from repro.prediction.readers import read_log
 from repro.prediction.ros import occupancy
@@ -53,6 +55,15 @@ def test_foxglove_reads_the_messages(path):
         assert list(grid.data) == occupancy(expected.free).tolist()
         assert (grid.info.origin.position.x, grid.info.origin.position.y) == expected.origin
         assert grid.header.frame_id == "map"
+
+
+def test_scans_that_are_cropped_or_clockwise_are_written(tmp_path):
+    angles, ranges = in_order(LOG.angles[::-1], LOG.ranges)
+    log = replace(LOG, angles=angles, ranges=ranges).crop(1.0)
+    write_mcap(tmp_path / "log.mcap", log, iter(MAPS), 30.0)
+    again = read_log(tmp_path / "log.mcap", 0.05)
+    assert np.array_equal(again.ranges, log.ranges)
+    assert again.angles == pytest.approx(log.angles, abs=1e-6)
 
 
 def test_our_reader_reads_the_log_again(path):

@@ -12,7 +12,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from repro.prediction.logs import ScanLog
+from repro.prediction.logs import LogScan, ScanLog, valid_ranges
 from repro.prediction.readers import read_log
 
 SCANS, BEAMS = 30, 181
@@ -204,6 +204,20 @@ def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason,
     assert len(log) == SCANS - 1
 
 
+def test_scans_without_beams_are_skipped_and_counted(tmp_path):
+    """As some drivers send them before the lidar turns."""
+    lines = [flaser(each) for each in range(SCANS)]
+    lines[0] = flaser(0, [])
+    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    assert log.skipped == {"without beams": 1}
+
+
+def test_a_reading_at_the_minimum_is_valid():
+    """In the words of LaserScan, values below range_min or above range_max are to be discarded."""
+    scan = LogScan(0.0, np.float32([0.05, 0.1, 0.2, 30.0]), 0.0, 0.1, np.float32(0.1), 30.0, (0, 0, 0))
+    assert np.array_equal(valid_ranges(scan), np.float32([np.nan, 0.1, 0.2, np.inf]), equal_nan=True)
+
+
 def test_times_of_six_digits_are_an_error(tmp_path):
     """As in CARMEN logs written with %g: 1.01893e+09."""
     lines = [flaser(each).replace(f"{STAMPS[each]:.6f}", f"{1e9 + 1e4 * (each > 9):g}") for each in range(SCANS)]
@@ -284,7 +298,10 @@ NO_LOGS = {
         "expected scans of 2 to 100000 beams",
     ),
     "a short line": (lambda path: write_lines(path, [flaser(0)[:300]]), "line 3 is no FLASER line"),
-    "no readings": (lambda path: write_lines(path, ["FLASER 0 0 0 0 0 0 0 1.0 robot 1.0"]), "beams, got 0"),
+    "no readings": (
+        lambda path: write_lines(path, ["FLASER 0 0 0 0 0 0 0 1.0 robot 1.0"]),
+        "0 scans can be used .1 without beams",
+    ),
     "words": (lambda path: write_lines(path, ["FLASER two 1 2 3"]), "line 3 is no FLASER line"),
 }
 

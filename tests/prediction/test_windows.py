@@ -43,17 +43,35 @@ def test_the_map_is_centered_as_asked(center, origins):
         )
 
 
-def test_a_window_with_a_gap_is_left_out_with_its_reason():
-    stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(5, 7, 0.1)])
+def test_a_gap_divides_a_log():
+    stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(3, 3.5, 0.1), np.arange(5000.05, 5001.6, 0.1)])
     found = list(cut(log_of(stamps), **OPTIONS))
-    assert any("no scan for" in each for each in found if isinstance(each, str))
-    for window in (each for each in found if isinstance(each, Window)):
-        assert not 2.6 < window.stamp < 5.4
+    windows = [each for each in found if isinstance(each, Window)]
+    assert [window.number for window in windows] == [1, 2, 3, 4, 5]
+    assert [window.stamp for window in windows] == pytest.approx([0.9, 1.4, 1.9, 5000.95, 5001.45])
+    assert windows[2].following is None, "the scan after the gap is not the next one"
+    assert windows[3].following.ranges[0, 0] == pytest.approx(5001.05)
+    assert windows[3].scans.ranges[:, 0] == pytest.approx(np.arange(5000.05, 5001, 0.1))
+    assert [each for each in found if isinstance(each, str)] == [
+        "no scans for 1.1 s before 3.00 s",
+        "0.4 s of scans from 3.00 s, a window takes 0.9 s",
+        "no scans for 4996.7 s before 5000.05 s",
+    ]
+
+
+@pytest.mark.parametrize("stamps", [[0.0, *(1.7e9 + 0.1 * np.arange(20))], [*(0.1 * np.arange(20)), 1e9]])
+def test_a_wrong_time_costs_only_its_own_scan(stamps):
+    """A clock that is set after the first scan, or one time from far in the future."""
+    found = list(cut(log_of(np.array(stamps)), **OPTIONS))
+    assert sum(isinstance(each, Window) for each in found) == 3
+    assert len(found) == 5
 
 
 def test_a_short_log_is_refused():
     with pytest.raises(ValueError, match=r"the log has 0.5 s of scans, a window of 10 steps takes 0.9 s"):
         list(cut(log_of(np.arange(0, 0.55, 0.1)), **OPTIONS))
+    with pytest.raises(ValueError, match=r"the log has 0.5 s of scans without a gap, a window of 10 steps"):
+        list(cut(log_of(np.concatenate([np.arange(0, 0.55, 0.1), np.arange(3, 3.45, 0.1)])), **OPTIONS))
 
 
 def test_headings_are_within_half_a_turn():

@@ -60,6 +60,29 @@ def test_new_runs_are_added_and_published_ones_stay(published, later):
     assert "ConvGRU, series10" in (target / "README.md").read_text()
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"learning_rate": 0.5}, "unet was trained with different settings: .*0.001.* and .*0.5"),
+        ({"scale": "workstation"}, "the published runs have laptop as scale, the new runs workstation"),
+    ],
+)
+def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_path):
+    other = Outputs(tmp_path / "other" / "laptop")
+    fake_run(other.path, "3", "unet", 0.6, seed=1, **changes)
+    with pytest.raises(ValueError, match=message):
+        add_to_published(other, published, "laptop")
+
+
+def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch):
+    other = Outputs(tmp_path / "other" / "laptop")
+    run = fake_run(other.path, "3", "unet", 0.6, seed=1)
+    text = (run.path / "provenance.json").read_text()
+    (run.path / "provenance.json").write_text(text.replace("hash of recordings", "another hash"))
+    with pytest.raises(ValueError, match="seed1 has other recordings than the published runs of experiment 3"):
+        add_to_published(other, published, "laptop")
+
+
 def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
     for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
         run = later.run(key)
@@ -123,7 +146,7 @@ def test_a_second_addition_of_the_same_runs_is_refused(published, later):
 
 def test_runs_of_another_size_are_not_added(published, tmp_path):
     fake_run(tmp_path / "other" / "laptop", "3", "convgru", 0.7, encoding=SERIES, size_px=64)
-    with pytest.raises(ValueError, match=r"the published runs have \[32\] px, the new runs \[64\]"):
+    with pytest.raises(ValueError, match=r"the published runs have 32 px, the new runs 64"):
         add_to_published(Outputs(tmp_path / "other" / "laptop"), published, "laptop")
 
 

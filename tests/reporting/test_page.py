@@ -9,7 +9,9 @@ import pytest
 from conftest import ROOT
 
 from repro.baselines.names import BASELINES
+from repro.evaluation.samples import load_samples
 from repro.reporting.claims import read_claims
+from repro.runs.directories import Outputs
 
 pytestmark = pytest.mark.slow
 
@@ -36,6 +38,14 @@ def outputs(tmp_path_factory):
     for task in ("generalization", "report", "analysis"):
         call(outputs, f"task={task}")
     return outputs
+
+
+def test_an_input_of_several_images_is_shown_as_the_projection(outputs):
+    runs = [run for run in Outputs(outputs).runs() if run.config().encoding]
+    samples = load_samples(Outputs(outputs), runs[0].config().experiment, runs)
+    for sample in samples:
+        assert sample["inputs"]["observed_free"] == sample["inputs"]["projection"]
+        assert sample["inputs"]["projection-no-decay"] != sample["inputs"]["projection"]
 
 
 @pytest.fixture(scope="module")

@@ -151,7 +151,7 @@ def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
     fake_study(tmp_path / "laptop")
     with pytest.raises(ValueError, match=r"some runs were made with uncommitted code; publish\.force=true"):
         publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
-    assert not (tmp_path / "results").exists()
+    assert not (tmp_path / "results" / "laptop").exists()
 
 
 def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):

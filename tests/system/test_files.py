@@ -1,12 +1,23 @@
 import errno
 import fcntl
 import multiprocessing
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from repro.system.files import lock, read_mapping, read_table, replacing, sha256, write_json, write_text
+from repro.system.files import (
+    clear_leftovers,
+    lock,
+    read_mapping,
+    read_table,
+    replacing,
+    sha256,
+    write_json,
+    write_text,
+)
 
 
 def _write_often(path: Path, word: str, errors) -> None:
@@ -43,6 +54,38 @@ def test_a_failed_write_leaves_the_previous_file(tmp_path):
         write_half()
     assert (tmp_path / "file").read_text() == "whole"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_directory_that_was_being_replaced_is_moved_back(tmp_path):
+    """The process is killed between the two moves: nothing has the name of the directory."""
+    target = tmp_path / "results"
+    target.mkdir()
+    (target / "old").touch()
+    code = f"""
+import os
+from pathlib import Path
+from repro.system import files
+replace = os.replace
+def replace_once(*paths):
+    replace(*paths)
+    os._exit(9)
+os.replace = replace_once
+with files.replacing_directory(Path({str(target)!r})) as new:
+    (new / "new").touch()
+"""
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 9
+    assert not target.exists()
+    clear_leftovers(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+    assert [path.name for path in target.iterdir()] == ["old"]
+
+
+def test_a_directory_that_was_replaced_is_deleted(tmp_path):
+    (tmp_path / "results").mkdir()
+    (tmp_path / f"results.{'0' * 32}.old.tmp").mkdir()
+    (tmp_path / f"results.{'1' * 32}.tmp").mkdir()
+    clear_leftovers(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
 
 def _count_under_lock(directory: Path, without_flock: bool) -> None:

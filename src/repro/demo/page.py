@@ -36,8 +36,9 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], 
         steps: steps of a window, T.
 
     Raises:
-        ValueError: the page is larger than 25 MB.
+        ValueError: the page cannot simulate the worlds, or is larger than 25 MB.
     """
+    _check_worlds(spec)
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
     lidar = spec["robot"]["sensors"][0]
     motions = {each["motion"]["name"]: each["motion"] for each in spec["experiments"].values()}
@@ -72,6 +73,23 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], 
             f"networks with demo.networks= (now {sizes})"
         )
     return page
+
+
+def _check_worlds(spec: dict[str, Any]) -> None:
+    """Check that world.js and motions.js can simulate the experiments: one kind of obstacles, the paper's motions."""
+    for name, experiment in spec["experiments"].items():
+        motion, obstacles = experiment["motion"]["name"], experiment["obstacles"]
+        if motion not in MOTIONS:
+            problem = f"the motion {motion}, expected {' or '.join(MOTIONS)}"
+        elif experiment.get("fixed"):
+            problem = "fixed obstacles"
+        elif not isinstance(obstacles, dict) or "count" not in obstacles:
+            problem = "several kinds of obstacles"
+        elif "shapes" in obstacles:
+            problem = "shapes other than discs and rectangles"
+        else:
+            continue
+        raise ValueError(f"the demo cannot simulate experiment {name}, which has {problem}: use world=paper")
 
 
 def link_modules(runtime: Runtime) -> dict[str, str]:

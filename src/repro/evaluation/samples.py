@@ -5,11 +5,11 @@ import io
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image
 
 from repro.evaluation.evaluate import read_quantized
 from repro.maps.datasets import encoding_of, grid_of, true_maps
+from repro.maps.projection import Projection
 from repro.recordings.reader import read_shards
 from repro.runs.directories import Outputs, Run
 
@@ -27,10 +27,12 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int 
 
     Returns:
         for each recording: `index`, its index in the split; `truth`, the true map; `inputs`, the image of each encoding
-        by its label; `predictions`, the probability of free by the path of each run. Images are PNG in base64.
+        by its label, the paper's projection for one with several images; `predictions`, the probability of free by the
+        path of each run. Images are PNG in base64.
     """
     shard = next(read_shards(outputs.recordings(experiment), "test"))
     chosen = np.arange(0, len(shard.scans), 2)[:count]
+    scans = shard.scans[: 2 * count : 2].tensors()
     grid = grid_of(runs[0].config())
     truth = true_maps(shard, grid).numpy()[chosen] * 255
     inputs, predictions = {}, {}
@@ -38,8 +40,9 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int 
         config = run.config()
         predictions[str(run.path.relative_to(outputs.path))] = read_quantized(run)[chosen]
         if config.encoding and config.encoding.label not in inputs:
-            images = encoding_of(config).encode(shard.scans.tensors(), grid)
-            inputs[config.encoding.label] = images[torch.as_tensor(chosen), -1].numpy()
+            encoding = encoding_of(config)
+            shown = encoding if encoding.channels == 1 else Projection()
+            inputs[config.encoding.label] = shown.encode(scans, grid)[:, 0].numpy()
     return [
         {
             "index": int(index),

@@ -66,7 +66,7 @@ class Projection:
 
     def _law(self, steps: int) -> Tensor:
         """Return the gray of each step in [0, 1], from the oldest to the newest, (T,)."""
-        return torch.linspace(self.oldest_gray, 0, steps)
+        return torch.linspace(0, self.oldest_gray, steps).flip(0)
 
 
 def newest_hits(scans: Scans, grid: Grid) -> Tensor:

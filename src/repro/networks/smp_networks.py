@@ -86,10 +86,13 @@ def create_smp_network(architecture: str, model: Model, in_channels: int) -> Any
 def load_smp_network(directory: Path) -> Any:
     """Load a network of smp that ends in logits; see `networks.create.load_network`.
 
+    The encoder is created without pretrained weights, which smp would otherwise download before it loads those of the
+    directory.
+
     Raises:
         ValueError: it has an activation.
     """
-    network = smp.from_pretrained(directory, strict=True)
+    network = smp.from_pretrained(directory, strict=True, encoder_weights=None)
     activations = [module for module in network.modules() if isinstance(module, Activation)]
     if any(not isinstance(module.activation, torch.nn.Identity) for module in activations):
         raise ValueError("the network must end in logits, without an activation")

@@ -140,7 +140,7 @@ class LiveMapper:
             if self.first is not None and scan.pose is not None and root != self.root:
                 self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")
                 self.first = None
-            if self.first is None:
+            if self.first is None and len(scan.ranges):
                 check_beams(scan, "scan")
             reason = why_unusable(scan, self.first, self.last_s)
             if reason:

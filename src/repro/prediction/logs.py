@@ -72,7 +72,7 @@ class ScanLog:
         if len(inside) < 2:
             raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
         inside = inside[np.argsort(ahead[inside])]
-        return replace(self, ranges=self.ranges[:, inside], angles=ahead[inside])
+        return replace(self, ranges=np.ascontiguousarray(self.ranges[:, inside]), angles=ahead[inside])
 
 
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
@@ -118,7 +118,7 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
     first: LogScan | None = None
     last = -math.inf
     for scan in scans:
-        if first is None:
+        if first is None and len(scan.ranges):
             check_beams(scan, str(path))
         reason = why_unusable(scan, first, last)
         if reason:
@@ -134,6 +134,8 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
         return "without a time"
     if scan.stamp <= last:
         return NOT_LATER
+    if not len(scan.ranges):
+        return "without beams"
     if scan.pose is None or not np.isfinite(scan.pose).all():
         return "without a pose"
     if first and len(scan.ranges) != len(first.ranges):
@@ -170,7 +172,7 @@ def valid_ranges(scan: LogScan) -> np.ndarray:
     on its way as free.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float32)
-    is_valid = ranges > max(scan.range_min_m, 0)  # false for NaN
+    is_valid = (ranges >= scan.range_min_m) & (ranges > 0)  # false for NaN
     return np.where(is_valid, np.where(ranges < scan.range_max_m, ranges, np.inf), np.nan).astype(np.float32)
 
 
@@ -193,4 +195,4 @@ def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.nda
         angles, ranges = angles[::-1], ranges[:, ::-1]
     count = int((angles < angles[0] + 2 * math.pi - 1e-6).sum())
     angles, ranges = angles[:count], ranges[:, :count]
-    return (angles - 2 * math.pi if angles[-1] > 2 * math.pi else angles.copy()), ranges
+    return (angles - 2 * math.pi if angles[-1] > 2 * math.pi else angles.copy()), np.ascontiguousarray(ranges)

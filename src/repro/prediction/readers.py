@@ -80,7 +80,7 @@ def _npz_scans(path: Path) -> Iterator[LogScan]:
                 raise ValueError(f"lacks {', '.join(missing)}")
             ranges, angles, poses, stamps = (np.asarray(content[name], dtype=float) for name in ARRAYS)
             range_max_m = float(content["range_max_m"]) if "range_max_m" in content else math.inf
-    except (ValueError, TypeError, OSError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+    except (ValueError, TypeError, OSError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise ValueError(f"{path}: cannot be read ({error}): expected {', '.join(ARRAYS)}") from error
     shapes = [array.shape for array in (ranges, angles, poses, stamps)]
     if ranges.ndim != 2 or shapes[1:] != [ranges.shape[1:], (len(ranges), 3), (len(ranges),)]:

@@ -36,7 +36,8 @@ def cut(
 ) -> Iterator[Window | str]:
     """Cut a log into windows, the last scan of each `stride_s` after that of the one before.
 
-    Each step takes the scan nearest in time.
+    Each step takes the scan nearest in time. A gap that no window can bridge divides the log: the first window after it
+    begins with the scan after the gap.
 
     Args:
         log: the log.
@@ -48,31 +49,48 @@ def cut(
         size_m: side of the map [m].
 
     Yields:
-        the windows, and for each one that cannot be used the reason.
+        the windows, and for each one that cannot be used, each gap and each part that is too short, the reason.
 
     Raises:
-        ValueError: the log is shorter than one window, or its scans are too rare for steps of `step_s`.
+        ValueError: no part of the log is as long as one window, or its scans are too rare for steps of `step_s`.
     """
-    length, duration = (steps - 1) * step_s, log.stamps[-1] - log.stamps[0]
-    if duration < length - step_s / 2:
-        raise ValueError(f"the log has {duration:.1f} s of scans, a window of {steps} steps takes {length:.1f} s")
-    between_s = float(np.median(np.diff(log.stamps)))
-    if between_s > 2 * MAX_AGE_STEPS * step_s:
+    length, longest_gap = (steps - 1) * step_s, 2 * MAX_AGE_STEPS * step_s
+    gaps = np.diff(log.stamps)
+    between_s = float(np.median(gaps))
+    if between_s > longest_gap:
         raise ValueError(
-            f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every "
-            f"{2 * MAX_AGE_STEPS * step_s:g} s: use prediction.step_s={between_s:.2g}"
+            f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "
+            f"use prediction.step_s={between_s:.2g}"
         )
-    ends = log.stamps[0] + length + stride_s * np.arange(int(max(duration - length, 0) / stride_s + 1e-6) + 1)
-    for number, end in enumerate(np.minimum(ends, log.stamps[-1]), 1):
-        try:
-            index = steps_before(log.stamps, end, steps=steps, step_s=step_s)
-        except ValueError as error:
-            yield str(error)
+    begins = np.flatnonzero(gaps > longest_gap + 1e-6) + 1
+    parts = np.split(log.stamps, begins)
+    longest = max(float(stamps[-1] - stamps[0]) for stamps in parts)
+    if longest < length - step_s / 2:
+        without = " without a gap" if len(parts) > 1 else ""
+        raise ValueError(
+            f"the log has {longest:.1f} s of scans{without}, a window of {steps} steps takes {length:.1f} s"
+        )
+    number = 0
+    for begin, stamps in zip((0, *begins), parts, strict=True):
+        if begin:
+            yield f"no scans for {gaps[begin - 1]:.1f} s before {stamps[0]:.2f} s"
+        duration = float(stamps[-1] - stamps[0])
+        if duration < length - step_s / 2:
+            yield f"{duration:.1f} s of scans from {stamps[0]:.2f} s, a window takes {length:.1f} s"
             continue
-        origin = _center(center, log, index[-1]) - size_m / 2
-        last = index[-1] + 1
-        following = _on_map(log, slice(last, last + 1), origin) if last < len(log) else None
-        yield Window(number, float(end), _on_map(log, index, origin), (float(origin[0]), float(origin[1])), following)
+        ends = stamps[0] + length + stride_s * np.arange(int(max(duration - length, 0) / stride_s + 1e-6) + 1)
+        for end in np.minimum(ends, stamps[-1]):
+            number += 1
+            try:
+                index = begin + steps_before(stamps, end, steps=steps, step_s=step_s)
+            except ValueError as error:
+                yield str(error)
+                continue
+            origin = _center(center, log, index[-1]) - size_m / 2
+            last = index[-1] + 1
+            following = _on_map(log, slice(last, last + 1), origin) if last < begin + len(stamps) else None
+            corner = (float(origin[0]), float(origin[1]))
+            yield Window(number, float(end), _on_map(log, index, origin), corner, following)
 
 
 def steps_before(stamps: np.ndarray, end: float, *, steps: int, step_s: float) -> np.ndarray:

@@ -4,7 +4,7 @@ import dataclasses
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pandas as pd
 
@@ -13,11 +13,12 @@ from repro.reporting.publish import published_page, write_histories, write_publi
 from repro.reporting.results import SIZES, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs
-from repro.runs.keys import CELL, KEY
+from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.provenance import Provenance
-from repro.system.files import lock, read_mapping, replacing_directory, write_json, write_text
+from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
 
 COMPARED = ("experiment", "comparison", "one", "other", "model", "encoding")  # columns that identify a difference
+Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
 TESTED = ("trained", "model", "encoding")  # columns that identify a network tested under changes
 
 
@@ -39,42 +40,72 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
         the published directory.
 
     Raises:
-        ValueError: there is nothing new, the runs are of another size or of uncommitted code, or nothing is published.
+        ValueError: there is nothing new, the runs are not comparable with the published ones or of uncommitted code, or
+            nothing is published.
     """
     target = results / outputs.path.name
-    published, found = read_published(target), read_results(outputs)
-    known = set(keys_of(published))
-    new = found[[key not in known for key in keys_of(found)]]
-    origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
-    _check(new, published, target)
-    if not force and any(str(step.get("commit", "")).endswith("+") for each in origins.values() for step in each.steps):
-        raise ValueError(
-            f"not added to {target}: some runs were made with uncommitted code; publish.force=true adds them anyway"
-        )
-    runs = pd.concat([published, new.drop(columns="training")], ignore_index=True).sort_values(KEY)
-    with lock(results), replacing_directory(target) as directory:
-        shutil.copytree(target, directory, dirs_exist_ok=True)
-        earlier = read_mapping(target / "provenance.json", f"{target} must be published again")
-        contents = {**earlier, **{path: dataclasses.asdict(origin) for path, origin in origins.items()}}
-        write_published_tables(runs, directory)
-        write_histories(outputs, keys_of(new), directory)
-        write_json(directory / "provenance.json", contents)
-        if outputs.analysis.is_dir() and (target / "analysis").is_dir():
-            _add_analysis(outputs.analysis, directory / "analysis", published)
-        every = {path: Provenance(**content) for path, content in contents.items()}
-        options = f"scale={scale}{overrides}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
-        page = published_page(target.name, options, runs, every, with_analysis=(target / "analysis").is_dir())
-        write_text(directory / "README.md", page)
+    found = read_results(outputs)
+    read_published(target)  # before a lock is created where nothing is published
+    with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
+        clear_leftovers(results)
+        published = read_published(target)
+        known = set(keys_of(published))
+        new = found[[key not in known for key in keys_of(found)]]
+        earlier = _read_origins(target)
+        origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
+        problem = _problem(new, published, origins, earlier, force=force)
+        if problem:
+            raise ValueError(f"{'not' if len(new) else 'nothing'} added to {target}: {problem}")
+        every = {**earlier, **origins}
+        runs = pd.concat([published, new], ignore_index=True).sort_values(KEY)
+        with replacing_directory(target) as directory:
+            shutil.copytree(target, directory, dirs_exist_ok=True)
+            write_published_tables(runs, directory)
+            write_histories(outputs, keys_of(new), directory)
+            contents = {path: dataclasses.asdict(origin) for path, origin in every.items()}
+            write_json(directory / "provenance.json", contents)
+            if outputs.analysis.is_dir() and (target / "analysis").is_dir():
+                _add_analysis(outputs.analysis, directory / "analysis", published)
+            options = f"scale={scale}{overrides}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
+            page = published_page(target.name, options, runs, every, with_analysis=(target / "analysis").is_dir())
+            write_text(directory / "README.md", page)
     return target
 
 
-def _check(new: pd.DataFrame, published: pd.DataFrame, target: Path) -> None:
+def _read_origins(target: Path) -> Origins:
+    contents = read_mapping(target / "provenance.json", f"{target} must be published again")
+    return {path: Provenance(**content) for path, content in contents.items()}
+
+
+def _problem(
+    new: pd.DataFrame, published: pd.DataFrame, origins: Origins, earlier: Origins, *, force: bool
+) -> str | None:
+    """Return why the new runs cannot share tables with the published ones; None if they can."""
     if new.empty:
-        raise ValueError(f"nothing to add to {target}: all evaluated runs are published")
-    for size, unit in SIZES.items():
-        now, then = (sorted({int(value) for value in rows[size].dropna()}) for rows in (new, published))
+        return "all evaluated runs are published"
+    for fact, words in {**SIZES, "scale": "as scale"}.items():
+        now, then = (sorted(set(rows[fact].dropna())) for rows in (new, published))
         if not set(now) <= set(then):
-            raise ValueError(f"not added to {target}: the published runs have {then} {unit}, the new runs {now}")
+            return f"the published runs have {_listed(then)} {words}, the new runs {_listed(now)}"
+    for path, origin in origins.items():
+        experiment = RunKey.parse(path).experiment
+        others = {
+            each.fact("recordings") for key, each in earlier.items() if RunKey.parse(key).experiment == experiment
+        }
+        if others and origin.fact("recordings") not in others:
+            return f"{path} has other recordings than the published runs of experiment {experiment}"
+    if "training" in published:
+        for _, rows in pd.concat([published, new]).dropna(subset="training").groupby(["model", "encoding"]):
+            settings = " and ".join(rows["training"].unique())
+            if rows["training"].nunique() > 1:
+                return f"{rows['model'].iloc[0]} was trained with different settings: {settings}"
+    if not force and any(str(step.get("commit", "")).endswith("+") for each in origins.values() for step in each.steps):
+        return "some runs were made with uncommitted code; publish.force=true adds them anyway"
+    return None
+
+
+def _listed(values: list[Any]) -> str:
+    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
 def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:

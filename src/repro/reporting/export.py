@@ -36,7 +36,7 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
                 f"{predictor.grid.size_px} px and {predictor.encoding}: publish.force=true replaces them anyway"
             )
     target.parent.mkdir(parents=True, exist_ok=True)
-    with lock(target.parent), replacing_directory(target) as new:
+    with lock(target.parents[1]), replacing_directory(target) as new:  # as publishing, which moves the parent
         clear_leftovers(target.parent, keep=new)
         predictor.save(new, torch.float16)
         card = make_card(run, f"reproduce/results/{'/'.join(target.parts[-2:])}", "float16 weights")

@@ -55,12 +55,20 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
         )
     target = results / name
     origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(runs)}
-    reasons = doubts(runs, list(origins.values()), target)
-    if reasons and not force:
-        raise ValueError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
     results.mkdir(parents=True, exist_ok=True)
-    with lock(results), replacing_directory(target) as new:
-        clear_leftovers(results, keep=new)
+    with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
+        clear_leftovers(results)
+        reasons = doubts(runs, list(origins.values()), target)
+        if reasons and not force:
+            raise ValueError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
+        options = f"scale={scale}{overrides}" + ("" if name == scale else f" outputs=outputs/{name}")
+        _replace(target, outputs, runs, origins, options)
+    return target
+
+
+def _replace(target: Path, outputs: Outputs, runs: pd.DataFrame, origins: dict[str, Provenance], options: str) -> None:
+    """Replace a published directory; see `publish`."""
+    with replacing_directory(target) as new:
         for kept in target.glob("*"):
             if (kept.is_dir() and kept.name != "analysis") or kept.stem in ("costs", "verification"):
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
@@ -71,10 +79,8 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
             shutil.copyfile(path, new / path.name)
         if outputs.analysis.is_dir():
             shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
-        options = f"scale={scale}{overrides}" + ("" if name == scale else f" outputs=outputs/{name}")
-        page = published_page(name, options, runs, origins, with_analysis=outputs.analysis.is_dir())
+        page = published_page(target.name, options, runs, origins, with_analysis=outputs.analysis.is_dir())
         write_text(new / "README.md", page)
-    return target
 
 
 def write_published_tables(runs: pd.DataFrame, directory: Path) -> None:
@@ -83,8 +89,7 @@ def write_published_tables(runs: pd.DataFrame, directory: Path) -> None:
         if len(table.frame):
             write_text(directory / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.6f"))
             write_text(directory / f"{kind}.txt", table.caption + "\n")
-    rows = runs.drop(columns="training", errors="ignore")
-    write_text(directory / "runs.csv", rows.to_csv(index=False, float_format="%.6g"))
+    write_text(directory / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
 
 
 def write_histories(outputs: Outputs, keys: Iterable[RunKey], directory: Path) -> None:

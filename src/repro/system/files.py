@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 T = TypeVar("T")
-LEFTOVER = re.compile(r"\.[0-9a-f]{32}\.tmp$")  # ending of the temporary names that this module creates
+LEFTOVER = re.compile(r"(.+)\.[0-9a-f]{32}(\.old)?\.tmp")  # temporary names that this module creates
 
 
 @contextmanager
@@ -48,9 +48,10 @@ def replacing(path: Path) -> Iterator[Path]:
 def replacing_directory(path: Path) -> Iterator[Path]:
     """Yield an empty directory beside `path` to fill, and move it to `path` when the block ends without an error.
 
-    A directory at `path` is moved aside first and deleted last, so that an error leaves the old or the new one.
+    A directory at `path` is moved aside first and deleted last, so that an error leaves the old or the new one. Where
+    the process is killed in between, `clear_leftovers` moves the old one back.
     """
-    new, old = (path.with_name(f"{path.name}.{uuid.uuid4().hex}.tmp") for _ in range(2))
+    new, old = (path.with_name(f"{path.name}.{uuid.uuid4().hex}{kind}.tmp") for kind in ("", ".old"))
     new.mkdir(parents=True)
     try:
         yield new
@@ -69,16 +70,21 @@ def replacing_directory(path: Path) -> Iterator[Path]:
 def clear_leftovers(directory: Path, keep: Path | None = None) -> None:
     """Delete the temporary files that killed processes left in a directory.
 
-    No other process may be using the directory. Only names that this module creates are deleted.
+    A directory that was moved aside by `replacing_directory` is moved back if nothing is in its place. No other process
+    may be using the directory. Only names that this module creates are deleted.
 
     Args:
         directory: the directory, which the caller has locked.
         keep: a temporary file that the caller itself is writing.
     """
     for leftover in directory.glob("*.tmp"):
-        if leftover == keep or not LEFTOVER.search(leftover.name):
+        match = LEFTOVER.fullmatch(leftover.name)
+        if leftover == keep or not match:
             continue
-        if leftover.is_dir() and not leftover.is_symlink():
+        target = leftover.with_name(match[1])
+        if match[2] and not target.exists():
+            os.replace(leftover, target)
+        elif leftover.is_dir() and not leftover.is_symlink():
             shutil.rmtree(leftover)
         else:
             leftover.unlink()
