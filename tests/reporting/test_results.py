@@ -7,7 +7,7 @@ from conftest import fake_run, fake_study, run_config
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS
 from repro.reporting.paper import read_paper
-from repro.reporting.results import caption, compare, read_results
+from repro.reporting.results import caption, compare, missing, read_results
 from repro.runs.directories import Outputs
 from repro.runs.provenance import Status
 
@@ -83,6 +83,21 @@ def test_the_caption_reports_uneven_seeds_and_that_smoke_numbers_mean_nothing(tm
     fake_run(tmp_path / "any name", "3", "unet", 0.5, scale="smoke")
     assert caption(read_results(Outputs(tmp_path / "any name"))).startswith("Scale smoke: ")
     assert "its numbers mean nothing" in caption(read_results(Outputs(tmp_path / "any name")))
+
+
+def test_the_cells_of_the_paper_that_have_no_run_are_named(tmp_path):
+    fake_run(tmp_path, "3", "convgru", 0.7, encoding=Encoding("series10", {"frames": 10}))
+    assert missing(read_results(Outputs(tmp_path)), PROJECTION) == "", "not a study of the paper's networks"
+    for experiment in "34":
+        fake_run(tmp_path, experiment, "unet", 0.5)
+    fake_run(tmp_path, "1", "fpn", 0.5)
+    expected = " Not trained: U-Net in exp 1, 2; FPN in exp 2, 3, 4; UPerNet, Segformer."
+    assert missing(read_results(Outputs(tmp_path)), PROJECTION) == expected
+    for experiment in "1234":
+        for model in NETWORKS:
+            fake_run(tmp_path, experiment, model, 0.5)
+    assert missing(read_results(Outputs(tmp_path)), PROJECTION) == ""
+    assert missing(read_results(Outputs(tmp_path)), PROJECTION_NO_DECAY) == ""
 
 
 def test_our_best_network_has_a_row_below_the_papers(tmp_path):

@@ -181,6 +181,30 @@ def caption(results: pd.DataFrame) -> str:
     )
 
 
+def missing(results: pd.DataFrame, encoding: str) -> str:
+    """Name the cells of a table of the paper that have no run; empty if it has none of the paper's or all of them.
+
+    Args:
+        results: tidy rows of the table, see `select`.
+        encoding: label of the encoding of the table.
+    """
+    paper = read_paper()
+    wanted = paper[(paper["encoding"] == encoding) & paper["model"].isin(NETWORKS)]
+    found = set(zip(results["experiment"], results["model"], results["encoding"], strict=True))
+    lacking = wanted[[cell not in found for cell in wanted[CELL].itertuples(index=False, name=None)]]
+    if len(lacking) in (0, len(wanted)):
+        return ""
+    names: dict[str, list[str]] = {}  # networks by the experiments that they lack
+    for model in NETWORKS:
+        experiments = sorted(lacking.loc[lacking["model"] == model, "experiment"])
+        in_all = len(experiments) == wanted["experiment"].nunique()
+        where = "" if in_all else f" in exp {', '.join(experiments)}"
+        if experiments:
+            names.setdefault(where, []).append(model_title(model))
+    parts = [", ".join(models) + where for where, models in names.items()]
+    return f" Not trained: {'; '.join(parts)}."
+
+
 def _unlike(networks: pd.DataFrame) -> str:
     """Name the networks of a table that were trained with other settings than most; published rows lack them."""
     if "training" not in networks or networks["training"].nunique() < 2:

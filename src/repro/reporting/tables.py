@@ -9,7 +9,7 @@ import pandas as pd
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import HEADINGS, TABLE_METRICS
 from repro.reporting.names import experiment_title, model_title, predictor_title
-from repro.reporting.results import OURS, caption, compare, read_results, select
+from repro.reporting.results import OURS, caption, compare, missing, read_results, select
 from repro.runs.directories import Outputs
 from repro.system.files import write_text
 
@@ -116,7 +116,9 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
         if rows.empty:
             tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}. No run evaluated yet.")
         else:
-            tables[name] = Table(compare(results, encoding), f"{TITLES[name]}. {caption(rows)}")
+            tables[name] = Table(
+                compare(results, encoding), f"{TITLES[name]}. {caption(rows)}{missing(rows, encoding)}"
+            )
     return tables
 
 
