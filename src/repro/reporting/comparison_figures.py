@@ -152,6 +152,9 @@ def pairs(frames: Frames) -> Figure | None:
             line = curves.get_group((model, encoding)).groupby("pairs")["obstacle_iou"].mean()
             ax.plot(line.index, line, markersize=4, label=predictor_title(model, encoding), **look)
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="training pairs", xscale="log", ylim=(0, 1))
+        sizes = sorted(own_points["pairs"].unique())
+        ax.set_xticks(sizes, [f"{size:,}" for size in sizes], rotation=90)
+        ax.set_xticks([], minor=True)
     axes[0, 0].set_ylabel("obstacle IoU")
     one_legend(figure, axes[0], rows=2)
     return figure
