@@ -27,6 +27,7 @@ from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import load_predictor
 from repro.prediction.planning import plan, planner_map
 from repro.prediction.stream import StreamMap
+from repro.recordings.format import SHOWN_SEED
 from repro.simulation.motions import robot_commands
 from repro.simulation.simulator import make
 from repro.simulation.worlds import sample_world, write_world
@@ -143,7 +144,7 @@ def main() -> None:
         raise SystemExit("no display for a window: write a GIF with --save FILE.gif")
     spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), options.exp)
     with tempfile.TemporaryDirectory() as directory:
-        write_world(sample_world(spec, options.seed), Path(directory) / "world.yaml")
+        write_world(sample_world(spec, SHOWN_SEED + options.seed), Path(directory) / "world.yaml")
         env = make(Path(directory) / "world.yaml")
     view = View(np.array(env.robot.lidar.angle_list), spec["world"]["width"], options.goal)
     frames = drive(env, options)

@@ -8,8 +8,8 @@
 # Settings by environment variables:
 #   MINUTES=9           limit of a call, without the set-up
 #   SEEDS="0"           trained one after the other
-#   KEEP=folder         storage that outlasts the machine: the outputs except recordings, checkpoints and weights are
-#                       copied there at the end of each call and restored at the beginning
+#   KEEP=folder         storage that outlasts the machine: the outputs except recordings, checkpoints and the weights of
+#                       evaluated runs are copied there at the end of each call and restored at the beginning
 #   WHEELS=folder       wheels for a machine without network access, whose python3 has PyTorch and Lightning
 #   COMMIT=hash         commit of code that was copied without its Git history, for the provenance
 #   SCALE=paper LAUNCHER=one_gpu JOBS=3 WORKERS=<cores>
@@ -34,8 +34,11 @@ set_up() {
 
 keep() {
     [ -n "${KEEP:-}" ] && [ -d "$OUTPUTS" ] || return 0
+    local evaluated # of a run that is not evaluated yet, the weights are kept, too
+    mapfile -t evaluated < <(cd "$OUTPUTS" && find . -name metrics.csv -printf '--exclude=%h/model\n')
     mkdir -p "$KEEP"
-    tar -C "$OUTPUTS" --exclude=./recordings --exclude=checkpoints --exclude=model --exclude='*.tmp' -cf - . | tar -C "$KEEP" -xf -
+    tar -C "$OUTPUTS" --exclude=./recordings --exclude=checkpoints "${evaluated[@]}" --exclude='*.tmp' -cf - . |
+        tar -C "$KEEP" -xf -
 }
 
 restore() {

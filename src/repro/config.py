@@ -109,6 +109,7 @@ class NetworkParameters(TypedDict, total=False):
 
 
 NO_DECAY = "-no-decay"
+OLDEST_GRAY = 0.8  # default in conf/config.yaml
 RECURRENT = ("convgru", "convlstm")  # architectures that need a series of images
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation

@@ -10,7 +10,7 @@ from repro.cli import composition
 from repro.cli.config import Config, to_typed
 from repro.cli.jobs import resolve
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, PAPER_ENCODER, paper_model, plain, world_spec
+from repro.config import NETWORKS, OLDEST_GRAY, PAPER_ENCODER, paper_model, plain, world_spec
 
 composition.register()
 
@@ -68,6 +68,10 @@ def test_a_job_has_the_directories_of_its_run():
 
 def test_decay_belongs_to_the_encoding():
     assert typed(composed("decay=false", "oldest_gray=0.5")).encoding.parameters == {"decay": False, "oldest_gray": 0.5}
+
+
+def test_the_default_gray_is_known_without_the_configuration():
+    assert typed(composed()).oldest_gray == OLDEST_GRAY
 
 
 def test_the_grid_has_the_size_of_the_world():

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from conftest import ROOT, run_config
 
-from repro.config import read_world, world_spec
-from repro.evaluation.analysis import gather
+from repro.config import NETWORKS, PROJECTION, read_world, world_spec
+from repro.evaluation.analysis import _averages, gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
 from repro.maps.grid import Grid
-from repro.metrics.bootstrap import draw_weights
-from repro.metrics.counts import count_quantized
+from repro.metrics.bootstrap import Measured, draw_weights
+from repro.metrics.counts import count_quantized, pooled_scores
 from repro.recordings.reader import read_shards
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
@@ -149,6 +149,22 @@ def test_intervals_agree_with_the_metrics_of_the_run(outputs):
         assert row[metric] == pytest.approx(kept[metric], abs=1e-5), metric
 
 
+def test_the_average_is_over_the_seeds_that_all_networks_have():
+    """As in the tables, where a third seed of one network has no row `average` either."""
+    weights, counts = draw_weights(5, draws=3), np.random.default_rng(0).integers(1, 99, (3, 5, 2, 256))
+    counted, seeds = {}, {}
+    for number, name in enumerate(NETWORKS):
+        cell = ("3", name, PROJECTION)
+        seeds[cell] = [0, 1, 2] if name == "unet" else [1, 0]
+        counted[cell] = Measured(counts[: len(seeds[cell])] + number, np.full((len(seeds[cell]), 5), 0.5))
+    ((cell, table),) = list(_averages(counted, seeds, weights))
+    assert cell == ("3", "average", PROJECTION)
+    own = [pooled_scores(counts[:2].sum(1) + 5 * number)["accuracy"].mean() for number in range(len(NETWORKS))]
+    assert table["accuracy"].iloc[0] == pytest.approx(np.mean(own))
+    seeds["3", "fpn", PROJECTION] = [7, 8]
+    assert not list(_averages(counted, seeds, weights))
+
+
 def test_damaged_and_copied_runs_are_left_out(outputs, tmp_path):
     damaged = Outputs(tmp_path / "outputs")
     shutil.copytree(outputs.path, damaged.path)
@@ -160,6 +176,23 @@ def test_damaged_and_copied_runs_are_left_out(outputs, tmp_path):
     with pytest.raises(ValueError, match=r"config\.yaml"):
         gather(damaged)
     errors: list[str] = []
-    assert set(gather(damaged, errors)["intervals"]["model"]) == {"last_seen"}
+    with pytest.raises(ValueError, match=r"no run can be analyzed: .*config\.yaml"):
+        gather(damaged, errors)  # a baseline alone is no study
     assert len(errors) == 1
     assert str(first) in errors[0]
+
+
+def test_a_cell_with_damaged_weights_is_left_out_as_a_whole(outputs, tmp_path):
+    damaged = Outputs(tmp_path / "outputs")
+    shutil.copytree(outputs.path, damaged.path)
+    other = damaged.run(run_config(seed=0, model="fpn").key)
+    shutil.copytree(damaged.run(run_config(seed=0).key).path, other.path)
+    for name in ("config.yaml", "provenance.json"):
+        text = (other.path / name).read_text()
+        (other.path / name).write_text(text.replace("name: unet", "name: fpn"))
+    weights = other.path / "model" / "model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:1000])
+    errors: list[str] = []
+    frames = gather(damaged, errors)
+    assert len(errors) == 1
+    assert all("fpn" not in set(frame.get("model", ())) for frame in frames.values())

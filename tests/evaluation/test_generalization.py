@@ -1,12 +1,13 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from conftest import prepared, world_spec
 
 from repro.evaluation import generalization
-from repro.evaluation.generalization import score
+from repro.evaluation.generalization import score, updated
 from repro.learning.training import train
 from repro.maps.datasets import load_recorded
 from repro.networks.predictor import load_predictor
@@ -85,6 +86,17 @@ def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch
         "field of view [deg]",
         "obstacles' speed [times]",
     }
+
+
+def test_a_test_replaces_its_own_rows_only():
+    columns = ["model", "encoding", "trained", "shift", "value"]
+    kinds = [("unet", "projection", name, shift) for name in "34" for shift in ("experiment", "beams dropped")]
+    earlier = pd.DataFrame([(*kind, 0.1) for kind in kinds] + [("fpn", "projection", "3", "experiment", 0.2)])
+    earlier.columns = columns
+    new = pd.DataFrame([(*kinds[0], 0.3), (*kinds[2], 0.3), (*kinds[1], 0.3)], columns=columns)
+    rows = updated(earlier, new)
+    values = rows.set_index(columns[:-1])["value"].to_dict()
+    assert values == {**dict.fromkeys(kinds[:3], 0.3), kinds[3]: 0.1, ("fpn", "projection", "3", "experiment"): 0.2}
 
 
 def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recorded):

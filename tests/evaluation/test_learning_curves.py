@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from conftest import fake_run
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts
 from repro.evaluation import learning_curves
 from repro.evaluation.learning_curves import METRICS, extrapolate, fit_law, read_points
 from repro.runs.directories import Outputs
@@ -87,6 +87,22 @@ def test_points_are_of_the_networks_and_inputs_with_four_numbers_of_pairs(tmp_pa
     assert schedules == {"3": ["short"], "4": ["stated"]}
     assert set(points["pairs"]) == {24, 48, 96, 192}
     assert points["commit"].notna().all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "fact"),
+    [
+        ({"worlds": "other"}, "worlds"),
+        ({"encoding": Encoding(PROJECTION, {"decay": True, "oldest_gray": 0.3})}, "parameters"),
+    ],
+)
+def test_runs_of_another_kind_share_no_curve(changes, fact, tmp_path):
+    for train in (24, 48, 96, 192):
+        fake_run(
+            tmp_path / str(train), "3", "unet", 0.8, pairs=PairCounts(train, 8, 8), **(changes if train == 96 else {})
+        )
+    with pytest.raises(ValueError, match=f"differ in {fact} and cannot share a curve: move .*96"):
+        read_points([Outputs(path) for path in sorted(tmp_path.iterdir())])
 
 
 def test_no_curve_gives_no_points(tmp_path):

@@ -136,6 +136,25 @@ def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished
     assert same_weights(finished, run.path)
 
 
+def test_a_run_may_be_moved_while_it_is_paused(tmp_path):
+    """The best score is kept, so that a worse epoch does not replace the best weights."""
+    first = callbacks.Checkpoint(tmp_path / "old", "best", monitor="val_loss")
+    path = str(tmp_path / "old" / "best.ckpt")
+    first.best_model_path, first.best_model_score, first.best_k_models = (
+        path,
+        torch.tensor(0.2),
+        {path: torch.tensor(0.2)},
+    )
+    first.kth_best_model_path, first.kth_value = path, torch.tensor(0.2)
+    moved = callbacks.Checkpoint(tmp_path / "new", "best", monitor="val_loss")
+    moved.load_state_dict(first.state_dict())
+    assert moved.best_model_score == 0.2
+    assert moved.best_k_models == {str(tmp_path / "new" / "best.ckpt"): 0.2}
+    assert moved.best_model_path == moved.kth_best_model_path == str(tmp_path / "new" / "best.ckpt")
+    trainer = SimpleNamespace(strategy=SimpleNamespace(reduce_boolean_decision=bool))
+    assert not moved.check_monitor_top_k(trainer, torch.tensor(0.3))
+
+
 @pytest.mark.slow
 def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
     begin(tmp_path, recorded, max_epochs=40, patience=2, min_delta=10.0)

@@ -3,6 +3,7 @@ import torch
 from torchmetrics.functional import classification as tm
 from torchmetrics.functional.image import structural_similarity_index_measure
 
+from repro.metrics.counts import confusion_of, count_quantized
 from repro.metrics.names import METRICS
 from repro.metrics.scores import confusion, scores, ssim
 
@@ -51,6 +52,13 @@ def test_free_is_the_positive_class():
     assert all_free["recall"].item() == pytest.approx(1)
     assert all_free["specificity"].item() == pytest.approx(0, abs=1e-4)
     assert all_free["precision"].item() == pytest.approx(0.75, abs=1e-4)
+
+
+def test_a_probability_of_one_half_is_free_before_and_after_it_is_quantized():
+    half, truth = torch.full((1, 1, 2, 2), 0.5), torch.zeros(1, 1, 2, 2)
+    quantized = (255 * half).round().to(torch.uint8).numpy()[0]
+    assert confusion(half, truth)[0].tolist() == [0, 4, 0, 0]
+    assert confusion_of(count_quantized(quantized, truth.numpy()[0] > 0)).reshape(-1, 4).sum(0).tolist() == [0, 4, 0, 0]
 
 
 def test_eps_is_in_numerator_and_denominator():

@@ -10,6 +10,7 @@ from repro.reporting.audit import audit
 from repro.reporting.claims import Verdict, judge, read_claims
 from repro.reporting.numbers import Numbers, paper_rows
 from repro.reporting.paper import read_paper
+from repro.reporting.summaries import claims_to_markdown
 
 LEDGER = ROOT / "reproduce" / "claims.yaml"
 KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
@@ -54,6 +55,14 @@ ABOVE = {"test": "m('accuracy', '3') - m('accuracy', '4')", "tolerance": 0.02}
 )
 def test_a_claim_of_more_needs_more_than_the_tolerance_and_its_interval(tmp_path, ours, expected):
     assert verdict(ledger_of(tmp_path, **ABOVE), ours)["verdict"] is expected
+
+
+def test_a_number_without_an_interval_is_stated_without_one(tmp_path):
+    row = verdict(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.95, e4=0.90))
+    assert np.isnan(row["low"])
+    assert np.isnan(row["high"])
+    text = claims_to_markdown(judge(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.95, e4=0.90), rows_of(e3=0.9, e4=0.8)))
+    assert "| 0.050 (0 ± 0.02) |" in text
 
 
 def test_verdicts_at_half_and_double_the_tolerance_are_listed(tmp_path):

@@ -88,6 +88,7 @@ ENCODINGS = {  # parameters of encodings, with their types and ranges
     "encoding.parameters=null": "not Optional",
     "encoding.parameters=[1]": "Cannot merge",
     "encoding=stack4 decay=false": "has no decay",
+    "encoding=series10 oldest_gray=0.3": "has no oldest gray",
 }
 WORLDS = {  # worlds that cannot be simulated, or not in the memory of a machine
     f"{LIDAR}.range_max=1e-300": "greater than or equal to 0.01",
@@ -120,6 +121,8 @@ WORLDS = {  # worlds that cannot be simulated, or not in the memory of a machine
 LIMITS = {  # more than this machine can do
     "scale.pairs.train=2000000 scale.size_px=4096": "GB of memory, this machine has",
     "scale.batch_size=100000 scale.pairs.train=200000": "GB of memory, this machine has",
+    "train.batch_size=100000 scale.pairs.train=200000": "GB of memory, this machine has",
+    "runtime.accelerator=cpu runtime.precision=16-mixed": "float16 needs a GPU",
     "scale.size_px=4096": "GB of memory, this machine has",
     "scale.max_epochs=1000000000": "less than or equal to 100000",
     "runtime.parts=1000000000": "less than or equal to 10000",

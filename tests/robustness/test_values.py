@@ -100,7 +100,6 @@ CASES = [f"{key}={value}" for key, values in NUMBERS.items() for value in values
 QUICK = {f"{key}={values[0]}" for key, values in NUMBERS.items()} | set(UNKNOWN)  # a value of each key
 ALLOWED = (
     "world.experiments.1.clear_radius_m=0",
-    "runtime.precision=16-mixed",
     "runtime.precision=bf16-true",
     "model.encoder_name=mit_b1",
     "model.encoder_weights=imagenet",

@@ -25,7 +25,7 @@ from repro.metrics.scores import confusion, scores
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
-RADII_M = tuple(0.5 * number for number in range(10))  # radii around hits
+RADII_M = tuple(0.5 * number for number in range(8))  # radii around hits, up to 3.5 m
 
 
 def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
@@ -35,18 +35,19 @@ def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 def last_seen(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict an obstacle within a radius of every hit."""
-    return tune(lambda each, radius_px: dilate(_hits(each), radius_px), {"radius_px": range(9)}, val, test)
+    radii_px = range(1 + int(RADII_M[-1] / val.grid.resolution_m))
+    return tune(lambda each, radius_px: dilate(_hits(each), radius_px), {"radius_px": radii_px}, val, test)
 
 
 def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a log-odds occupancy grid with forgetting; see `occupancy_grids.log_odds_grid`."""
-    settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": RADII_M[:6]}
+    settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": RADII_M}
     return tune(_dilated(log_odds_grid, "forgetting"), settings, val, test)
 
 
 def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
-    settings = {"moving": (0.02, 0.1, 0.3), "radius_m": RADII_M[:6]}
+    settings = {"moving": (0.02, 0.1, 0.3), "radius_m": RADII_M}
     return tune(_dilated(transitional_grid, "moving"), settings, val, test)
 
 
@@ -60,7 +61,7 @@ def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
             tracks[key] = track(each, depth_m)
         return draw(tracks[key], each.grid, radius_m)
 
-    return tune(predict, {"depth_m": (1.0, 2.0, 3.0), "radius_m": RADII_M[2:8]}, val, test)
+    return tune(predict, {"depth_m": (1.0, 2.0, 3.0), "radius_m": RADII_M[2:]}, val, test)
 
 
 PREDICTORS: dict[str, Baseline] = {

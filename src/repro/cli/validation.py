@@ -11,9 +11,10 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from repro.cli.config import TRAINING_TASKS, Config, to_typed
-from repro.cli.limits import memory_errors, recording_minutes
+from repro.cli.limits import cpu_errors, recording_minutes
 from repro.config import (
     NETWORKS,
+    OLDEST_GRAY,
     PAPER_ENCODER,
     RECURRENT,
     UNKNOWN_KEY,
@@ -95,6 +96,9 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         errors.append(ConfigError("train.batch_size", config.train.batch_size, expected))
     if not config.decay and "decay" not in config.encoding.parameters:
         errors.append(ConfigError("decay", "false", f"the encoding {config.encoding.name} has no decay"))
+    if config.oldest_gray != OLDEST_GRAY and "oldest_gray" not in config.encoding.parameters:
+        expected = f"the encoding {config.encoding.name} has no oldest gray"
+        errors.append(ConfigError("oldest_gray", config.oldest_gray, expected))
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
@@ -194,8 +198,9 @@ def _library_errors(config: Config) -> list[ConfigError]:
         errors.append(ConfigError("scans", config.scans, expected))
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
     errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
-    if not errors and config.task in TRAINING_TASKS and not has_gpu():
-        errors += memory_errors(config.scale, config.encoding)
+    on_cpu = config.task in TRAINING_TASKS and (config.runtime.accelerator == "cpu" or not has_gpu())
+    if not errors and on_cpu:
+        errors += cpu_errors(config.scale, config.train.batch_size, config.encoding, config.runtime.precision)
     if errors:
         return errors
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:

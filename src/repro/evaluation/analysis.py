@@ -45,6 +45,11 @@ class Analysis:
             pd.DataFrame({**{name: [value] * len(frame) for name, value in columns.items()}, **frame})
         )
 
+    def take(self, other: "Analysis") -> None:
+        """Add all rows of another analysis."""
+        for name, rows in other.rows.items():
+            self.rows[name].extend(rows)
+
     def frames(self) -> dict[str, pd.DataFrame]:
         return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
 
@@ -61,7 +66,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
         reliability and cost, each a tidy frame; empty if no run is evaluated.
 
     Raises:
-        ValueError: a recording is damaged, or a run is and `errors` is None.
+        ValueError: a recording is damaged, or a run is and `errors` is None, or no network can be analyzed.
     """
     analysis, cells = Analysis(), _cells(outputs, errors)
     for experiment in sorted({experiment for experiment, *_ in cells}):
@@ -70,20 +75,25 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
         test = load_test_set(recordings, grid_of(config))
         weights = draw_weights(len(test.truth) // 2)
         draws: dict[Cell, pd.DataFrame] = {}
+        counted: dict[Cell, Measured] = {}
         for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
             try:
                 measured = [_read_run(run, test) for run in runs]
+                own = Analysis()  # its rows are taken once the whole cell is measured
+                measures, drawn = _measure_cell(own, _columns(cell), runs, measured, recordings, test, weights)
             except ValueError as error:
                 if errors is None:
                     raise
                 errors.append(str(error))
                 continue
-            draws[cell] = _measure_cell(analysis, _columns(cell), runs, measured, recordings, test, weights)
-        for cell, table in list(_averages(draws)):
+            analysis.take(own)
+            counted[cell], draws[cell] = measures, drawn
+        seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
+        for cell, table in _averages(counted, seeds, weights):
             draws[cell] = table
             analysis.add("intervals", interval(table), _columns(cell))
         _compare_cells(analysis, draws)
-    if errors and not analysis.rows:
+    if errors and "calibration" not in analysis.rows:
         raise ValueError(f"no run can be analyzed: {errors[0]}")
     return analysis.frames()
 
@@ -127,12 +137,13 @@ def _measure_cell(
     recordings: Path,
     test: TestSet,
     weights: np.ndarray,
-) -> pd.DataFrame:
-    """Measure all seeds of a cell; return its metrics in every draw of the bootstrap."""
+) -> tuple[Measured, pd.DataFrame]:
+    """Measure all seeds of a cell; return its counts and SSIM, and its metrics in every draw of the bootstrap."""
     predictions = [free for free, _ in measured]
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
     ssim = np.stack([by_world(values) / 2 for _, values in measured])
-    drawn = resample(Measured(counts.sum(2), ssim), weights)
+    measures = Measured(counts.sum(2), ssim)
+    drawn = resample(measures, weights)
     analysis.add("intervals", interval(drawn).assign(seeds=len(runs)), columns)
     pooled = counts.sum((0, 1))  # (G, 2, 256)
     recency = {name: pooled[list(groups)].sum(0) for name, groups in RECENCY.items()}
@@ -144,7 +155,7 @@ def _measure_cell(
     if runs[0].model.is_dir():
         analysis.add("cost", _cost(runs), columns)
         _calibrate(analysis, columns, runs, recordings, counts.sum((1, 2)), recency, predictions, test.truth)
-    return drawn
+    return measures, drawn
 
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
@@ -197,13 +208,25 @@ def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
     return {str(name): value for name, value in pd.DataFrame(rows).mean().items()}
 
 
-def _averages(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[Cell, pd.DataFrame]]:
-    """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated."""
-    for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in draws):
-        networks = [draws.get((experiment, name, encoding)) for name in NETWORKS]
-        complete = [table for table in networks if table is not None]
-        if len(complete) == len(NETWORKS):
-            yield (experiment, "average", encoding), sum(complete[1:], complete[0]) / len(complete)
+def _averages(
+    counted: dict[Cell, Measured], seeds: dict[Cell, list[int | None]], weights: np.ndarray
+) -> Iterator[tuple[Cell, pd.DataFrame]]:
+    """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated.
+
+    It is taken over the seeds that all four have, as in the tables.
+    """
+    for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in counted):
+        cells: list[Cell] = [(experiment, name, encoding) for name in NETWORKS]
+        if not all(cell in counted for cell in cells):
+            continue
+        common = [seed for seed in seeds[cells[0]] if all(seed in seeds[cell] for cell in cells)]
+        if not common:
+            continue
+        draws = []
+        for cell in cells:
+            chosen = [seeds[cell].index(seed) for seed in common]
+            draws.append(resample(Measured(counted[cell].counts[chosen], counted[cell].ssim[chosen]), weights))
+        yield (experiment, "average", encoding), sum(draws[1:], draws[0]) / len(draws)
 
 
 def _compare_cells(analysis: Analysis, draws: dict[Cell, pd.DataFrame]) -> None:

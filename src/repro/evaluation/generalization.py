@@ -23,6 +23,7 @@ Spec = dict[str, Any]
 Change = Callable[[Scans, float, np.random.Generator], Scans]
 FIELDS_OF_VIEW = (45, 60, 90, 120, 180)  # [deg], at the original angular resolution
 SPEEDS = (1, 2, 4)  # multiples of the original speed
+TEST = ["model", "encoding", "trained", "shift"]  # columns that identify a test
 RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
 
 
@@ -127,6 +128,12 @@ def under_changes(
         moved = record(f"speed{times}", with_speed(spec, times))
         add("obstacles' speed [times]", times, moved.scans, moved)
     return pd.concat(rows, ignore_index=True)
+
+
+def updated(earlier: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
+    """Return earlier rows with new ones, which replace those of the same network, training and shift."""
+    is_replaced = pd.MultiIndex.from_frame(earlier[TEST]).isin(pd.MultiIndex.from_frame(new[TEST]))
+    return pd.concat([earlier[~is_replaced], new], ignore_index=True)
 
 
 def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:

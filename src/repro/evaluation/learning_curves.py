@@ -36,6 +36,9 @@ def read_points(directories: list[Outputs]) -> pd.DataFrame:
     Args:
         directories: outputs directories.
 
+    Raises:
+        ValueError: the runs of an experiment have different worlds, or those of an input different parameters of it.
+
     Returns:
         one row per run of each network, input and experiment with at least four numbers of pairs or resolutions: model,
         experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics,
@@ -45,7 +48,15 @@ def read_points(directories: list[Outputs]) -> pd.DataFrame:
     rows = pd.DataFrame([row for row in map(_row, runs) if row is not None])
     if rows.empty:
         return rows
-    return rows.groupby(["model", *CURVE]).filter(lambda curve: len(curve[POINT].drop_duplicates()) >= FEWEST)
+    points = rows.groupby(["model", *CURVE]).filter(lambda curve: len(curve[POINT].drop_duplicates()) >= FEWEST)
+    for fact, by in {"worlds": "experiment", "parameters": "encoding"}.items():
+        for name, own in points.groupby(by):
+            if own[fact].nunique() > 1:
+                rare = own.loc[own[fact] == own[fact].value_counts().index[-1], "run"]
+                raise ValueError(
+                    f"the runs of {by} {name} differ in {fact} and cannot share a curve: move {rare.iloc[0]} elsewhere"
+                )
+    return points.drop(columns=["worlds", "parameters", "run"])
 
 
 def _row(run: Run) -> dict[str, Any] | None:
@@ -64,6 +75,9 @@ def _row(run: Run) -> dict[str, Any] | None:
         "schedule": FITTED if config.train.flip_augmentation and config.train.ema_decay else "stated",
         **{name: origin.fact(name) for name in ("epochs", "training_seconds", "recordings")},
         "commit": trained["commit"],
+        "run": str(run),
+        "worlds": config.data.worlds,
+        "parameters": str(config.encoding.parameters),
         **{str(name): value for name, value in run.read_metrics().items()},
     }
 

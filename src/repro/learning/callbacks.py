@@ -9,7 +9,7 @@ from typing import Any
 import lightning as L
 import pandas as pd
 import torch
-from lightning.pytorch.callbacks import Callback, EarlyStopping, WeightAveraging
+from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint, WeightAveraging
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from repro.learning.budget import Budget
@@ -66,6 +66,28 @@ class Stop(EarlyStopping):
         self.budget.epochs += 1
         if self.budget.is_spent() and not trainer.should_stop and not last:
             self.paused = trainer.should_stop = True
+
+
+class Checkpoint(ModelCheckpoint):
+    """A checkpoint with a fixed file name that is written at the end of an epoch only.
+
+    Its state keeps absolute paths, and Lightning forgets the best score if the directory has another path at the
+    resume. This class takes the state as if it was written where the run is now.
+    """
+
+    def __init__(self, directory: Path, name: str, **options: Any) -> None:
+        super().__init__(directory, name, save_on_train_epoch_end=True, enable_version_counter=False, **options)
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        directory = Path(self.dirpath or "")
+
+        def moved(path: str) -> str:
+            return str(directory / Path(path).name) if path else path
+
+        names = ("best_model_path", "kth_best_model_path", "last_model_path")
+        paths = {name: moved(state_dict[name]) for name in names if name in state_dict}
+        best = {moved(path): score for path, score in state_dict.get("best_k_models", {}).items()}
+        super().load_state_dict({**state_dict, **paths, "best_k_models": best, "dirpath": self.dirpath})
 
 
 class CPUContention(Callback):

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from repro.config import Training
 from repro.learning.budget import Budget
-from repro.learning.callbacks import CPUContention, History, Stop, exponential_moving_average
+from repro.learning.callbacks import Checkpoint, CPUContention, History, Stop, exponential_moving_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
@@ -186,8 +186,8 @@ def _fit(
         stop,
         *([CPUContention()] if device == "cpu" else []),
         *([exponential_moving_average(settings.ema_decay)] if settings.ema_decay else []),
-        _checkpoint(checkpoints, "best", monitor="val_loss"),
-        _checkpoint(checkpoints, "last"),
+        Checkpoint(checkpoints, "best", monitor="val_loss"),
+        Checkpoint(checkpoints, "last"),
     ]
     trainer = create_trainer(settings.max_epochs, device, precision, callbacks)
     try:
@@ -236,11 +236,6 @@ def _keep_best(run: Run, module: TrainingModule, config: RunConfig, recordings: 
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
     statistics = training_statistics(recordings, config)
     return Predictor(module.network, encoding_of(config), grid_of(config), statistics).save(run.model)
-
-
-def _checkpoint(directory: Path, name: str, **options: Any) -> ModelCheckpoint:
-    """Create a checkpoint callback with a fixed file name that writes at the end of an epoch only."""
-    return ModelCheckpoint(directory, name, save_on_train_epoch_end=True, enable_version_counter=False, **options)
 
 
 def quiet() -> None:

@@ -18,12 +18,12 @@ def confusion(probability: Tensor, target: Tensor, threshold: float = 0.5) -> Te
     Args:
         probability: predicted probability of free, (M, 1, H, W).
         target: true map with 1 = free, (M, 1, H, W).
-        threshold: a pixel above it is predicted free.
+        threshold: a pixel at or above it is predicted free, as in the quantized predictions.
 
     Returns:
         true positives, false positives, true negatives and false negatives of each image, int64, (M, 4).
     """
-    free, truth = probability > threshold, target > 0.5
+    free, truth = probability >= threshold, target > 0.5
     pairs = (free & truth, free & ~truth, ~free & ~truth, ~free & truth)
     return torch.stack([pair.flatten(1).sum(1) for pair in pairs], dim=1)
 

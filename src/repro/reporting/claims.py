@@ -133,7 +133,7 @@ def _judge_one(claim: Claim, tolerances: dict, ours: Numbers, papers: Numbers) -
     verdict = Verdict.untested if tested is None else _verdict(claim, tested)
     if tested:
         worst = _worst(claim, tested)
-        half = Z * worst.error
+        half = Z * worst.error if worst.error else float("nan")  # some quantities have no interval
         row |= {"value": worst.value, "low": worst.value - half, "high": worst.value + half}
         row |= {"claimed": worst.claimed, "tolerance": worst.tolerance, "margin": worst.margin(claim.expect)}
         row |= {"held": sum(each.holds(claim.expect) for each in tested), "combinations": len(tested)}

@@ -131,11 +131,9 @@ def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
         facts.append(("Not tested", row["reason"]))
     if pd.notna(row.get("value")):
         bound = f"required {row['claimed']:.4g}, tolerance {row['tolerance']:.4g}"
+        interval = "" if pd.isna(row["low"]) else f" [{row['low']:.4g}, {row['high']:.4g}]"
         facts += [
-            (
-                "Ours",
-                f"{row['value']:.4g} [{row['low']:.4g}, {row['high']:.4g}] in the decisive combination; {bound}",
-            ),
+            ("Ours", f"{row['value']:.4g}{interval} in the decisive combination; {bound}"),
             (
                 "Holds",
                 f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}",

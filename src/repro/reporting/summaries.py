@@ -33,7 +33,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
         ours = ""
         if pd.notna(row["value"]):
             needed = f"{row['claimed']:.3g} ± {row['tolerance']:.2g}"
-            ours = f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}] ({needed})"
+            interval = "" if pd.isna(row["low"]) else f" [{row['low']:.3f}, {row['high']:.3f}]"
+            ours = f"{row['value']:.3f}{interval} ({needed})"
         paper = f"{row['paper']}, {row['paper_value']:.3f}" if pd.notna(row["paper_value"]) else ""
         lines.append(f"| {row['quote']} | {row['verdict']} | {ours} | {paper} |")
     return "\n".join(lines) + "\n"

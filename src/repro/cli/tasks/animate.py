@@ -1,9 +1,13 @@
-"""task=animate: an animation of the world of one seed, predicted step by step by the network of seed 0."""
+"""task=animate: an animation of the world of one seed, predicted step by step by the network of seed 0.
+
+The world is that of task=world, on which no network is trained.
+"""
 
 from dataclasses import replace
 
 from repro.cli.jobs import Job
 from repro.networks.predictor import load_predictor
+from repro.recordings.format import SHOWN_SEED
 from repro.reporting.animation import make_frames, write_animation
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -18,7 +22,7 @@ def run(job: Job) -> None:
     trained = job.outputs.run(replace(job.key, seed=0))
     if not trained.is_trained:
         raise ValueError(f"{trained} is not trained: train it first, with the same options and seed=0")
-    world = sample_world(job.spec, job.seed)
+    world = sample_world(job.spec, SHOWN_SEED + job.seed)
     print(f"simulating and drawing world {job.seed} of experiment {job.key.experiment}", flush=True)
     recording = simulate(world)
     frames = make_frames(recording, load_predictor(trained.model))

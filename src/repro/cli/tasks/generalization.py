@@ -1,20 +1,18 @@
 """task=generalization: test a network on other experiments than its own, and on changed sensors, poses and speeds."""
 
-from contextlib import suppress
-
 import pandas as pd
 
 from repro.cli.jobs import Job
-from repro.evaluation.generalization import across_experiments, under_changes
+from repro.evaluation.generalization import across_experiments, under_changes, updated
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import read_manifest
 from repro.reporting.names import predictor_title
 from repro.runs.keys import RunKey
-from repro.system.files import write_text
+from repro.system.files import lock, write_text
 
 
 def run(job: Job) -> None:
-    """Write the rows of a network to generalization.csv; the rows of other networks are kept.
+    """Write the rows of a network to generalization.csv; those of other networks and experiments are kept.
 
     Raises:
         ValueError: the network has been trained in no experiment with this seed.
@@ -35,9 +33,9 @@ def run(job: Job) -> None:
         rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     table = pd.concat(rows, ignore_index=True).assign(seed=job.seed, model=key.model, encoding=key.encoding)
-    with suppress(FileNotFoundError):
-        earlier = pd.read_csv(outputs.analysis / "generalization.csv", dtype={"trained": str, "tested": str})
-        others = earlier[(earlier["model"] != key.model) | (earlier["encoding"] != key.encoding)]
-        table = pd.concat([others, table], ignore_index=True)
-    write_text(outputs.analysis / "generalization.csv", table.to_csv(index=False, float_format="%.6g"))
-    print(f"{outputs.analysis / 'generalization.csv'}: task=analysis shows it")
+    path = outputs.analysis / "generalization.csv"
+    with lock(outputs.analysis):
+        if path.is_file():
+            table = updated(pd.read_csv(path, dtype={"trained": str, "tested": str}), table)
+        write_text(path, table.to_csv(index=False, float_format="%.6g"))
+    print(f"{path}: task=analysis shows it")

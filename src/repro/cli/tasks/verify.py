@@ -1,4 +1,4 @@
-"""task=verify: compare the runs of an outputs directory with the published ones."""
+"""task=verify: compare the runs of an outputs directory with the published ones of its name, else of its scale."""
 
 from repro.cli.jobs import RESULTS, Job
 from repro.reporting.verification import verification_to_markdown, verify
@@ -7,7 +7,9 @@ from repro.system.files import write_text
 
 def run(job: Job) -> None:
     """Print the comparison and write verification.csv."""
-    compared = verify(job.outputs, RESULTS / job.scale.name)
+    published = job.published if job.published.is_dir() else RESULTS / job.scale.name
+    print(f"comparing {job.outputs.path} with {published}")
+    compared = verify(job.outputs, published)
     print(verification_to_markdown(compared))
     path = job.outputs.path / "verification.csv"
     write_text(path, compared.to_csv(index=False, float_format="%.6g"))
