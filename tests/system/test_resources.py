@@ -11,6 +11,7 @@ from repro.system.resources import (
     available_memory_gb,
     parallel_trainings,
     process_pool,
+    total_memory_gb,
     training_memory_gb,
     use_idle_cores,
 )
@@ -59,8 +60,10 @@ def test_the_limit_of_a_container_counts(monkeypatch, tmp_path):
     (tmp_path / "memory.current").write_text("1000000000\n")
     monkeypatch.setattr(resources, "CGROUP", tmp_path)
     assert available_memory_gb() == 2
+    assert total_memory_gb() == 3
     (tmp_path / "memory.max").write_text("max\n")
     assert available_memory_gb() == pytest.approx(free, abs=2)
+    assert total_memory_gb() >= available_memory_gb()
 
 
 @pytest.mark.parametrize(

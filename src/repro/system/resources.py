@@ -4,7 +4,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -96,8 +96,11 @@ def available_memory_gb() -> float:
 
 
 def total_memory_gb() -> float:
-    """Return the memory of this machine [GB]."""
-    return psutil.virtual_memory().total / 1e9
+    """Return the memory of this machine [GB], within the limit of a container."""
+    total = psutil.virtual_memory().total
+    with suppress(OSError, ValueError):  # no container, or no limit: "max"
+        total = min(total, int((CGROUP / "memory.max").read_text(encoding="utf-8").strip()))
+    return total / 1e9
 
 
 def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> float:
