@@ -1,5 +1,6 @@
 """Messages as they arrive: the maps are those of the batch, whatever the order of scans and poses."""
 
+import copy
 import math
 import runpy
 import sys
@@ -228,12 +229,9 @@ def test_the_window_begins_again_when_the_poses_are_in_another_frame(predictor):
 
 def test_a_tilted_lidar_is_skipped_with_its_reason(predictor):
     robot = Robot(predictor)
-    on_its_side = TYPES["Quaternion"](math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-    MOUNT.transforms[0].transform.rotation, upright = on_its_side, MOUNT.transforms[0].transform.rotation
-    try:
-        robot.mapper.add_transforms(MOUNT, is_static=True)
-    finally:
-        MOUNT.transforms[0].transform.rotation = upright
+    on_its_side = copy.deepcopy(MOUNT)
+    on_its_side.transforms[0].transform.rotation = TYPES["Quaternion"](math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    robot.mapper.add_transforms(on_its_side, is_static=True)
     robot.mapper.add_transforms(base(0))
     robot.mapper.add_scan(scan(0))
     robot.mapper.add_transforms(base(1))

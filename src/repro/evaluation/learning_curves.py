@@ -36,13 +36,13 @@ def read_points(directories: list[Outputs]) -> pd.DataFrame:
     Args:
         directories: outputs directories.
 
-    Raises:
-        ValueError: the runs of an experiment have different worlds, or those of an input different parameters of it.
-
     Returns:
         one row per run of each network, input and experiment with at least four numbers of pairs or resolutions: model,
-        experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics,
-        training_seconds, recordings (their hash) and commit of the training.
+        experiment, encoding, seed, scale, pairs, size_px, epochs, schedule, all metrics, training_seconds, recordings
+        (their hash) and commit of the training.
+
+    Raises:
+        ValueError: the runs of an experiment have different worlds, or those of an input different parameters of it.
     """
     runs = [run for outputs in directories for run in outputs.runs() if run.is_evaluated]
     rows = pd.DataFrame([row for row in map(_row, runs) if row is not None])

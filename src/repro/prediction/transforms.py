@@ -91,7 +91,7 @@ class Transforms:
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
         if not (np.isfinite((*position, *quaternion)).all() and any(quaternion)):
-            self.left_out[f"poses of {child} are left out: position {position}, rotation {quaternion}"] = None
+            self.left_out[f"poses of {child} are left out: they are not finite, or without a rotation"] = None
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
         edge = self.edges.setdefault(child, Edge(parent, is_static))

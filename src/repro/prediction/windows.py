@@ -78,8 +78,7 @@ def cut(
         if duration < length - step_s / 2:
             yield f"{duration:.1f} s of scans from {stamps[0]:.2f} s, a window takes {length:.1f} s"
             continue
-        ends = stamps[0] + length + stride_s * np.arange(int(max(duration - length, 0) / stride_s + 1e-6) + 1)
-        for end in np.minimum(ends, stamps[-1]):
+        for end in _ends(stamps, length, stride_s):
             number += 1
             try:
                 index = begin + steps_before(stamps, end, steps=steps, step_s=step_s)
@@ -91,6 +90,12 @@ def cut(
             following = _on_map(log, slice(last, last + 1), origin) if last < begin + len(stamps) else None
             corner = (float(origin[0]), float(origin[1]))
             yield Window(number, float(end), _on_map(log, index, origin), corner, following)
+
+
+def _ends(stamps: np.ndarray, length: float, stride_s: float) -> np.ndarray:
+    """Return the time of the last step of each window of a part without a gap, given the duration of a window [s]."""
+    count = int(max(stamps[-1] - stamps[0] - length, 0) / stride_s + 1e-6) + 1
+    return np.minimum(stamps[0] + length + stride_s * np.arange(count), stamps[-1])
 
 
 def steps_before(stamps: np.ndarray, end: float, *, steps: int, step_s: float) -> np.ndarray:
