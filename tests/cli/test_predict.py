@@ -49,7 +49,7 @@ def test_misses_of_a_lidar_that_reaches_less_far_than_that_of_the_training_say_n
     options = ("prediction.stride_s=100", "prediction.center=[25,25]", f"outputs={tmp_path}")
     done = predict(f"scans={tmp_path / 'short.npz'}", *options)
     assert done.returncode == 0, done.stderr
-    assert "misses say nothing: the lidar reaches 15 m, that of the training 30 m" in done.stdout
+    assert "the maximum range of the lidar is 15 m, below the 30 m of the training" in done.stdout
     invalid = np.where(np.isinf(short["ranges"]), np.nan, short["ranges"])[:100]
     free = load_predictor(WEIGHTS).predict(Scans(invalid, log["angles"], log["poses"][:100]))[0]
     with np.load(tmp_path / "predictions" / "short" / "window-0001.npz") as content:

@@ -156,7 +156,8 @@ def test_misses_of_a_lidar_that_reaches_less_far_say_nothing():
     for step in range(25):
         robot.mapper.add_odometry(odometry(step))
         robot.mapper.add_scan(scan(step, range_max=12.0))
-    assert robot.warnings == ["misses say nothing: the lidar reaches 12 m, that of the training 30 m"]
+    message = "misses are treated as invalid: the maximum range of the lidar is 12 m, below the 30 m of the training"
+    assert robot.warnings == [message]
     robot.warnings.clear()
     ranges = np.where(EXAMPLE["ranges"] < 12, EXAMPLE["ranges"], np.nan)
     maps = expected(robot.mapper.predictor, 25, ranges=ranges)

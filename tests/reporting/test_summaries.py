@@ -13,15 +13,17 @@ from repro.reporting.summaries import (
 def test_every_claim_has_its_row_and_every_verdict_its_count():
     claims = pd.DataFrame(
         [
-            {"quote": "exp 3 is higher", "verdict": "reproduced", "value": 0.0512, "low": 0.04, "high": 0.06,
-             "claimed": 0.0, "tolerance": 0.01, "paper": "holds", "paper_value": 0.07},
-            {"quote": "hallucinations", "verdict": "cannot be tested"},
+            {"quote": "exp 3 is higher", "means": "accuracy", "verdict": "paper contradicts itself",
+             "ours": "reproduced", "value": 0.0512, "low": 0.04, "high": 0.06, "claimed": 0.0, "tolerance": 0.01,
+             "paper": "fails", "paper_value": 0.07},
+            {"quote": "hallucinations", "reason": "no test", "verdict": "cannot be tested", "ours": "cannot be tested"},
         ]
     )  # fmt: skip
     text = claims_to_markdown(claims)
-    assert "1 reproduced, 1 cannot be tested" in text
-    assert "| exp 3 is higher | reproduced | 0.051 [0.040, 0.060] (0 ± 0.01) | holds, 0.070 |" in text
-    assert "| hallucinations | cannot be tested |  |  |" in text
+    assert "1 paper contradicts itself, 1 cannot be tested" in text
+    own = "paper contradicts itself | reproduced | 0.051 [0.040, 0.060] (0 ± 0.01) | fails, 0.070 |"
+    assert f"| exp 3 is higher | accuracy | {own}" in text
+    assert "| hallucinations | no test | cannot be tested | cannot be tested |  |  |" in text
 
 
 def test_methods_are_in_the_order_of_the_tables_with_intervals():

@@ -33,7 +33,7 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     _refuse(ranges < 0, "ranges", "negative", expected)
     _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
     _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
-    _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians in the robot's frame")
+    _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
     _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", "beyond ten turns", "expected radians")
     if allow_empty:
         return

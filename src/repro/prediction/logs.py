@@ -168,8 +168,8 @@ def check_beams(scan: LogScan, source: str) -> None:
 def valid_ranges(scan: LogScan) -> np.ndarray:
     """Return the ranges of a scan with inf for a miss, at or beyond the maximum, and NaN for an invalid reading.
 
-    Invalid are zero, what is below the minimum, and NaN. Many lidars report a lost beam so: it must not mark the pixels
-    on its way as free.
+    Invalid are zero, what is below the minimum, and NaN. Many lidars report a lost beam in these ways; it must not
+    mark the pixels along it as free.
     """
     ranges = np.asarray(scan.ranges, dtype=np.float32)
     is_valid = (ranges >= scan.range_min_m) & (ranges > 0)  # false for NaN
@@ -177,7 +177,7 @@ def valid_ranges(scan: LogScan) -> np.ndarray:
 
 
 def without_misses(ranges: np.ndarray) -> np.ndarray:
-    """Return ranges with the misses as invalid readings, which say nothing about the pixels on their way.
+    """Return ranges with the misses as invalid readings, which mark neither hits nor free space.
 
     An encoding takes these pixels as free up to its own range, which is wrong if the lidar reaches less far.
     """
@@ -186,7 +186,10 @@ def without_misses(ranges: np.ndarray) -> np.ndarray:
 
 def misses_left_out(range_max_m: float, reach_m: float) -> str:
     """Return the message about a lidar whose misses are invalid, given its range and that of the training [m]."""
-    return f"misses say nothing: the lidar reaches {range_max_m:.4g} m, that of the training {reach_m:.4g} m"
+    return (
+        f"misses are treated as invalid: the maximum range of the lidar is {range_max_m:.4g} m, "
+        f"below the {reach_m:.4g} m of the training"
+    )
 
 
 def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -50,7 +50,7 @@ class PredictionStream:
         steps: steps of a window, T, as in training.
         step_s: time of a step [s], as in training.
         range_max_m: maximum range of the lidar [m]; the misses of one that reaches less far than that of the training
-            say nothing.
+            mark neither hits nor free space.
 
     Raises:
         ValueError: an argument has another shape or value.

@@ -40,7 +40,7 @@ def encodings(frames: Frames) -> Figure | None:
 
 
 def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
-    """Plot the obstacle IoU of networks against the time of their training, with what can be known as lines.
+    """Plot the obstacle IoU of networks against the time of their training, with the bounds as lines.
 
     Args:
         intervals: experiment, model, encoding, metric, value, low, high.
@@ -133,7 +133,7 @@ def curves(frames: Frames) -> Figure | None:
 def pairs(frames: Frames) -> Figure | None:
     """Plot obstacle IoU against training pairs where several networks have a learning curve, else return None.
 
-    The networks are compared at the lowest resolution that all of them have. Lines show what can be known, from
+    The networks are compared at the lowest resolution that all of them have. Lines show the bounds, from
     intervals of the same resolution.
     """
     if "curves" not in frames:
@@ -161,7 +161,7 @@ def pairs(frames: Frames) -> Figure | None:
 
 
 def _draw_limits(ax: Axes, rows: pd.DataFrame, experiment: str) -> None:
-    """Draw what can be known in an experiment as horizontal lines."""
+    """Draw the upper bound and the inference from scans in an experiment as horizontal lines."""
     for name, dashes in zip(LIMITS, DASHES, strict=True):
         for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
             ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))

@@ -25,7 +25,7 @@ CAPTIONS = {
     "curves": "U-Net on the paper's input against the number of training pairs, averaged over seeds; at 10,000 pairs "
     "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
     "pairs": "Obstacle IoU of the networks that have a learning curve against the number of training pairs, averaged "
-    "over seeds, at the lowest resolution that all of them have; dashed, what can be known.",
+    "over seeds, at the lowest resolution that all of them have; dashed: the upper bound and the inference from scans.",
     "encodings": "Obstacle IoU of U-Net with other inputs and the same training budget, with intervals of 95 %. All "
     "encodings except projection and exponential have inverted intensities; their reference is the encoding negative, "
     "the inverted projection.",

@@ -15,7 +15,7 @@ PROBABILISTIC = ("best_iou", "log_loss", "brier")
 
 
 def claims_to_markdown(claims: pd.DataFrame) -> str:
-    """Return the number of claims per verdict, then one row per claim with our number and the paper's.
+    """Return the number of claims per verdict, then one row per claim with its test, our number and the paper's.
 
     Args:
         claims: see `claims.judge`.
@@ -23,11 +23,12 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     counts = claims["verdict"].value_counts()
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [
-        f"**{summary}.** Each number belongs to the combination closest to failing,",
-        "with its interval of 95 %; in parentheses the required value and its tolerance.",
+        f"**{summary}.** Ours and Paper are each of the combination closest to failing (for claims about most",
+        "conditions, the median one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance, by",
+        "which a number that is claimed to exceed the value must exceed it.",
         "",
-        "| Claim | Verdict | Ours | Paper |",
-        "|---|---|---|---|",
+        "| Claim | Test | Verdict | On our numbers | Ours | Paper |",
+        "|---|---|---|---|---|---|",
     ]
     for _, row in claims.iterrows():
         ours = ""
@@ -36,7 +37,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
             interval = "" if pd.isna(row["low"]) else f" [{row['low']:.3f}, {row['high']:.3f}]"
             ours = f"{row['value']:.3f}{interval} ({needed})"
         paper = f"{row['paper']}, {row['paper_value']:.3f}" if pd.notna(row["paper_value"]) else ""
-        lines.append(f"| {row['quote']} | {row['verdict']} | {ours} | {paper} |")
+        test = row["means"] if pd.notna(row["means"]) else row["reason"]
+        lines.append(f"| {row['quote']} | {test} | {row['verdict']} | {row['ours']} | {ours} | {paper} |")
     return "\n".join(lines) + "\n"
 
 

@@ -124,7 +124,7 @@ def _outside(measured: dict[str, float], statistics: Statistics | None) -> list[
 def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
     """Print one warning for each statistic of the scans that is outside the training data in some window."""
     if statistics is None:
-        print("the weights hold no statistics of their training data: the log is not compared with them")
+        print("warning: the weights have no statistics of their training data, so the log is not compared with it")
         return
     for name in statistics.quantiles:
         is_outside = table["outside_training"].str.split().map(set(name.split()).issubset)
