@@ -10,9 +10,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pandas as pd
 import pytest
+from hydra._internal.utils import get_args_parser
 
 import repro.config
 from repro.baselines.names import BASELINES
+from repro.cli import composition
 from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
 from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
@@ -29,6 +31,14 @@ ROOT = Path(__file__).parents[1]
 def world_spec(experiment: str) -> dict[str, Any]:
     """Return the world spec of an experiment of the paper."""
     return repro.config.world_spec(repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
+
+
+def refuse(*arguments: str) -> list[str]:
+    """Return the reasons for which a call of run.py is refused."""
+    composition.register()
+    with pytest.raises(composition.Refused) as refused:
+        composition.compose_jobs(get_args_parser().parse_args([*arguments]))
+    return [str(reason) for reason in refused.value.args]
 
 
 read_commit = functools.cache(provenance._commit)

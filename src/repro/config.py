@@ -6,7 +6,7 @@ The values themselves are in conf/, Hydra composes them, `cli.validation` checks
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from omegaconf import DictConfig, OmegaConf
 from pydantic import AfterValidator, ConfigDict, Field, ValidationError
@@ -100,12 +100,12 @@ class EncodingParameters(TypedDict, total=False):
 
 
 class NetworkParameters(TypedDict, total=False):
-    """Types and ranges of the parameters of our own networks in `networks`; those of other networks are theirs."""
+    """Types and ranges of the parameters of the recurrent networks in `networks`."""
 
     __pydantic_config__ = ConfigDict(extra="allow", strict=True)  # type: ignore[misc]
 
     hidden: Annotated[int, Field(ge=16, le=512, multiple_of=16)]
-    stride: Annotated[int, Field(ge=2, le=4, multiple_of=2)]
+    stride: Literal[2, 4]
 
 
 NO_DECAY = "-no-decay"

@@ -111,23 +111,6 @@ def test_a_file_that_is_no_log_ends_with_status_1_and_no_output(content, message
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "scans: is needed with task=predict"),
-        (["scans=a", "prediction.center=here"], "prediction.center=here: must be robot, start, or [x,y]"),
-        (["scans=a", "prediction.center=[nan,1]"], "must be robot, start, or [x,y]"),
-        (["scans=a", "prediction.fov_deg=0"], "prediction.fov_deg=0.0: must be greater than 0"),
-        (["scans=a", "prediction.steps=0"], "prediction.steps=0: must be greater than or equal to 1"),
-        (["scans=a", "task=report"], "scans=a: is for task=predict only"),
-    ],
-)
-def test_settings_are_checked_first(arguments, message):
-    done = predict(*arguments)
-    assert done.returncode == 2
-    assert message in done.stderr
-
-
-@pytest.mark.parametrize(
     ("log", "name"),
     [
         ("a/square.npz", "square"),

@@ -8,6 +8,7 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.reporting.audit import audit
 from repro.reporting.claims import Verdict, judge, read_claims
+from repro.reporting.expressions import Names, evaluate
 from repro.reporting.numbers import Numbers, paper_rows
 from repro.reporting.paper import read_paper
 from repro.reporting.summaries import claims_to_markdown
@@ -122,7 +123,7 @@ def test_every_claim_of_the_ledger_can_be_computed():
     for claim in ledger.claims:
         if claim.test:
             names = {name: values[0] for name, values in claim.over.items()}
-            eval(claim.test.strip(), {"__builtins__": {}, "m": known.m, "networks": 4, **names})
+            evaluate(claim.test, Names({**names, "networks": 4}, {"m": known.m}))
         assert claim.quote
         assert claim.place
         assert claim.untestable or (claim.means and claim.tolerance_from)

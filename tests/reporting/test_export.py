@@ -1,5 +1,3 @@
-import json
-
 import onnx
 import pandas as pd
 import pytest
@@ -17,10 +15,9 @@ from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
-from repro.networks.predictor import Predictor, describe, load_predictor
+from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, with_front_matter
 from repro.runs.directories import Run
-from repro.system.files import sha256
 
 PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 
@@ -104,20 +101,6 @@ def test_the_published_card_and_statistics_are_complete():
     statistics = load_predictor(PUBLISHED).statistics
     assert statistics.windows == 3000
     assert set(statistics.quantiles) == set(TITLES)
-
-
-def test_statistics_are_added_without_a_change_of_the_weights(run):
-    files = {name: sha256(run.model / name) for name in ("model.safetensors", "config.json")}
-    assert load_predictor(run.model).statistics is None
-    statistics = load_predictor(PUBLISHED).statistics
-    describe(run.model, statistics)
-    assert load_predictor(run.model).statistics == statistics
-    assert {name: sha256(run.model / name) for name in files} == files
-    content = json.loads((run.model / "predictor.json").read_text())
-    content["statistics"]["quantiles"]["beams"][0] = 1
-    (run.model / "predictor.json").write_text(json.dumps(content))
-    with pytest.raises(ValueError, match="differs from its checksum"):
-        load_predictor(run.model)
 
 
 @pytest.mark.slow

@@ -43,13 +43,13 @@ def test_the_costs_table_leaves_out_unmeasured_columns():
             "model": ["unet", "fpn"],
             "size_px": [64, 64],
             "parameters_m": [5.5512, 5.07],
-            "training_gpu_gb": [None, None],
-            "cpu_compiled_ms": [12.34, None],
+            "cuda_eager_ms": [None, None],
+            "cpu_onnx_ms": [12.34, None],
         }
     )
     page = costs_to_markdown(Table(table, "Costs of the networks.")).splitlines()
     assert page[0] == "**Costs of the networks.**"
-    assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, compiled [ms] |", "|---|---|---|---|"]
+    assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, ONNX Runtime [ms] |", "|---|---|---|---|"]
     assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]
 
 

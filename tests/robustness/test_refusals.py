@@ -8,8 +8,7 @@ from typing import Any
 
 import hydra
 import pytest
-from conftest import ROOT, cpu_seconds
-from hydra._internal.utils import get_args_parser
+from conftest import ROOT, cpu_seconds, refuse
 
 from repro.cli import composition
 from repro.config import plain
@@ -182,13 +181,6 @@ ALLOWED = {  # hostile values that have a meaning
 }
 
 
-def refuse(*arguments: str) -> list[str]:
-    """Return the reasons for which a call is refused."""
-    with pytest.raises(composition.Refused) as refused:
-        composition.compose_jobs(get_args_parser().parse_args([*arguments]))
-    return [str(reason) for reason in refused.value.args]
-
-
 @pytest.mark.parametrize(("call", "expected"), CALLS.items())
 def test_a_call_is_refused_with_its_reason(call, expected, monkeypatch):
     monkeypatch.setattr("repro.system.resources.psutil.virtual_memory", lambda: Memory())
@@ -252,13 +244,15 @@ def test_a_number_takes_no_value_without_meaning(key):
 
 
 @pytest.mark.parametrize("call", ["train.lr=3", "encoding.parameters.decay=foo", "exp=9", "model=unte", "outputs=a#b"])
-def test_a_refusal_takes_less_than_two_seconds_of_the_processor(call):
-    command = [sys.executable, "run.py", call]
+def test_a_refusal_writes_nothing_and_takes_less_than_two_seconds_of_the_processor(call, tmp_path):
+    command = [sys.executable, "run.py", f"outputs={tmp_path / 'out'}", call]
     before = cpu_seconds()
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
+    assert done.stderr.startswith("error: this cannot be run\n")
     assert "Traceback" not in done.stderr
     assert cpu_seconds() - before < 2
+    assert not list(tmp_path.iterdir())
 
 
 def test_slurm_is_refused_where_it_is_missing(monkeypatch):

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import ROOT, cpu_seconds
+from conftest import ROOT
 from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
@@ -152,48 +152,6 @@ def test_all_errors_are_listed_once():
     assert len(errors) == len(set(errors)) == 5  # conf/world has two values of disc_share
     keys = [error.split("=")[0] for error in errors]
     assert keys[:3] == ["seed", "scale.learning_rate", "runtime.workers"]
-
-
-def test_there_are_at_least_150_cases():
-    assert len(CASES) >= 150
-    assert len(set(CASES)) == len(CASES)
-
-
-COMMANDS = (
-    (["exp=9"], ["exp=9: must be one of 1, 2, 3, 4"]),
-    (["runtime.workers=-5", "seed=-1"], ["seed=-1: must be", "runtime.workers=-5: must be"]),
-    (["train.lr=3"], ["train.lr: is not a known key"]),
-    (["model=resnet"], ["resnet", "unet"]),
-    (["model=convlstm"], ["encoding=projection", "a series of images: encoding=series10 or encoding=stack10"]),
-    (["model=convlstm", "encoding=stack4", "model.encoder_name=mit_b0"], ["model.encoder_name=mit_b0", "of its own"]),
-    (["model=convgru"], ["encoding=projection", "a series of images: encoding=series10 or encoding=stack10"]),
-    (
-        ["model=convgru", "encoding=series10", "model.parameters.hidden=9", "model.parameters.stride=3"],
-        ["model.parameters.hidden=9: must be a multiple of 16", "model.parameters.stride=3: must be a multiple of 2"],
-    ),
-    (["model=convgru", "encoding=series10", "+model.parameters.hiden=32"], ["hiden=32: is not a parameter of convgru"]),
-    (["+model.parameters.hidden=32"], ["parameters are for networks of our own"]),
-    (["task=fly"], ["fly", "record"]),
-    (["world=moon"], ["moon", "paper"]),
-    (["-m", "exp=3,9", "seed=-1,0"], ["exp=9: must be one of", "seed=-1: must be"]),
-    (["-m", "task=report", "seed=0,1"], ["task=report: is done once"]),
-    (["task=report", "seed=0,1"], ["seed=0,1: takes one value; for a sweep, add -m"]),
-    (["runtime.accelerator=gpu"], ["no CUDA GPU is visible"]),
-    ([f"{LIDAR}.range_min=5"], [f"{LIDAR}.range_min=5: must be 0"]),
-)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("overrides", "expected"), COMMANDS)
-def test_an_invalid_call_ends_at_once_with_status_2(overrides, expected, tmp_path):
-    began = cpu_seconds()
-    command = [sys.executable, "run.py", *overrides, "scale=smoke", f"outputs={tmp_path / 'out'}"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2
-    assert all(word in done.stderr for word in expected), done.stderr
-    assert "Traceback" not in done.stderr
-    assert cpu_seconds() - began < 15  # it takes about a second
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_traceback_can_be_requested(tmp_path):

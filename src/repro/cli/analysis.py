@@ -49,7 +49,7 @@ def analyze(job: Job) -> None:
             errors.append(str(error))
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs, errors) | _written_by_other_tasks(outputs)
+    frames = gather(outputs, errors, accelerator=job.runtime.accelerator) | _written_by_other_tasks(outputs)
     frames["audit"] = audits(results)
     frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(frames))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
@@ -80,7 +80,7 @@ def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
     frames = {path.stem: read_rows(path) for path in outputs.curves.glob("*.csv")}
     path = outputs.analysis / "generalization.csv"
     if path.is_file():
-        frames["generalization"] = pd.read_csv(path, dtype={"trained": str, "tested": str})
+        frames["generalization"] = read_rows(path)
     return frames
 
 

@@ -22,7 +22,7 @@ from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
 from repro.cli.errors import WANTS_TRACEBACKS
 from repro.cli.jobs import ROOT
 from repro.cli.limits import most_channels
-from repro.cli.validation import all_errors, has_gpu, one_of, renamed_errors, unknown_key
+from repro.cli.validation import all_errors, has_gpu, one_of, unknown_key
 from repro.config import NO_DECAY, plain
 from repro.runs.keys import RunKey
 from repro.system.resources import parallel_trainings
@@ -113,9 +113,6 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 def override_errors(override: Override, multirun: bool) -> list[str]:
     """Return what is wrong with an override as far as it shows without composing."""
     key, written = override.key_or_group, override.input_line or ""
-    renamed = renamed_errors([(key, written.partition("=")[2])])
-    if renamed:
-        return renamed
     if not key:
         return [f"{written}: an override is key=value"]
     if override.is_delete() and "." not in key:

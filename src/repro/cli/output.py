@@ -4,15 +4,14 @@ import sys
 
 import pandas as pd
 
+from repro.metrics.names import SUMMARY
 from repro.reporting.tables import write_tables
 from repro.runs.directories import Outputs
-
-SHOWN = {"accuracy": "accuracy", "specificity": "specificity", "obstacle_iou": "obstacle IoU"}
 
 
 def summary_line(metrics: pd.Series) -> str:
     """Format the main metrics of a run as one line; metrics.csv has all of them."""
-    return ", ".join(f"{title} {metrics[name]:.4f}" for name, title in SHOWN.items())
+    return ", ".join(f"{title} {metrics[name]:.4f}" for name, title in SUMMARY.items())
 
 
 def print_tables(outputs: Outputs, names: tuple[str, ...]) -> list[str]:

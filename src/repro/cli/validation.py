@@ -4,7 +4,6 @@ import difflib
 import os
 import stat
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -30,33 +29,6 @@ from repro.simulation.schema import world_errors
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
 LONG_RECORDING_MINUTES = 30
-RENAMED_KEYS = {
-    "lightest": "oldest_gray",
-    "scale.mirror": "scale.flip_augmentation",
-    "train.mirror": "train.flip_augmentation",
-    "scale.weight_average": "scale.ema_decay",
-    "train.weight_average": "train.ema_decay",
-}
-RENAMED_VALUES = {
-    ("task", "evidence"): "analysis",
-    ("task", "transfer"): "generalization",
-    ("task", "readme"): "docs",
-    ("encoding", "seen_free"): "observed_free",
-}
-
-
-def renamed_errors(overrides: Iterable[tuple[str, str]]) -> list[str]:
-    """Return an error for every override, given as key and value, that uses a former name."""
-    errors = []
-    for key, value in overrides:
-        if key in RENAMED_KEYS:
-            errors.append(f"{key}: is now called {RENAMED_KEYS[key]}")
-        errors += [
-            f"{key}={old}: is now called {key}={new}"
-            for (renamed, old), new in RENAMED_VALUES.items()
-            if key == renamed and old in value.split(",")
-        ]
-    return errors
 
 
 def all_errors(values: dict[str, Any]) -> list[ConfigError]:
@@ -197,7 +169,8 @@ def _library_errors(config: Config) -> list[ConfigError]:
         expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
         errors.append(ConfigError("scans", config.scans, expected))
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
-    errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
+    if (config.model.architecture or config.model.name) in RECURRENT:
+        errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
     on_cpu = config.task in TRAINING_TASKS and (config.runtime.accelerator == "cpu" or not has_gpu())
     if not errors and on_cpu:
         errors += cpu_errors(config.scale, config.train.batch_size, config.encoding, config.runtime.precision)

@@ -25,6 +25,7 @@ from repro.maps.datasets import grid_of
 from repro.metrics.bootstrap import Measured, by_world, difference, draw_weights, interval, resample
 from repro.metrics.calibration import fit_temperature, reliability, summary, temperature_scaled
 from repro.metrics.counts import count_quantized, pooled_scores
+from repro.metrics.names import SUMMARY
 from repro.networks.predictor import load_predictor
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL
@@ -54,12 +55,13 @@ class Analysis:
         return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
 
 
-def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.DataFrame]:
+def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: str = "auto") -> dict[str, pd.DataFrame]:
     """Gather the analysis of all evaluated runs below an outputs directory.
 
     Args:
         outputs: an outputs directory with its runs and recordings.
         errors: receives the message of every damaged run, whose cell is left out; None raises at the first damaged run.
+        accelerator: auto, cpu or gpu, for the predictions of the validation set.
 
     Returns:
         intervals, differences, recency, ages, obstacles, uncertainty (of cells with several seeds), calibration,
@@ -80,7 +82,9 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
             try:
                 measured = [_read_run(run, test) for run in runs]
                 own = Analysis()  # its rows are taken once the whole cell is measured
-                measures, drawn = _measure_cell(own, _columns(cell), runs, measured, recordings, test, weights)
+                measures, drawn = _measure_cell(
+                    own, _columns(cell), runs, measured, recordings, test, weights, accelerator
+                )
             except ValueError as error:
                 if errors is None:
                     raise
@@ -137,6 +141,7 @@ def _measure_cell(
     recordings: Path,
     test: TestSet,
     weights: np.ndarray,
+    accelerator: str,
 ) -> tuple[Measured, pd.DataFrame]:
     """Measure all seeds of a cell; return its counts and SSIM, and its metrics in every draw of the bootstrap."""
     predictions = [free for free, _ in measured]
@@ -154,7 +159,8 @@ def _measure_cell(
     analysis.add("obstacles", by_last_hit(predictions, test, weights[:FEWER_DRAWS]), columns)
     if runs[0].model.is_dir():
         analysis.add("cost", _cost(runs), columns)
-        _calibrate(analysis, columns, runs, recordings, counts.sum((1, 2)), recency, predictions, test.truth)
+        validation = [validation_quantized(run, recordings, accelerator=accelerator) for run in runs]
+        _calibrate(analysis, columns, validation, counts.sum((1, 2)), recency, predictions, test.truth)
     return measures, drawn
 
 
@@ -173,8 +179,7 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
 def _calibrate(
     analysis: Analysis,
     columns: dict[str, Any],
-    runs: list[Run],
-    recordings: Path,
+    validation: list[tuple[np.ndarray, np.ndarray]],
     each: np.ndarray,
     recency: dict[str, np.ndarray],
     predictions: list[np.ndarray],
@@ -182,9 +187,9 @@ def _calibrate(
 ) -> None:
     """Measure calibration: uncalibrated, temperature-scaled (fitted on validation data), and of the mean over seeds.
 
-    `each` contains the counts of each seed, (S, 2, 256), `recency` those of all seeds together, (2, 256).
+    `validation` has the quantized predictions and the true maps of the validation set for each seed, `each` the counts
+    of each seed, (S, 2, 256), and `recency` those of all seeds together, (2, 256).
     """
-    validation = [validation_quantized(run, recordings) for run in runs]
     temperatures = [fit_temperature(count_quantized(free, true)[:, 0].sum(0)) for free, true in validation]
     rows = [{"method": "uncalibrated", "recency": "all", **_mean([summary(counts) for counts in each])}]
     scaled = [summary(c, temperature_scaled(t)) for c, t in zip(each, temperatures, strict=True)]
@@ -195,7 +200,7 @@ def _calibrate(
         mean = np.mean(predictions, axis=0).round().astype(np.uint8)
         counts = count_quantized(mean, truth)[:, 0].sum(0)
         score = {name: float(value) for name, value in pooled_scores(counts).items()}
-        kept = {name: score[name] for name in ("accuracy", "specificity", "obstacle_iou")}
+        kept = {name: score[name] for name in SUMMARY}
         rows.append({"method": f"mean of {len(predictions)} seeds", "recency": "all", **summary(counts), **kept})
     rows += [{"method": "uncalibrated", "recency": n, **summary(c)} for n, c in recency.items() if c[0].sum()]
     analysis.add("calibration", pd.DataFrame(rows), columns)

@@ -102,7 +102,7 @@ def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]
     truth = maps.cpu().float()
     counts = confusion(probability, truth)
     similarity = ssim(probability, truth)
-    binary = ssim((probability > 0.5).float(), truth)
+    binary = ssim((probability >= 0.5).float(), truth)
     per_image = pd.DataFrame(
         {"ssim": similarity, "ssim_binary": binary, **{k: v.numpy() for k, v in scores(counts).items()}}
     )
@@ -120,7 +120,7 @@ def read_ssim(run: Run) -> np.ndarray:
     return read_table(run.check_file("per_image.csv"), ("ssim",), fix)["ssim"].to_numpy()
 
 
-def validation_quantized(run: Run, recordings: Path, *, accelerator: str = "auto") -> tuple[np.ndarray, np.ndarray]:
+def validation_quantized(run: Run, recordings: Path, *, accelerator: str) -> tuple[np.ndarray, np.ndarray]:
     """Predict the validation set with the best weights of a trained run; return quantized probabilities and true maps.
 
     Raises:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from repro.config import populations
+from repro.evaluation.evaluate import quantize
 from repro.maps.datasets import Recorded, load_recorded
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
 from repro.metrics.counts import count_quantized
@@ -139,7 +140,6 @@ def updated(earlier: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
 def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:
     """Compare the prediction of scans with the true maps of their recordings; rows of metric, value, low, high."""
     free = predictor.predict(scans, allow_empty=True)  # a change may leave no hit, or move a pose off the map
-    quantized = (free * 255).round().numpy().astype(np.uint8)
-    counts = by_world(count_quantized(quantized, test.maps[:, 0].numpy()))[:, 0]
+    counts = by_world(count_quantized(quantize(free[:, None]), test.maps[:, 0].numpy()))[:, 0]
     similarity = by_world(ssim(free[:, None], test.maps.float()).numpy()) / 2
     return interval(resample(Measured(counts[None], similarity[None]), draw_weights(len(counts))))

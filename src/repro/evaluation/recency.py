@@ -61,8 +61,7 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
         noise_m: standard deviation of the ranges [m]; hits count up to three times as far from an obstacle.
 
     Returns:
-        the step, counted from 1, or 0 for never, (2, K); the first row is the counter-clockwise twin, the second the
-        clockwise twin.
+        the step, counted from 1, or 0 for never, (2, K); the first row is of direction 1, the second of -1.
     """
     windows = shard.scans.tensors(dtype=torch.float64)
     heading = windows.poses[..., 2:] + windows.angles

@@ -43,7 +43,7 @@ def accelerate(network: nn.Module, device: str) -> None:
         network: any network.
         device: cpu or cuda.
     """
-    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    network.to(memory_format=torch.channels_last)
     replace_slow_modules(network)
     for module in network.modules() if device == "cpu" else ():
         if type(module) is nn.Conv2d and _is_depthwise(module):

@@ -7,7 +7,7 @@ from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.config import Gray
+from repro.config import OLDEST_GRAY, Gray
 from repro.maps.grid import Grid
 from repro.scans import Scans
 
@@ -38,7 +38,7 @@ class Projection:
     frames: ClassVar[int] = 1
 
     decay: bool = True
-    oldest_gray: Gray = 0.8
+    oldest_gray: Gray = OLDEST_GRAY
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draw the projection of each window.

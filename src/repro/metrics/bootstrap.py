@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from repro.metrics.counts import pooled_scores
+from repro.metrics.counts import confusion_of, scores_of
 
 DRAWS = 2000
 LEVEL = 0.95
@@ -28,68 +28,53 @@ class Measured:
     ssim: np.ndarray
 
 
-def draw_weights(worlds: int, seed: int = 0, draws: int = DRAWS) -> np.ndarray:
+def draw_weights(worlds: int, draws: int = DRAWS) -> np.ndarray:
     """Draw the number of times each world is taken, (draws + 1, W); the first row takes every world once."""
-    drawn = np.random.default_rng(seed).multinomial(worlds, np.full(worlds, 1 / worlds), size=draws)
+    drawn = np.random.default_rng(0).multinomial(worlds, np.full(worlds, 1 / worlds), size=draws)
     return np.concatenate([np.ones((1, worlds), dtype=drawn.dtype), drawn])
 
 
-def resample(measured: Measured, weights: np.ndarray, seed: int = 1) -> pd.DataFrame:
+def resample(measured: Measured, weights: np.ndarray) -> pd.DataFrame:
     """Compute every metric in every draw, averaged over seeds.
 
     Args:
         measured: the results of S seeds on W worlds.
         weights: see `draw_weights`, (draws + 1, W).
-        seed: random seed of the resampling of the S seeds.
 
     Returns:
         one column per metric and one row per draw; row 0 is the measured value.
     """
     seeds, draws = len(measured.counts), len(weights)
-    # The metrics depend only on the counts below and above the threshold, so 2 values replace 256 before the product.
     columns: dict[str, np.ndarray] = {"ssim": measured.ssim @ weights.T / weights.sum(1)}
-    pooled = np.einsum("bw,swtl->sbtl", weights, _halves(measured.counts), optimize=True)
-    columns |= pooled_scores(_from_halves(pooled))
-    share = np.random.default_rng(seed).multinomial(seeds, np.full(seeds, 1 / seeds), size=draws) / seeds
+    columns |= scores_of(np.einsum("bw,swc->sbc", weights, confusion_of(measured.counts), optimize=True))
+    share = np.random.default_rng(1).multinomial(seeds, np.full(seeds, 1 / seeds), size=draws) / seeds
     share[0] = 1 / seeds
     return pd.DataFrame({name: (values * share.T).sum(0) for name, values in columns.items()})
 
 
-def interval(drawn: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
+def interval(drawn: pd.DataFrame) -> pd.DataFrame:
     """Return value, low and high (percentiles) of every metric, one row per column of `drawn`."""
-    low, high = bounds(drawn.to_numpy(), level)
+    low, high = bounds(drawn.to_numpy())
     return pd.DataFrame({"metric": drawn.columns, "value": drawn.iloc[0].to_numpy(), "low": low, "high": high})
 
 
-def bounds(drawn: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:
+def bounds(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return low and high, each (...), the percentiles of draws (draws + 1, ...) without row 0, the measured value.
 
     Undefined draws (nan) count as infinity, so that the interval ends at infinity if there are too many of them.
     """
-    tail = (1 - level) / 2
+    tail = (1 - LEVEL) / 2
     with np.errstate(invalid="ignore"):
         low, high = np.quantile(np.nan_to_num(drawn[1:], nan=np.inf, posinf=np.inf), [tail, 1 - tail], axis=0)
     return low, high
 
 
-def difference(one: pd.DataFrame, other: pd.DataFrame, level: float = LEVEL) -> pd.DataFrame:
+def difference(one: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
     """Return the interval of `one` - `other`, drawn with the same worlds; `excludes_zero`: zero is outside of it."""
-    table = interval(one - other, level)
+    table = interval(one - other)
     return table.assign(excludes_zero=(table["low"] > 0) | (table["high"] < 0))
 
 
 def by_world(values: np.ndarray) -> np.ndarray:
     """Sum values of single images, (M, ...), over each world and its twin, (M / 2, ...)."""
     return values.reshape(len(values) // 2, 2, *values.shape[1:]).sum(1)
-
-
-def _halves(counts: np.ndarray) -> np.ndarray:
-    """Sum the counts of quantized probabilities below and above the threshold, (..., 256) to (..., 2)."""
-    return counts.reshape(*counts.shape[:-1], 2, counts.shape[-1] // 2).sum(-1)
-
-
-def _from_halves(halves: np.ndarray) -> np.ndarray:
-    """Assign the sums below and above the threshold to the quantized values 0 and 255, (..., 2) to (..., 256)."""
-    counts = np.zeros((*halves.shape[:-1], 256), dtype=halves.dtype)
-    counts[..., 0], counts[..., 255] = halves[..., 0], halves[..., 1]
-    return counts

@@ -8,6 +8,7 @@ for the decomposition of the Brier score, Guo et al. (2017) for the expected cal
 import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
+from scipy.special import entr
 
 from repro.metrics.counts import LEVELS, PROBABILITY
 
@@ -34,8 +35,7 @@ def entropy(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.nda
 
 def binary_entropy(probability: np.ndarray) -> np.ndarray:
     """Compute the entropy of each probability [nat], (...)."""
-    free = probability.clip(1e-12, 1 - 1e-12)
-    return -(free * np.log(free) + (1 - free) * np.log(1 - free))
+    return entr(probability) + entr(1 - probability)
 
 
 def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> pd.DataFrame:

@@ -8,7 +8,7 @@ of single worlds, summed with weights, give the bootstrap (`metrics.bootstrap`).
 import numpy as np
 import torch
 
-from repro.metrics.scores import scores
+from repro.metrics.scores import THRESHOLD, scores
 
 LEVELS = 256  # number of quantized probability values
 PROBABILITY = np.arange(LEVELS) / (LEVELS - 1)  # of free, for each quantized value
@@ -36,9 +36,9 @@ def count_quantized(
     return counts.reshape(len(free), number, 2, LEVELS)
 
 
-def confusion_of(counts: np.ndarray, threshold: float = 0.5) -> np.ndarray:
+def confusion_of(counts: np.ndarray) -> np.ndarray:
     """Count true and false positives, true and false negatives with FREE as positive, (..., 4), from (..., 2, 256)."""
-    is_free = threshold < PROBABILITY
+    is_free = PROBABILITY >= THRESHOLD
     free, obstacle = counts[..., 1, :], counts[..., 0, :]
     parts = (free[..., is_free], obstacle[..., is_free], obstacle[..., ~is_free], free[..., ~is_free])
     return np.stack([part.sum(-1) for part in parts], axis=-1)
@@ -46,7 +46,12 @@ def confusion_of(counts: np.ndarray, threshold: float = 0.5) -> np.ndarray:
 
 def pooled_scores(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the metrics of `metrics.scores` at threshold 0.5 from (..., 2, 256), each (...)."""
-    return {name: value.numpy() for name, value in scores(torch.as_tensor(confusion_of(counts))).items()}
+    return scores_of(confusion_of(counts))
+
+
+def scores_of(confusion: np.ndarray) -> dict[str, np.ndarray]:
+    """Compute the metrics of `metrics.scores` from (..., 4), see `confusion_of`, each (...)."""
+    return {name: value.numpy() for name, value in scores(torch.as_tensor(confusion)).items()}
 
 
 def average_precision(counts: np.ndarray) -> np.ndarray:

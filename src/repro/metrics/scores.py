@@ -9,21 +9,21 @@ import torch
 from piqa import SSIM
 from torch import Tensor
 
+THRESHOLD = 0.5
 EPS = 1e-5  # Segmentation-Metrics-PyTorch adds it to numerator and denominator
 
 
-def confusion(probability: Tensor, target: Tensor, threshold: float = 0.5) -> Tensor:
+def confusion(probability: Tensor, target: Tensor) -> Tensor:
     """Count pixels with FREE as the positive class.
 
     Args:
-        probability: predicted probability of free, (M, 1, H, W).
+        probability: predicted probability of free, (M, 1, H, W); at or above `THRESHOLD`, a pixel is predicted free.
         target: true map with 1 = free, (M, 1, H, W).
-        threshold: a pixel at or above it is predicted free, as in the quantized predictions.
 
     Returns:
         true positives, false positives, true negatives and false negatives of each image, int64, (M, 4).
     """
-    free, truth = probability >= threshold, target > 0.5
+    free, truth = probability >= THRESHOLD, target > 0.5
     pairs = (free & truth, free & ~truth, ~free & ~truth, ~free & truth)
     return torch.stack([pair.flatten(1).sum(1) for pair in pairs], dim=1)
 

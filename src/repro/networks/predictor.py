@@ -180,17 +180,6 @@ def load_predictor(path: str | Path) -> Predictor:
     return _load_torch(path)
 
 
-def describe(directory: Path, statistics: Statistics) -> None:
-    """Add the statistics of the training scans to a saved predictor; its weights and configuration stay untouched.
-
-    Raises:
-        ValueError: the directory holds no predictor, see `load_predictor`.
-    """
-    predictor = dataclasses.replace(_load_torch(directory), statistics=statistics)
-    content = {"architecture": architecture_of(predictor.network), **predictor._description()}
-    write_json(directory / DESCRIPTION, content | {"sha256": _checksum(content, directory)})
-
-
 def _load_torch(directory: Path) -> Predictor:
     content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
     expected = content.pop("sha256", None)

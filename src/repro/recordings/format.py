@@ -48,9 +48,9 @@ class ShardContent:
     """The content of a shard: R recordings of R / 2 worlds with K obstacles in total, at most O per world.
 
     Args:
-        scans: ranges (R, T, N), angles (N,), poses (R, T, 3); recordings 2 w and 2 w + 1 are world w driven
-            counter-clockwise and clockwise.
-        outlines: convex outlines in their own frame [m], (K, V, 2).
+        scans: ranges (R, T, N), angles (N,), poses (R, T, 3); recordings 2 w and 2 w + 1 are world w in
+            direction 1 and -1, see `simulation.worlds`.
+        outlines: outlines in their own frame [m], (K, V, 2).
         states: obstacle poses x, y [m], heading [rad], (K, T, 3).
         world: index in the shard of the world that each obstacle belongs to, (K,).
         seen: whether any beam of a recording hit each obstacle of its world, (R, O).

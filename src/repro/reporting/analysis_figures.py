@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.comparison_figures import baselines, curves, encodings, generalization, pairs
 from repro.reporting.figures import STYLE
@@ -15,7 +16,6 @@ from repro.reporting.names import experiment_title
 from repro.reporting.plots import LOOKS, Frames, columns, marks, one_legend
 
 DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
-HITS = ("1-10", "11-25", "26-50", "51-100", "never")
 
 
 def write_analysis_figures(

@@ -16,6 +16,6 @@ def keys_of(rows: pd.DataFrame) -> list[RunKey]:
 
 def read_rows(path: Path) -> pd.DataFrame:
     """Load a CSV file of tidy rows: experiments are strings, baselines have an empty encoding, seeds are integers."""
-    types: dict[Any, Any] = {"experiment": str, "encoding": str, "seed": "Int64"}
+    types: dict[Any, Any] = dict.fromkeys(("experiment", "encoding", "trained", "tested"), str) | {"seed": "Int64"}
     rows = pd.read_csv(path, dtype=types)
     return rows.assign(encoding=rows["encoding"].fillna("")) if "encoding" in rows else rows

@@ -25,12 +25,9 @@ COSTS = {
     "parameters_m": "Parameters [M]",
     "forward_gflop": "Forward [GFLOP]",
     "training_min": "Training [min]",
-    "training_gpu_gb": "Training memory on GPU [GB]",
     "cpu_eager_ms": "CPU, eager [ms]",
-    "cpu_compiled_ms": "CPU, compiled [ms]",
     "cpu_onnx_ms": "CPU, ONNX Runtime [ms]",
     "cuda_eager_ms": "GPU, eager [ms]",
-    "cuda_compiled_ms": "GPU, compiled [ms]",
 }
 
 

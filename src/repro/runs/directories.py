@@ -10,8 +10,9 @@ outputs/<scale>/
         predictions.npz  probability of free on the test set, quantized to uint8
         metrics.csv      pooled test metrics, one row; validation.csv holds those of the validation set
         per_image.csv    metrics of every test image
+        checkpoints/     of an unfinished training
     baselines/exp3/tracker/             run directory of a baseline, which has no encoding, seed or weights
-    tables/ figures/ analysis/ worlds/
+    tables/ figures/ analysis/ worlds/ predictions/ exports/ generalization/
     report.html
 """
 

@@ -7,6 +7,7 @@ from repro.evaluation.generalization import across_experiments, under_changes, u
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import read_manifest
 from repro.reporting.names import predictor_title
+from repro.reporting.rows import read_rows
 from repro.runs.keys import RunKey
 from repro.system.files import lock, write_text
 
@@ -36,6 +37,6 @@ def run(job: Job) -> None:
     path = outputs.analysis / "generalization.csv"
     with lock(outputs.analysis):
         if path.is_file():
-            table = updated(pd.read_csv(path, dtype={"trained": str, "tested": str}), table)
+            table = updated(read_rows(path), table)
         write_text(path, table.to_csv(index=False, float_format="%.6g"))
     print(f"{path}: task=analysis shows it")
