@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 import torch
@@ -6,7 +8,7 @@ from conftest import prepared
 from repro.baselines import tracker
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.registry import PREDICTORS, dilate
+from repro.baselines.registry import FREE_STEPS, PREDICTORS, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.datasets import Recorded, load_recorded
 from repro.maps.grid import Grid
@@ -53,9 +55,22 @@ def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
     run = prepared(tmp_path, model="last_seen")
     assert 0.1 < evaluate(run, recorded)["obstacle_iou"] < 1
     val = load_recorded(recorded, "val", Grid(32, 50.0))
-    hits = newest_hits(val.scans, val.grid) > 0
-    iou = [scores(confusion(dilate(hits, r), val.maps.float()).sum(0))["obstacle_iou"] for r in range(3)]
-    assert run.provenance().fact("radius_px") == int(np.argmax(iou))
+    hits, since = newest_hits(val.scans, val.grid) > 0, steps_since_free(val)
+    tried = {
+        (radius, steps): dilate(hits, radius).masked_fill(since < steps, 1.0)
+        for radius, steps in itertools.product(range(4), FREE_STEPS)
+    }
+    iou = {chosen: scores(confusion(free, val.maps.float()).sum(0))["obstacle_iou"] for chosen, free in tried.items()}
+    assert tuple(run.provenance().fact(name) for name in ("radius_px", "free_steps")) == max(iou, key=iou.get)
+
+
+def test_space_that_a_beam_passed_over_is_free_for_some_steps_unless_it_was_hit_later():
+    wall = disc_ranges(15.0)
+    recorded = one_recording(torch.stack([wall] * 3 + [torch.full_like(wall, torch.inf)] * 5 + [wall]))
+    since = steps_since_free(recorded)[0, 0]
+    at_wall, before, behind, out_of_view = since[24, 13], since[24, 9], since[24, 15], since[24, 2]
+    assert (before, behind) == (0, 1)
+    assert at_wall == out_of_view == 9
 
 
 def test_dilation_draws_discs():

@@ -8,9 +8,9 @@ from scipy.stats import ks_2samp
 
 from repro import config
 from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
-from repro.baselines.laws import applies
+from repro.baselines.laws import Obstacles, applies
 from repro.baselines.names import BOUNDS
-from repro.baselines.privileged import _motion, privileged
+from repro.baselines.privileged import _apart, _motion, privileged
 from repro.baselines.registry import PREDICTORS
 from repro.evaluation.recency import newest_hits_of_obstacles
 from repro.maps.datasets import load_recorded
@@ -113,6 +113,17 @@ def test_unseen_motions_are_those_that_no_beam_would_have_hit():
     corners = np.tile(SQUARE, (4, 1, 1))
     assert unseen(corners, paths, scans_of(3), 9).tolist() == [1, 2, 3]
     assert unseen(corners, paths, scans_of(3), 2).tolist() == [1, 2]
+
+
+def test_obstacles_without_a_hit_start_apart_from_the_known_ones():
+    def discs(*places):
+        angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+        outline = 2 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        paths = np.array(places, dtype=float)[:, None] + 0.1 * np.arange(1, 4)[:, None] * [1.0, 0.0]
+        return Obstacles(np.tile(outline, (len(places), 1, 1)), paths)
+
+    kept = _apart(discs((13.9, 10), (14.1, 10), (30, 30)), discs((10, 10), (40, 40)))
+    assert kept.paths[:, 0] == pytest.approx(np.array([[14.2, 10], [30.1, 30]]))
 
 
 def test_only_random_turns_restart_the_interval():

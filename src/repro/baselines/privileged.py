@@ -3,14 +3,14 @@
 The scans tell less than the upper bound knows: of every obstacle that a beam has hit, its shape and its past up to the
 last hit; of the others, their number. The rest it draws: the motion after the last hit from the law of `drift.Drift`,
 obstacles without a hit from other sampled worlds. It keeps the draws that agree with the scans, those in which no beam
-would have hit the obstacle. Given all this the obstacles are independent of one another, so that a pixel is free with
-the product of their probabilities. Up to the number of draws, no predictor from the scans has a lower expected log loss
-or Brier score.
+would have hit the obstacle, and of the obstacles without a hit those that start apart from the known ones. Given all
+this the obstacles are independent of one another, so that a pixel is free with the product of their probabilities. Up
+to the number of draws, no predictor from the scans has a lower expected log loss or Brier score.
 
 `Knowledge` takes parts of this away, or adds the obstacles without a hit, to measure what each part is worth. Without
 them a network can be better, since the scans tell something of every part.
 
-Not modeled: obstacles without a hit do not overlap others at the start.
+Not modeled: obstacles without a hit start apart from one another.
 """
 
 from dataclasses import dataclass
@@ -74,7 +74,8 @@ def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowled
     """Compute the probability of free of one recording, (H, W)."""
     known = turned(*truth.of_recording(index))
     ranges, angles, poses = scans_of(test, index)
-    newest = [newest_hit(*each, ranges, angles, poses) for each in zip(known.corners, known.paths, strict=True)]
+    obstacles = zip(known.corners, known.paths, strict=True)
+    newest = np.array([newest_hit(*each, ranges, angles, poses) for each in obstacles])
     reached = np.where(np.isfinite(ranges), ranges, test.range_max_m)
     free = np.ones((test.grid.size_px, test.grid.size_px))
     rng = np.random.default_rng(index)
@@ -82,15 +83,29 @@ def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowled
         if last:
             outlines = corners[None] if knowledge.shapes else others.corners
             starts = _starts(corners, path, last, truth.spec, rng, knowledge)
-            drawn, ends = _draw(outlines, starts, (reached[last:], angles, poses[last:]), truth.spec, rng, knowledge)
-            free *= 1 - share_covered(drawn, ends, test.grid)
+            shapes, ends = _draw(outlines, starts, (reached[last:], angles, poses[last:]), truth.spec, rng, knowledge)
+            free *= 1 - share_covered(shapes, ends, test.grid)
         elif knowledge.unseen:
             free *= 1 - share_covered(corners[None], path[-1:], test.grid)
     if 0 in newest and not knowledge.unseen:
-        chosen = unseen(others.corners, others.paths, (reached, angles, poses), DRAWS)
-        covered = share_covered(others.corners[chosen], others.paths[chosen, -1], test.grid)
-        free *= (1 - covered) ** newest.count(0)
+        drawn = others
+        if knowledge == UPPER_BOUND:
+            drawn = _apart(others, Obstacles(known.corners[newest > 0], known.paths[newest > 0]))
+        chosen = unseen(drawn.corners, drawn.paths, (reached, angles, poses), DRAWS)
+        covered = share_covered(drawn.corners[chosen], drawn.paths[chosen, -1], test.grid)
+        free *= (1 - covered) ** (newest == 0).sum()
     return free
+
+
+def _apart(others: Obstacles, known: Obstacles) -> Obstacles:
+    """Return those of other obstacles whose circles do not overlap those of known ones before the first step."""
+    (starts, radii), (known_starts, known_radii) = (
+        (2 * each.paths[:, 0] - each.paths[:, 1], np.linalg.norm(each.corners, axis=-1).max(1))
+        for each in (others, known)
+    )
+    distance = np.linalg.norm(starts[:, None] - known_starts, axis=-1)
+    is_apart = (distance >= radii[:, None] + known_radii).all(1)
+    return Obstacles(others.corners[is_apart], others.paths[is_apart])
 
 
 def _starts(

@@ -1,5 +1,8 @@
 """Classical baselines to compare the networks with, each tuned on the validation set, and an upper bound.
 
+Space that a beam passed over stays free where `tune` finds that it helps; without this, a disc around an old hit covers
+pixels that a later scan has seen free.
+
 A baseline maps the validation and the test recordings to the probability of free of the test recordings,
 (M, 1, H, W), and the tuned settings. A new baseline needs a function here, an entry in `PREDICTORS` and its title in
 `baselines.names`.
@@ -12,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from scipy.ndimage import grey_dilation
+from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
 
 from repro.baselines.inference import infer
@@ -21,11 +24,13 @@ from repro.baselines.privileged import Knowledge, privileged
 from repro.baselines.tracker import draw, track
 from repro.maps.datasets import Recorded
 from repro.maps.projection import newest_hits
+from repro.maps.visibility import newest_visible
 from repro.metrics.scores import confusion, scores
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
-RADII_M = tuple(0.5 * number for number in range(8))  # radii around hits, up to 3.5 m
+RADII = tuple(0.01 * number for number in range(11))  # around hits, as shares of the side of the map
+FREE_STEPS = (0, 5, 10, 20, 50, 100)  # steps for which a pixel stays free after a beam has passed over it
 
 
 def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
@@ -35,19 +40,20 @@ def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 def last_seen(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict an obstacle within a radius of every hit."""
-    radii_px = range(1 + int(RADII_M[-1] / val.grid.resolution_m))
-    return tune(lambda each, radius_px: dilate(_hits(each), radius_px), {"radius_px": radii_px}, val, test)
+    distances = {id(each): _distance_to_hits(each) for each in (val, test)}  # [px]
+    radii_px = range(1 + int(RADII[-1] * val.grid.size_px))
+    return tune(lambda each, radius_px: (distances[id(each)] > radius_px).float(), {"radius_px": radii_px}, val, test)
 
 
 def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a log-odds occupancy grid with forgetting; see `occupancy_grids.log_odds_grid`."""
-    settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": RADII_M}
+    settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": _radii_m(val)}
     return tune(_dilated(log_odds_grid, "forgetting"), settings, val, test)
 
 
 def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
-    settings = {"moving": (0.02, 0.1, 0.3), "radius_m": RADII_M}
+    settings = {"moving": (0.02, 0.1, 0.3), "radius_m": _radii_m(val)}
     return tune(_dilated(transitional_grid, "moving"), settings, val, test)
 
 
@@ -61,7 +67,7 @@ def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
             tracks[key] = track(each, depth_m)
         return draw(tracks[key], each.grid, radius_m)
 
-    return tune(predict, {"depth_m": (1.0, 2.0, 3.0), "radius_m": RADII_M[2:]}, val, test)
+    return tune(predict, {"depth_m": (1.0, 2.0, 3.0), "radius_m": _radii_m(val)[2:]}, val, test)
 
 
 PREDICTORS: dict[str, Baseline] = {
@@ -84,6 +90,9 @@ def tune(
 ) -> tuple[Tensor, Settings]:
     """Predict the test set with the settings that have the best obstacle IoU on the validation set.
 
+    Every prediction is combined with each of `FREE_STEPS`: a pixel is free if a beam has passed over it at most so many
+    steps ago, and later than the last hit in it.
+
     Args:
         predict: function from recordings and settings to the probability of free, (M, 1, H, W).
         settings: the candidate values of each setting.
@@ -93,9 +102,27 @@ def tune(
     Returns:
         the probability of free of the test recordings, (M, 1, H, W), and the chosen settings.
     """
-    candidates = [dict(zip(settings, values, strict=True)) for values in itertools.product(*settings.values())]
-    best = max(candidates, key=lambda chosen: _obstacle_iou(predict(val, **chosen), val))
-    return predict(test, **best), best
+    since, best, highest = steps_since_free(val), {}, -1.0
+    for values in itertools.product(*settings.values()):
+        chosen = dict(zip(settings, values, strict=True))
+        free = predict(val, **chosen)
+        for free_steps in FREE_STEPS:
+            iou = _obstacle_iou(free.masked_fill(since < free_steps, 1.0), val)
+            if iou > highest:
+                best, highest = {**chosen, "free_steps": free_steps}, iou
+    chosen = {name: value for name, value in best.items() if name in settings}
+    return predict(test, **chosen).masked_fill(steps_since_free(test) < best["free_steps"], 1.0), best
+
+
+def steps_since_free(recorded: Recorded) -> Tensor:
+    """Return the steps since a beam last passed over each pixel, (M, 1, H, W).
+
+    The last step of a window was 0 steps ago. Pixels that no beam passed over after their last hit have T.
+    """
+    scans, grid = recorded.scans, recorded.grid
+    steps = scans.ranges.shape[1]
+    passed = newest_visible(scans, grid, recorded.range_max_m, margin_m=-grid.resolution_m / 2).long()
+    return torch.where(passed > newest_hits(scans, grid), steps - passed, steps)[:, None]
 
 
 def dilate(occupied: Tensor, radius_px: int) -> Tensor:
@@ -118,8 +145,15 @@ def _obstacle_iou(probability: Tensor, recorded: Recorded) -> float:
     return scores(confusion(probability, recorded.maps.float()).sum(0))["obstacle_iou"].item()
 
 
-def _hits(recorded: Recorded) -> Tensor:
-    return newest_hits(recorded.scans, recorded.grid) > 0
+def _distance_to_hits(recorded: Recorded) -> Tensor:
+    """Return the distance of each pixel to the nearest hit [px], infinite without hits, (M, 1, H, W)."""
+    hits = (newest_hits(recorded.scans, recorded.grid) > 0).numpy()
+    each = [distance_transform_edt(~hit) if hit.any() else np.full(hit.shape, np.inf) for hit in hits]
+    return torch.from_numpy(np.stack(each))[:, None]
+
+
+def _radii_m(recorded: Recorded) -> tuple[float, ...]:
+    return tuple(share * recorded.grid.size_m for share in RADII)
 
 
 def _dilated(grid_filter: Callable[[Recorded, float], Tensor], setting: str) -> Callable[..., Tensor]:
