@@ -33,16 +33,16 @@ setup: .venv/ready ## create .venv and install the pinned packages
 	@touch $@
 
 reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
-	$(PY) run.py task=plan $(SCALE_ARG) $(filter outputs=%,$(ARGS))
+	$(PY) run.py task=plan $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 $(SCALE_ARG) $(ARGS)
 	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false $(SCALE_ARG) $(ARGS)
-	$(PY) run.py task=report $(SCALE_ARG) $(filter outputs=%,$(ARGS))
-	$(PY) run.py task=analysis $(SCALE_ARG) $(filter outputs=%,$(ARGS))
+	$(PY) run.py task=report $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
+	$(PY) run.py task=analysis $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
 
 analysis: setup ## beyond the paper: other inputs with three seeds, other worlds: [SCALE=laptop]
 	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
-	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=%,$(ARGS))
-	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=%,$(ARGS))
+	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
+	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 
 curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of ConvGRU; 4 hours on 2 cores
 	$(PY) run.py -m task=record exp=1,2 scale=laptop scale.pairs.train=8000 outputs=outputs/curves

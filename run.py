@@ -107,6 +107,9 @@ def command_line() -> int:
     if unknown:
         print(f"error: {' '.join(unknown)}: not understood; options come first: run.py -m exp=3,4", file=sys.stderr)
         return 2
+    if arguments.multirun and arguments.cfg:
+        print("error: --cfg prints the configuration of one job: leave out -m", file=sys.stderr)
+        return 2
     informational: list[Any] = [arguments.help, arguments.hydra_help, arguments.cfg, arguments.info]
     if any(informational) or arguments.shell_completion:
         main()

@@ -41,8 +41,8 @@ def main() -> None:
         publish,
         rospy.logwarn,
         center="robot" if center == "robot" else pair(center),
-        steps=rospy.get_param("~steps", 100),
-        step_s=rospy.get_param("~step_s", 0.1),
+        steps=rospy.get_param("~steps", None),
+        step_s=rospy.get_param("~step_s", None),
     )
     if rospy.get_param("~odometry", False):
         rospy.Subscriber("odom", Odometry, mapper.add_odometry)

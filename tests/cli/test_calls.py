@@ -1,9 +1,11 @@
 """Calls of run.py that are refused before anything is written, and the jobs of those that are not."""
 
 import itertools
+import subprocess
+import sys
 
 import pytest
-from conftest import refuse
+from conftest import ROOT, refuse
 from hydra._internal.utils import get_args_parser
 
 from repro.cli import composition
@@ -18,6 +20,8 @@ CALLS = {  # arguments, and what the message must contain
     "+scale.size=32": ["scale.size", "is not a known key", "did you mean scale.size_px?"],
     "+sed=1": ["sed", "is not a known key", "did you mean seed?"],
     "--config-name=config": ["--config-name"],
+    "-m task=all,report exp=3": ["task=all,report: a sweep has one task"],
+    "world.robot.sensors.0.noise=true": ["noise: is not set in the files of conf/: add it with +world.robot"],
     "model=resnet": ["resnet", "fpn", "segformer", "unet", "upernet"],
     "scale=huge": ["huge", "laptop", "paper", "smoke"],
     "task=fly": ["fly", "record", "train", "evaluate", "report", "all"],
@@ -65,3 +69,10 @@ def test_a_sweep_is_refused_if_one_of_its_jobs_is_invalid():
     for error, name in zip(sorted(errors), ("convgru", "convlstm"), strict=True):
         assert name in error
         assert "encoding=stack10" in error
+
+
+def test_the_configuration_of_a_sweep_is_not_printed():
+    command = [sys.executable, "run.py", "-m", "exp=1,2", "--cfg", "job"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: --cfg prints the configuration of one job: leave out -m\n"

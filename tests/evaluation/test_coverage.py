@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from repro.evaluation.coverage import describe
+from repro.evaluation.coverage import coverage_and_visibility
 from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
@@ -13,7 +13,7 @@ GRID = Grid(64, 50.0)
 
 def test_coverage_is_the_obstacle_share(recorded):
     maps = load_pairs(recorded, "test", GRID, Projection()).maps
-    coverage = describe(recorded, "test", GRID)["coverage"]
+    coverage = coverage_and_visibility(recorded, "test", GRID)["coverage"]
     assert coverage == pytest.approx((maps == 0).float().mean().item())
     assert 0.04 < coverage < 0.14
 
@@ -27,5 +27,5 @@ def test_visibility_is_the_area_of_hit_obstacles(recorded):
                 area = (rasterize(outline, state, torch.zeros(1, dtype=torch.long), 1, GRID) == 0).sum().item()
                 total += 2 * area
                 seen += area * shard.seen[2 * world : 2 * world + 2, number].sum()
-    assert describe(recorded, "test", GRID)["visibility"] == pytest.approx(seen / total)
+    assert coverage_and_visibility(recorded, "test", GRID)["visibility"] == pytest.approx(seen / total)
     assert 0.7 < seen / total <= 1

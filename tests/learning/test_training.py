@@ -231,3 +231,14 @@ def test_a_run_is_not_continued_with_other_recordings(recorded, tmp_path):
 def test_missing_recordings_name_the_command_that_records(tmp_path):
     with pytest.raises(ValueError, match="same command with task=record"):
         train(prepared(tmp_path / "run"), tmp_path / "laptop" / "recordings" / "exp3")
+
+
+def test_worlds_without_a_hit_are_refused_before_the_training(recorded, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise ValueError("no training window has a hit")
+
+    monkeypatch.setattr(training, "training_statistics", refuse)
+    with pytest.raises(ValueError, match="no training window has a hit"):
+        begin(tmp_path, recorded)
+    assert not (tmp_path / "history.csv").exists()
+    assert Run(tmp_path).status is not Status.training

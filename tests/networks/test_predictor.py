@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import re
 import shutil
@@ -91,6 +92,14 @@ def test_a_damaged_predictor_is_refused(saved, tmp_path, damage):
         ValueError, match=r"differs from its checksum|lacks model\.safetensors|predictor\.json cannot be read"
     ):
         load_predictor(directory)
+
+
+def test_the_window_of_the_training_is_saved(saved, tmp_path):
+    dataclasses.replace(saved[0], steps=40, step_s=0.5).save(tmp_path / "model")
+    loaded = load_predictor(tmp_path / "model")
+    assert (loaded.steps, loaded.step_s) == (40, 0.5)
+    published = load_predictor(PUBLISHED)
+    assert (published.steps, published.step_s) == (100, 0.1)
 
 
 def test_the_published_weights_predict_obstacles_where_beams_hit(scans):

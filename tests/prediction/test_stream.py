@@ -1,5 +1,6 @@
 """The stream against `cut` with `Predictor.predict`, and against its own definition, scan by scan."""
 
+import dataclasses
 import tracemalloc
 
 import numpy as np
@@ -102,12 +103,12 @@ def feed(stream, log: ScanLog, stamps) -> list:
     ]
 
 
-def test_a_gap_gives_no_map_until_it_has_left_the_window(small, log):
+def test_the_first_window_after_a_gap_begins_after_it(small, log):
     stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(5, 8, 0.1)])
     maps = feed(small.stream(log.angles, steps=STEPS), log, stamps)
     has_map = np.array([each is not None for each in maps])
-    assert has_map[(stamps > 0.85) & (stamps < 2) | (stamps > 5.45)].all()
-    assert not has_map[(stamps < 0.85) | (stamps > 2) & (stamps < 5.35)].any()
+    assert has_map[(stamps > 0.85) & (stamps < 2) | (stamps > 5.85)].all()
+    assert not has_map[(stamps < 0.85) | (stamps > 2) & (stamps < 5.85)].any()
 
 
 def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(small, log):
@@ -187,3 +188,17 @@ def test_a_window_without_information_is_refused(small, log):
 def test_an_unknown_center_is_refused(small, log, center):
     with pytest.raises(ValueError, match="center: expected robot or x, y"):
         small.stream(log.angles, center=center)
+
+
+def test_a_heading_in_degrees_is_refused(small, log):
+    stream = small.stream(log.angles, steps=STEPS)
+    with pytest.raises(ValueError, match=r"the heading is beyond ten turns: expected radians.* got 90"):
+        stream.update(log.ranges[0], np.array([25, 25, 90.0]), 0.0)
+    assert len(stream) == 0
+
+
+def test_the_window_is_that_of_the_training_unless_another_is_chosen(small, log):
+    trained = dataclasses.replace(small, steps=40, step_s=0.5)
+    usual, chosen = trained.stream(log.angles), trained.stream(log.angles, steps=10, step_s=0.2)
+    assert (usual.steps, usual.step_s) == (40, 0.5)
+    assert (chosen.steps, chosen.step_s) == (10, 0.2)

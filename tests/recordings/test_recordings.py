@@ -164,7 +164,7 @@ def test_a_damaged_manifest_is_named_with_a_fix(copy, damage):
 def test_another_configuration_is_refused(copy, stage):
     if stage == "unfinished":
         (copy / "manifest.json").unlink()
-    with pytest.raises(ValueError, match="another configuration"):
+    with pytest.raises(ValueError, match=r"other worlds|another configuration"):
         record_experiment(copy, world_spec("1"), {"train": 24, "val": 8, "test": 8}, workers=1)
 
 
@@ -192,7 +192,7 @@ def test_recordings_with_more_training_pairs_can_be_used_for_fewer(tmp_path, mon
 def test_recordings_of_other_sizes_are_refused(tmp_path, monkeypatch, asked):
     monkeypatch.setattr(format, "SHARD_WORLDS", 2)
     record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
-    with pytest.raises(ValueError, match=r"holds .*'train': 8.* than the requested"):
+    with pytest.raises(ValueError, match=r"has .*'train': 8.* expected the same numbers"):
         record_experiment(tmp_path, world_spec("3"), asked, workers=1)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not cover the requested"):
         recordings_hash(tmp_path, asked)

@@ -11,6 +11,7 @@ from repro.maps.encodings import create_encoding
 from repro.maps.ground_truth import rasterize
 from repro.networks.convgru import ConvGRU
 from repro.networks.predictor import Predictor, load_predictor
+from repro.reporting import animation
 from repro.reporting.animation import make_frames, write_animation
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -51,6 +52,14 @@ def test_a_series_is_shown_as_one_image(recording, predictor):
     )
     frames = make_frames(recording, series, every=50)
     assert np.array_equal(frames.images[-1], make_frames(recording, predictor, every=50).images[-1])
+
+
+def test_long_recordings_have_a_limited_number_of_frames(recording, predictor, monkeypatch):
+    monkeypatch.setattr(animation, "MOST_FRAMES", 7)
+    monkeypatch.setattr(animation, "BATCH", 2)
+    frames = make_frames(recording, predictor)
+    assert frames.steps.tolist() == [15, 30, 45, 60, 75, 90]
+    assert len(frames.images) == len(frames.predictions) == len(frames.maps) == 6
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import yaml
 from conftest import ROOT, fake_run, prepared
 from huggingface_hub import ModelCard
 
+from repro.cli.tasks.export import suffix_of
 from repro.config import paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -16,8 +17,9 @@ from repro.maps.statistics import TITLES
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor, load_predictor
-from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, with_front_matter
+from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, make_card, with_front_matter
 from repro.runs.directories import Run
+from repro.runs.keys import RunKey
 
 PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 
@@ -101,6 +103,21 @@ def test_the_published_card_and_statistics_are_complete():
     statistics = load_predictor(PUBLISHED).statistics
     assert statistics.windows == 3000
     assert set(statistics.quantiles) == set(TITLES)
+
+
+def test_the_card_of_altered_worlds_does_not_claim_the_papers(tmp_path):
+    for worlds, words in (("noise", "other worlds"), (None, "without noise")):
+        changes = {} if worlds is None else {"worlds": worlds}
+        run = fake_run(tmp_path / str(worlds), "3", "unet", 0.4, **changes)
+        pd.DataFrame([dict.fromkeys(CARD_METRICS, 0.4)]).to_csv(run.metrics, index=False)
+        card = make_card(run, "model", "float32 weights")
+        assert words in card
+        assert ("conf/world/paper.yaml" in card) == (worlds is None)
+
+
+def test_exports_of_other_inputs_and_seeds_have_other_names():
+    keys = [RunKey("4", "unet", encoding, seed) for encoding in ("projection", "series10") for seed in (0, 2)]
+    assert [suffix_of(key) for key in keys] == ["", "-seed2", "-series10", "-series10-seed2"]
 
 
 @pytest.mark.slow

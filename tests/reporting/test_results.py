@@ -118,3 +118,18 @@ def test_a_network_that_was_trained_differently_is_marked(tmp_path):
     fake_run(tmp_path, "4", "fpn", 0.5, train=dataclasses.replace(run_config().train, learning_rate=0.5))
     text = caption(read_results(Outputs(tmp_path)))
     assert text.endswith("Not trained like the others: FPN in exp 4 (learning_rate=0.5).")
+
+
+def test_runs_of_altered_worlds_are_not_compared_with_the_paper(tmp_path):
+    fake_run(tmp_path, "3", "unet", 0.5, worlds="faster obstacles")
+    fake_run(tmp_path, "4", "unet", 0.5)
+    table = compare(read_results(Outputs(tmp_path)), PROJECTION).set_index("experiment")
+    assert table["paper_accuracy"].isna().to_dict() == {"3": True, "4": False}
+
+
+def test_the_ablation_shows_the_quick_baselines_of_its_experiments(tmp_path):
+    fake_run(tmp_path, "3", "unet", 0.5, decay=False)
+    for experiment in ("1", "3"):
+        fake_run(tmp_path, experiment, "all_free", 0.9)
+    ablation = compare(read_results(Outputs(tmp_path)), PROJECTION_NO_DECAY)
+    assert ablation[["experiment", "model"]].to_numpy().tolist() == [["3", "unet"], ["3", "all_free"]]

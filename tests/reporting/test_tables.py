@@ -68,3 +68,9 @@ def test_latex_has_every_experiment_also_a_new_one(tmp_path):
         assert text.count(title) == 1
     rows = [line for line in text.splitlines() if line.endswith(r"\\") and "multicolumn" not in line]
     assert all(row.count("&") == 12 for row in rows)
+
+
+def test_a_metric_that_is_younger_than_published_results_is_left_empty():
+    row = {"experiment": "3", "model": "unet", "encoding": "projection", "accuracy": 0.9, "paper_accuracy": 0.95}
+    text = Table(pd.DataFrame([row]), "Old.").to_markdown()
+    assert text.splitlines()[-1] == "| 3 | U-Net |  | 0.900 (0.950) |  |  |  |  |"

@@ -30,7 +30,7 @@ from repro.metrics.scores import confusion, scores
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
 RADII = tuple(0.01 * number for number in range(11))  # around hits, as shares of the side of the map
-FREE_STEPS = (0, 5, 10, 20, 50, 100)  # steps for which a pixel stays free after a beam has passed over it
+FREE = tuple(0.1 * number for number in range(11))  # how long a pixel stays free after a beam, as a share of T
 
 
 def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
@@ -90,8 +90,8 @@ def tune(
 ) -> tuple[Tensor, Settings]:
     """Predict the test set with the settings that have the best obstacle IoU on the validation set.
 
-    Every prediction is combined with each of `FREE_STEPS`: a pixel is free if a beam has passed over it at most so many
-    steps ago, and later than the last hit in it.
+    Every prediction is combined with several `free_steps`: a pixel is free if a beam has passed over it fewer steps ago
+    than that, and later than the last hit in it.
 
     Args:
         predict: function from recordings and settings to the probability of free, (M, 1, H, W).
@@ -102,11 +102,11 @@ def tune(
     Returns:
         the probability of free of the test recordings, (M, 1, H, W), and the chosen settings.
     """
-    since, best, highest = steps_since_free(val), {}, -1.0
+    since, steps, best, highest = steps_since_free(val), val.scans.ranges.shape[1], {}, -1.0
     for values in itertools.product(*settings.values()):
         chosen = dict(zip(settings, values, strict=True))
         free = predict(val, **chosen)
-        for free_steps in FREE_STEPS:
+        for free_steps in (round(share * steps) for share in FREE):
             iou = _obstacle_iou(free.masked_fill(since < free_steps, 1.0), val)
             if iou > highest:
                 best, highest = {**chosen, "free_steps": free_steps}, iou

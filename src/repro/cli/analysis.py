@@ -51,12 +51,13 @@ def analyze(job: Job) -> None:
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs, errors, accelerator=job.runtime.accelerator) | _written_by_other_tasks(outputs)
     frames["audit"] = audits(results)
-    frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(frames))
+    frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(_of_papers_worlds(frames, results)))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     for name, frame in frames.items():
         write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(outputs.analysis, frames)
-    if job.scale.name != "smoke":
+    scale = results["scale"].dropna().iloc[0]
+    if scale != "smoke":
         verdicts = frames["claims"]["verdict"].value_counts()
         print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
     _write_page(job, frames, results)
@@ -73,6 +74,14 @@ def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
     with suppress(ValueError):
         return applies(name, read_manifest(outputs.recordings(experiment)).spec)
     return True
+
+
+def _of_papers_worlds(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the rows of the experiments that have the paper's worlds."""
+    names = set(results.loc[results["papers_worlds"], "experiment"])
+    return {
+        key: frame[frame["experiment"].isin(names)] if "experiment" in frame else frame for key, frame in frames.items()
+    }
 
 
 def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
@@ -93,10 +102,12 @@ def _write_page(job: Job, frames: dict[str, pd.DataFrame], results: pd.DataFrame
             is_there = runs[key].check_file("predictions.npz").is_file()
             if is_there and key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):
                 shown.setdefault(key.experiment, []).append(runs[key])
+    scale = results["scale"].dropna().iloc[0]
+    elsewhere = "" if outputs.path.parts[-2:] == ("outputs", scale) else f" outputs={outputs.path}"
     report = Report(
-        scale=job.scale.name,
+        scale=scale,
         outputs=outputs.path.name,
-        command=f"python run.py task=analysis scale={job.scale.name}",
+        command=f"python run.py task=analysis scale={scale}{elsewhere}",
         caption=caption(results),
         tables=write_tables(outputs, []),
         frames=frames,

@@ -66,6 +66,9 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
     if errors:
         raise Refused(*errors)
     configs = [to_typed(each) for each in values]
+    tasks = dict.fromkeys(config.task for config in configs)
+    if len(tasks) > 1:
+        raise Refused(f"task={','.join(tasks)}: a sweep has one task; its jobs may run at the same time")
     if len({config.outputs for config in configs}) < len(configs) and configs[0].task in STUDY_TASKS:
         raise Refused(f"task={configs[0].task}: is done once for all runs; leave out the sweep")
     return configs

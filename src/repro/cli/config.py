@@ -52,8 +52,8 @@ class Prediction:
 
     Args:
         weights: a run, its model directory, an exported directory, or an ONNX file.
-        steps: steps of a window, T.
-        step_s: time of a step [s].
+        steps: steps of a window, T; None for those of the training.
+        step_s: time of a step [s]; None for that of the training.
         stride_s: time between two windows [s].
         center: center of the map: robot, start, or x, y in the frame of the log [m].
         fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
@@ -67,8 +67,8 @@ class Prediction:
     __pydantic_config__ = STRICT
 
     weights: Directory
-    steps: Annotated[int, Field(ge=1, le=10_000)]
-    step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)]
+    steps: Annotated[int, Field(ge=1, le=10_000)] | None
+    step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
     center: Annotated[Any, AfterValidator(_is_center)]
     fov_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] | None

@@ -29,6 +29,7 @@ from repro.simulation.schema import world_errors
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
 LONG_RECORDING_MINUTES = 30
+OPTIONAL = ("noise", "std", "angle_std", "fixed", "parameters")  # keys that the files of conf/ may leave out
 
 
 def all_errors(values: dict[str, Any]) -> list[ConfigError]:
@@ -121,6 +122,8 @@ def unknown_key(key: str, value: Any, values: dict[str, Any]) -> ConfigError:
         values: the whole configuration as plain values.
     """
     *parents, name = key.split(".")
+    if name in OPTIONAL and parents:
+        return ConfigError(key, value, f"is not set in the files of conf/: add it with +{key}=")
     siblings: Any = values
     for number, parent in enumerate(parents):
         found = (

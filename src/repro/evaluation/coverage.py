@@ -10,7 +10,7 @@ from repro.maps.ground_truth import rasterize
 from repro.recordings.reader import read_shards
 
 
-def describe(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
+def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
     """Measure coverage and visibility of a split, for comparison with the values that the paper's tables imply.
 
     Args:

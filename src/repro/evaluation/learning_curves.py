@@ -25,6 +25,12 @@ METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
 CURVE = ["experiment", "encoding"]
 POINT = ["pairs", "size_px"]
 FEWEST = 4  # points of a curve
+SHARED = {  # what runs with the same values of some columns must share
+    "worlds": ("experiment",),
+    "parameters": ("encoding",),
+    "architecture": ("model",),
+    "training": ("model", *CURVE, *POINT, "schedule"),
+}
 FITTED = "short"  # schedule of the fitted points: flip augmentation and EMA; "stated" is the schedule of the paper
 DRAWS = 200
 EXPONENTS = (0.02, 3.0)  # search interval
@@ -42,21 +48,23 @@ def read_points(directories: list[Outputs]) -> pd.DataFrame:
         (their hash) and commit of the training.
 
     Raises:
-        ValueError: the runs of an experiment have different worlds, or those of an input different parameters of it.
+        ValueError: the runs of an experiment have different worlds, those of an input different parameters of it, those
+            of a network different architectures, or those of a point different trainings or numbers of test pairs.
     """
     runs = [run for outputs in directories for run in outputs.runs() if run.is_evaluated]
     rows = pd.DataFrame([row for row in map(_row, runs) if row is not None])
     if rows.empty:
         return rows
     points = rows.groupby(["model", *CURVE]).filter(lambda curve: len(curve[POINT].drop_duplicates()) >= FEWEST)
-    for fact, by in {"worlds": "experiment", "parameters": "encoding"}.items():
-        for name, own in points.groupby(by):
+    for fact, by in SHARED.items():
+        for name, own in points.groupby(list(by)):
             if own[fact].nunique() > 1:
                 rare = own.loc[own[fact] == own[fact].value_counts().index[-1], "run"]
                 raise ValueError(
-                    f"the runs of {by} {name} differ in {fact} and cannot share a curve: move {rare.iloc[0]} elsewhere"
+                    f"the runs of {', '.join(by)} {', '.join(map(str, name))} differ in {fact} and cannot share a "
+                    f"curve: move {rare.iloc[0]} elsewhere"
                 )
-    return points.drop(columns=["worlds", "parameters", "run"])
+    return points.drop(columns=[*SHARED, "run"])
 
 
 def _row(run: Run) -> dict[str, Any] | None:
@@ -78,6 +86,8 @@ def _row(run: Run) -> dict[str, Any] | None:
         "run": str(run),
         "worlds": config.data.worlds,
         "parameters": str(config.encoding.parameters),
+        "architecture": str(config.model),
+        "training": f"{config.train}, {config.data.pairs.test} test pairs",
         **{str(name): value for name, value in run.read_metrics().items()},
     }
 

@@ -28,14 +28,18 @@ from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
+from repro.maps.statistics import Statistics
 from repro.networks.create import Network, create_network
 from repro.networks.predictor import Predictor
-from repro.recordings.reader import check_worlds, recordings_hash
+from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
+from repro.simulation.motions import recorded_steps
 from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.resources import keep_freed_memory
+
+Facts = dict[str, Any]  # of a training, for its provenance
 
 
 class TrainingModule(L.LightningModule):
@@ -132,6 +136,7 @@ def train(
         forget_peak_memory()
         check_worlds(recordings, config.data.worlds)
         run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
+        statistics = training_statistics(recordings, config)  # refuses worlds without hits before the training
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)
@@ -145,12 +150,16 @@ def train(
             module.network.compile()
         run.begin_step("trained", Status.training, precision=precision, compiled=compile)
         try:
-            finished = _fit(run, module, config, recordings, device, precision, budget)
+            paused, facts = _fit(run, module, device, precision, budget)
         except FloatingPointError as error:
             run.end_step(Status.failed, str(error))
             raise
-        if finished:
-            shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
+        if paused:
+            run.end_step(Status.paused, **facts)
+            return run.status
+        checksum = _best_predictor(run, module, config, recordings, statistics).save(run.model)
+        run.end_step(Status.trained, **facts, weights_sha256=checksum)
+        shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
         return run.status
 
 
@@ -167,16 +176,8 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 
-def _fit(
-    run: Run,
-    module: TrainingModule,
-    config: RunConfig,
-    recordings: Path,
-    device: str,
-    precision: str,
-    budget: Budget | None,
-) -> bool:
-    """Train until early stopping, the last epoch or the time limit; return whether the training is finished."""
+def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: Budget | None) -> tuple[bool, Facts]:
+    """Train until early stopping, the last epoch or the time limit; return whether the limit came first, and facts."""
     settings = module.settings
     checkpoints = run.path / "checkpoints"
     history = History(run.path / "history.csv")
@@ -194,17 +195,12 @@ def _fit(
         trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=True)
     except SystemExit:  # Lightning raises it on Ctrl-C
         raise KeyboardInterrupt from None
-    facts: dict[str, Any] = {
+    return stop.paused, {
         "train_pairs": len(module.pairs["train"]),
         "epochs": len(history.rows),
         "training_seconds": round(sum(row["seconds"] for row in history.rows), 1),
         "peak_memory_gb": round(peak_memory_gb(), 2),
     }
-    if stop.paused:
-        run.end_step(Status.paused, **facts)
-        return False
-    run.end_step(Status.trained, **facts, weights_sha256=_keep_best(run, module, config, recordings))
-    return True
 
 
 def create_trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
@@ -226,16 +222,19 @@ def create_trainer(max_epochs: int, device: str, precision: str, callbacks: list
     )
 
 
-def _keep_best(run: Run, module: TrainingModule, config: RunConfig, recordings: Path) -> str:
-    """Save the best weights with encoding, grid and statistics of the training scans; return their checksum."""
+def _best_predictor(
+    run: Run, module: TrainingModule, config: RunConfig, recordings: Path, statistics: Statistics
+) -> Predictor:
+    """Return the best weights with encoding, grid, and statistics and window of the training scans."""
     checkpoints = run.path / "checkpoints"
     best = find_best(checkpoints)
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
         raise ValueError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
-    statistics = training_statistics(recordings, config)
-    return Predictor(module.network, encoding_of(config), grid_of(config), statistics).save(run.model)
+    spec = read_manifest(recordings).spec
+    window = (recorded_steps(spec["motion"]), float(spec["world"]["step_time"]))
+    return Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
 
 
 def quiet() -> None:

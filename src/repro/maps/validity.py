@@ -13,6 +13,7 @@ from repro.maps.projection import newest_hits
 from repro.scans import Scans
 
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
+DEGREES = ("beyond ten turns", "expected radians, from -pi to pi if the robot turns often")
 
 
 def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> None:
@@ -34,7 +35,7 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
     _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
     _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
-    _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", "beyond ten turns", "expected radians")
+    _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", *DEGREES)
     if allow_empty:
         return
     inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)

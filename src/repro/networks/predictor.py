@@ -25,6 +25,7 @@ import torch
 from pydantic import TypeAdapter
 from torch import Tensor
 from tqdm import tqdm
+from typing_extensions import TypedDict
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
@@ -40,6 +41,13 @@ DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetens
 ONNX = "model.onnx"
 
 
+class WindowOfTraining(TypedDict, total=False):
+    """The window in predictor.json; files that are older than it have the defaults of `Predictor`."""
+
+    steps: int
+    step_s: float
+
+
 @dataclass(frozen=True)
 class Predictor:
     """A network from encoded scans to logits, with the encoding of its input and the grid of its maps.
@@ -49,12 +57,16 @@ class Predictor:
         encoding: the encoding of the scans.
         grid: the grid of the maps.
         statistics: statistics of the training scans; None if they are unknown.
+        steps: steps of a window in training, T.
+        step_s: time of a step in training [s].
     """
 
     network: Network
     encoding: Encoding
     grid: Grid
     statistics: Statistics | None = None
+    steps: int = 100
+    step_s: float = 0.1
 
     @property
     def reach_m(self) -> float:
@@ -95,8 +107,8 @@ class Predictor:
         self,
         angles: np.ndarray,
         center: str | tuple[float, float] = "robot",
-        steps: int = 100,
-        step_s: float = 0.1,
+        steps: int | None = None,
+        step_s: float | None = None,
         range_max_m: float = math.inf,
     ) -> PredictionStream:
         """Return an object whose `update` takes scans one by one and predicts a map for each, see `PredictionStream`.
@@ -156,6 +168,7 @@ class Predictor:
         content = {
             "encoding": {"name": self.encoding.name, "parameters": parameters},
             "grid": dataclasses.asdict(self.grid),
+            "window": {"steps": self.steps, "step_s": self.step_s},
         }
         return content | ({"statistics": dataclasses.asdict(self.statistics)} if self.statistics else {})
 
@@ -215,6 +228,7 @@ def _predictor(network: Network, content: dict[str, Any]) -> Predictor:
         create_encoding(**content["encoding"]),
         Grid(**content["grid"]),
         statistics and TypeAdapter(Statistics).validate_python(statistics),
+        **TypeAdapter(WindowOfTraining).validate_python(content.get("window", {})),
     )
 
 

@@ -54,8 +54,8 @@ class LiveMapper:
         publish: is called with the header of the scan, the frame of its pose and the map.
         warn: is called with the reason for which a scan is skipped or has no map.
         center: center of the map, `robot` or x, y in the frame of the poses [m].
-        steps: steps of a window, T.
-        step_s: time of a step [s].
+        steps: steps of a window, T; None for those of the training.
+        step_s: time of a step [s]; None for that of the training.
     """
 
     def __init__(
@@ -65,11 +65,13 @@ class LiveMapper:
         warn: Callable[[str], None],
         *,
         center: str | tuple[float, float] = "robot",
-        steps: int = 100,
-        step_s: float = 0.1,
+        steps: int | None = None,
+        step_s: float | None = None,
     ) -> None:
         self.predictor, self.publish, self.warn = predictor, publish, warn
-        self.center, self.steps, self.step_s = center, steps, step_s
+        self.center = center
+        self.steps = predictor.steps if steps is None else steps
+        self.step_s = predictor.step_s if step_s is None else step_s
         self.transforms = Transforms(KEEP_S)
         self.waiting: deque[Any] = deque()
         self.without_transform: set[str] = set()  # frames of scans that nobody places

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from repro.maps.validity import DEGREES, MAX_HEADING
+
 MAX_BEAMS = 100_000
 MIN_SCANS = 2
 NOT_LATER, MOSTLY = "not later than the one before", 10  # some logs have times of six digits, which hardly increase
@@ -88,7 +90,8 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
         spacing_s: smallest time between two scans that are kept [s].
 
     Raises:
-        ValueError: no two scans can be used, the beams are not those of a lidar, or the ranges are not meters.
+        ValueError: no two scans can be used, the beams are not those of a lidar, the ranges are not meters, or the
+            headings are not radians.
     """
     skipped: Counter[str] = Counter()
     usable = _usable(scans, path, spacing_s, skipped)
@@ -110,6 +113,8 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
         raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     angles, ranges = in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
     poses = kept["pose"].copy()
+    if np.abs(poses[:, 2]).max() > MAX_HEADING:
+        raise ValueError(f"{path}: some headings are {': '.join(DEGREES)}")
     poses[:, 2] = np.unwrap(poses[:, 2])
     return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped), first.range_max_m)
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from repro.maps.validity import DEGREES, MAX_HEADING
 from repro.prediction.logs import without_misses
-from repro.prediction.windows import on_map, steps_before
+from repro.prediction.windows import longest_gap_s, on_map, steps_before
 
 if TYPE_CHECKING:
     from repro.networks.predictor import Predictor
@@ -47,8 +48,8 @@ class PredictionStream:
         predictor: network, encoding and grid.
         angles: beam angles [rad], (N,), increasing.
         center: center of the map: `robot` (the newest pose), or x, y in the frame of the poses [m].
-        steps: steps of a window, T, as in training.
-        step_s: time of a step [s], as in training.
+        steps: steps of a window, T; None for those of the training.
+        step_s: time of a step [s]; None for that of the training.
         range_max_m: maximum range of the lidar [m]; the misses of one that reaches less far than that of the training
             mark neither hits nor free space.
 
@@ -62,11 +63,13 @@ class PredictionStream:
         angles: np.ndarray,
         *,
         center: str | tuple[float, float] = "robot",
-        steps: int = 100,
-        step_s: float = 0.1,
+        steps: int | None = None,
+        step_s: float | None = None,
         range_max_m: float = math.inf,
     ) -> None:
-        self.predictor, self.angles, self.steps, self.step_s = predictor, np.array(angles, dtype=float), steps, step_s
+        self.predictor, self.angles = predictor, np.array(angles, dtype=float)
+        self.steps = steps = predictor.steps if steps is None else steps
+        self.step_s = step_s = predictor.step_s if step_s is None else step_s
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
         if steps < 1 or not 0 < step_s < math.inf:
@@ -123,8 +126,8 @@ class PredictionStream:
         duration = (self.steps - 1) * self.step_s
         if self._kept:
             since = stamp - self._kept[-1][0]
-            if since < -max(duration, self.step_s):
-                self._kept.clear()
+            if since < -max(duration, self.step_s) or since > longest_gap_s(self.step_s):
+                self._kept.clear()  # the clock was set back, or a gap divides the scans as it divides a log
             elif since <= 0:
                 return f"the scan at {stamp:.2f} s is not later than the one before"
             elif since < self.step_s / 2:
@@ -147,6 +150,8 @@ class PredictionStream:
             )
         if not np.isfinite(pose).all() or not math.isfinite(stamp):
             raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
+        if abs(pose[2]) > MAX_HEADING:
+            raise ValueError(f"the heading is {': '.join(DEGREES)}, got {pose[2]:.4g}")
         return without_misses(ranges) if self.is_short else ranges, pose
 
 

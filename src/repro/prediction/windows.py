@@ -11,6 +11,11 @@ from repro.scans import Scans
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; a larger gap leaves out the window
 
 
+def longest_gap_s(step_s: float) -> float:
+    """Return the time between two scans beyond which no window has both [s], given the time of a step [s]."""
+    return 2 * MAX_AGE_STEPS * step_s + 1e-6
+
+
 @dataclass(frozen=True)
 class Window:
     """One window of a log.
@@ -54,7 +59,7 @@ def cut(
     Raises:
         ValueError: no part of the log is as long as one window, or its scans are too rare for steps of `step_s`.
     """
-    length, longest_gap = (steps - 1) * step_s, 2 * MAX_AGE_STEPS * step_s
+    length, longest_gap = (steps - 1) * step_s, longest_gap_s(step_s)
     gaps = np.diff(log.stamps)
     between_s = float(np.median(gaps))
     if between_s > longest_gap:
@@ -62,7 +67,7 @@ def cut(
             f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "
             f"use prediction.step_s={between_s:.2g}"
         )
-    begins = np.flatnonzero(gaps > longest_gap + 1e-6) + 1
+    begins = np.flatnonzero(gaps > longest_gap) + 1
     parts = np.split(log.stamps, begins)
     longest = max(float(stamps[-1] - stamps[0]) for stamps in parts)
     if longest < length - step_s / 2:

@@ -1,5 +1,6 @@
 """Animation of one recording: the world with the beams, the growing input image, the prediction, the ground truth."""
 
+import math
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
 
+MOST_FRAMES = 200
+BATCH = 16  # windows that are in memory at the same time
 TITLES = ("World, robot, {:.0f}° lidar", "Scans, dark is recent", "Prediction", "Ground truth")
 
 
@@ -42,25 +45,28 @@ class Frames:
     maps: np.ndarray
 
 
-def make_frames(recording: Recording, predictor: Predictor, every: int = 2) -> Frames:
-    """Predict the map every few steps from the scans so far; steps before the recording count as misses.
+def make_frames(recording: Recording, predictor: Predictor, every: int | None = None) -> Frames:
+    """Predict the map every few steps from the scans so far; before them is no reading.
 
     Args:
         recording: a recording of T steps.
         predictor: the network.
-        every: number of steps from one frame to the next.
+        every: number of steps from one frame to the next; None for 2, or more if these are over `MOST_FRAMES` frames.
     """
-    total = len(recording.scans.ranges)
+    total, grid = len(recording.scans.ranges), predictor.grid
+    every = every or max(2, math.ceil(total / MOST_FRAMES))
     steps = np.arange(every, total + 1, every)
-    windows = Scans.stack([_so_far(recording.scans, int(step)) for step in steps])
-    images = predictor.encoding.encode(windows.tensors(), predictor.grid)
+    images, predictions = [], []
+    for part in np.array_split(steps, math.ceil(len(steps) / BATCH)):
+        windows = Scans.stack([_so_far(recording.scans, int(step)) for step in part]).tensors()
+        encoded = predictor.encoding.encode(windows, grid)
+        predictions.append(predictor.predict_images(encoded)[:, 0])
+        images.append((encoded if len(encoded[0]) == 1 else Projection().encode(windows, grid))[:, 0])
     states = torch.as_tensor(recording.states[:, steps - 1]).float().flatten(0, 1)  # (O F, 3), obstacle by obstacle
     outlines = torch.as_tensor(recording.outlines).float().repeat_interleave(len(steps), dim=0)
     owner = torch.arange(len(steps)).repeat(len(recording.states))
-    maps = rasterize(outlines, states, owner, len(steps), predictor.grid)
-    predictions = predictor.predict_images(images)[:, 0]
-    shown = images if len(images[0]) == 1 else Projection().encode(windows.tensors(), predictor.grid)
-    return Frames(steps, shown[:, 0].numpy(), predictions.numpy(), maps.numpy())
+    maps = rasterize(outlines, states, owner, len(steps), grid)
+    return Frames(steps, torch.cat(images).numpy(), torch.cat(predictions).numpy(), maps.numpy())
 
 
 def write_animation(

@@ -8,6 +8,8 @@ from huggingface_hub import EvalResult, ModelCard, ModelCardData
 from repro.metrics.names import METRICS
 from repro.networks.predictor import ONNX, load_predictor
 from repro.reporting.names import SETUPS, model_title
+from repro.reporting.paper import are_papers
+from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
@@ -82,7 +84,7 @@ def make_card(run: Run, path: str, form: str) -> str:
     measured = {name: float(metrics[name]) for name in CARD_METRICS}
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
-    setup = SETUPS.get(config.experiment, f"experiment {config.experiment}")
+    setup = SETUPS[config.experiment] if _is_papers(config) else f"experiment {config.experiment} of other worlds"
     library = "segmentation-models-pytorch" if encoder else "pytorch"
     body = f"# {title}\n\n" + _card_text(run, setup, measured, path, form)
     return with_front_matter(body, title, setup, measured, library)
@@ -98,7 +100,7 @@ def _card_text(run: Run, setup: str, measured: dict[str, float], path: str, form
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
     definition = "The metadata of the file define" if path.endswith(ONNX) else "`predictor.json` defines"
     worlds = "one world and its variations, see `conf/world`"
-    if config.experiment in SETUPS:
+    if _is_papers(config):
         worlds = "`conf/world/paper.yaml`, without noise, with its obstacles and speeds and one robot path"
     return f"""```python
 from repro.networks.predictor import load_predictor
@@ -121,6 +123,10 @@ commit {trained["commit"]}.
 
 **Limits**: trained on simulated scans of {worlds}; {form}.
 """
+
+
+def _is_papers(config: RunConfig) -> bool:
+    return config.experiment in SETUPS and are_papers(config.data.worlds)
 
 
 def with_front_matter(

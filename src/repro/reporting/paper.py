@@ -1,15 +1,30 @@
 """The paper's tables, and the properties of its test maps that they imply."""
 
+from functools import cache
 from importlib.resources import files
+from pathlib import Path
 
 import pandas as pd
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, read_world, world_spec
 from repro.metrics.names import METRICS
+from repro.recordings.format import spec_fingerprint
 from repro.reporting.audit import free_share
 from repro.runs.keys import CELL
 
 TABLES = files("repro.reporting") / "paper_tables"
+WORLDS = Path(__file__).parents[3] / "conf" / "world" / "paper.yaml"
+
+
+@cache
+def _papers_worlds() -> set[str]:
+    world = read_world(WORLDS)
+    return {spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
+
+
+def are_papers(worlds: str) -> bool:
+    """Return whether worlds, given by their fingerprint, are ours for the paper, those of conf/world/paper.yaml."""
+    return worlds in _papers_worlds()
 
 
 def read_paper() -> pd.DataFrame:

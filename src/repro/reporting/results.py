@@ -6,12 +6,12 @@ from typing import Any
 
 import pandas as pd
 
-from repro.baselines.names import OTHER_BOUNDS, rank
+from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Training
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
 from repro.reporting.names import model_title
-from repro.reporting.paper import read_paper
+from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL, KEY
@@ -35,7 +35,8 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
 
     Returns:
         experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
-        training_seconds, and training, the settings in one line. Empty if no run is evaluated.
+        training_seconds, training, the settings in one line, and papers_worlds, whether the worlds are those of
+        conf/world/paper.yaml. Empty if no run is evaluated.
 
     Raises:
         ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs
@@ -96,6 +97,7 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         **{str(name): value for name, value in run.read_metrics().items()},
         "scale": config.data.scale,
         "worlds": config.data.worlds,
+        "papers_worlds": are_papers(config.data.worlds),
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
         "training": _settings(config.train),
@@ -124,7 +126,7 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     groups = rows.groupby(CELL)
     table = groups[list(TABLE_METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
     spread = groups[list(TABLE_METRICS)].std().reset_index()
-    table = table.merge(read_paper(), on=CELL, how="left", suffixes=("", "_paper"))
+    table = table.merge(_papers(rows), on=CELL, how="left", suffixes=("", "_paper"))
     columns = {name: table[name] for name in (*CELL, "seeds")}
     for metric in TABLE_METRICS:
         columns[metric] = table[metric]
@@ -136,12 +138,23 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
 
 
+def _papers(results: pd.DataFrame) -> pd.DataFrame:
+    """Return the paper's tables for the experiments that have the worlds of the paper."""
+    paper = read_paper()
+    if "papers_worlds" not in results:  # published before the column was
+        return paper
+    return paper[paper["experiment"].isin(results.loc[results["papers_worlds"] == True, "experiment"])]  # noqa: E712
+
+
 def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
-    """Select the runs of a table: one encoding, and in the main table the baselines and `OURS`."""
+    """Select the runs of a table: one encoding and the quick baselines; in the main table all baselines and `OURS`."""
     chosen = results["encoding"] == encoding
     if encoding == PROJECTION:
         is_ours = (results["model"] == OURS[0]) & (results["encoding"] == OURS[1])
         chosen |= is_ours | ((results["encoding"] == "") & ~results["model"].isin(list(OTHER_BOUNDS)))
+    elif chosen.any():
+        is_there = results["experiment"].isin(results.loc[chosen, "experiment"])
+        chosen |= is_there & results["model"].isin(QUICK_BASELINES)
     return results[chosen]
 
 
@@ -157,7 +170,7 @@ def audits(results: pd.DataFrame) -> pd.DataFrame:
     """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
     rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
     ours = rows.groupby(CELL, as_index=False)[list(METRICS)].mean()
-    tables = {"paper": read_paper(), "ours": pd.concat([ours, averages_of(ours)])}
+    tables = {"paper": _papers(results), "ours": pd.concat([ours, averages_of(ours)])}
     return pd.concat([audit(table[[*CELL, *METRICS]]).assign(source=source) for source, table in tables.items()])
 
 

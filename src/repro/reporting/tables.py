@@ -161,10 +161,12 @@ def _cost(name: str, value: float | str) -> str:
 
 
 def _ours(row: pd.Series, metric: str, digits: int) -> str:
+    if metric not in row:  # a metric that is younger than these published results
+        return ""
     spread = row.get(f"std_{metric}")
     return f"{row[metric]:.{digits}f}" + (f" ± {spread:.{digits}f}" if spread is not None and pd.notna(spread) else "")
 
 
 def _paper(row: pd.Series, metric: str, form: str) -> str:
-    value = row[f"paper_{metric}"]
+    value = row.get(f"paper_{metric}")
     return form.format(value) if pd.notna(value) else ""

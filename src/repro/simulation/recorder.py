@@ -16,7 +16,17 @@ import joblib
 import numpy as np
 from tqdm import tqdm
 
-from repro.recordings.format import FORMAT, BrokenShard, Shard, holds, read_shard, shards_of, spec_fingerprint, widen
+from repro.recordings.format import (
+    FORMAT,
+    SHARD_WORLDS,
+    BrokenShard,
+    Shard,
+    holds,
+    read_shard,
+    shards_of,
+    spec_fingerprint,
+    widen,
+)
 from repro.recordings.reader import Manifest, ShardEntry, read_manifest
 from repro.scans import Scans
 from repro.simulation.simulator import Recording, check_replay, simulate
@@ -59,10 +69,12 @@ def record_experiment(
     directory.mkdir(parents=True, exist_ok=True)
     with _exclusive(directory):  # a second process waits here and then finds the shards complete
         existing = read_manifest(directory) if (directory / "manifest.json").is_file() else None
-        if existing and (existing.fingerprint != fingerprint or not holds(existing.pairs, pairs)):
+        if existing and existing.fingerprint != fingerprint:
+            raise ValueError(f"{directory} has recordings of other worlds: delete it, or set outputs= or recordings=")
+        if existing and not holds(existing.pairs, pairs):
             raise ValueError(
-                f"{directory} holds {existing.pairs} pairs of another configuration than the requested one with "
-                f"{dict(pairs)}: delete it or set outputs="
+                f"{directory} has {existing.pairs} pairs, {dict(pairs)} are requested: expected the same numbers, or "
+                f"fewer training pairs that are a multiple of {2 * SHARD_WORLDS}; otherwise set outputs= or recordings="
             )
         pairs = existing.pairs if existing else pairs
         shards = list(shards_of(pairs))

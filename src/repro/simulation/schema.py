@@ -18,6 +18,7 @@ from repro.simulation.shapes import geometry
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
+SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others
 MAX_READINGS = 2_000_000  # of a recording; a shard of a hundred recordings is held in memory, 4 bytes each
 
 FixedList = Annotated[list[Fixed], Field(max_length=1000)]
@@ -120,7 +121,8 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
         if (speeds > spec["robot"]["vel_max"]).any() or (-speeds < spec["robot"]["vel_min"]).any():
             limits = f"vel_min {spec['robot']['vel_min']}, vel_max {spec['robot']['vel_max']}"
             return f"the robot needs {speeds.round(3).tolist()} m/s, rad/s both ways, beyond its {limits}"
-        sample_world(spec, 0)
+        for seed in range(SAMPLED):
+            sample_world(spec, seed)
     except ValueError as error:
         return str(error)
     return None

@@ -6,6 +6,7 @@ The world is that of task=world, on which no network is trained.
 from dataclasses import replace
 
 from repro.cli.jobs import Job
+from repro.cli.tasks.export import suffix_of
 from repro.networks.predictor import load_predictor
 from repro.recordings.format import SHOWN_SEED
 from repro.reporting.animation import make_frames, write_animation
@@ -26,7 +27,9 @@ def run(job: Job) -> None:
     print(f"simulating and drawing world {job.seed} of experiment {job.key.experiment}", flush=True)
     recording = simulate(world)
     frames = make_frames(recording, load_predictor(trained.model))
-    path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.seed}"
+    model = "" if job.key.model == "unet" else f"-{job.key.model}"
+    suffix = suffix_of(replace(job.key, seed=0))
+    path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.seed}{model}{suffix}"
     path.parent.mkdir(parents=True, exist_ok=True)
     size_m, range_max_m = world["world"]["width"], world["robot"]["sensors"][0]["range_max"]
     for written in write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m):

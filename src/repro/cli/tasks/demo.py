@@ -6,6 +6,7 @@ from repro.cli.jobs import Job
 from repro.demo.networks import load_network
 from repro.demo.page import render
 from repro.demo.runtime import load_runtime
+from repro.simulation.motions import recorded_steps
 from repro.system.files import write_text
 
 
@@ -18,7 +19,7 @@ def run(job: Job) -> None:
     runtime = load_runtime(Path(job.demo.runtime) if job.demo.runtime else None)
     networks = [load_network(Path(directory)) for directory in job.demo.networks]
     spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.experiments}
-    page = render(networks, runtime, spec, job.prediction.steps)
+    page = render(networks, runtime, spec, job.prediction.steps or recorded_steps(job.spec["motion"]))
     path = job.outputs.path / "demo.html"
     write_text(path, page)
     print(f"{path} ({len(page) / 1e6:.1f} MB)")

@@ -1,14 +1,22 @@
 """task=export: write the network of one run with a model card, as published weights or as an ONNX file."""
 
 from repro.cli.jobs import Job
+from repro.config import PROJECTION
 from repro.reporting.export import export_onnx, export_weights
+from repro.runs.keys import RunKey
+
+
+def suffix_of(key: RunKey) -> str:
+    """Return the input and the seed of a network for a file name, where they are not the projection and 0."""
+    encoding = "" if key.encoding == PROJECTION else f"-{key.encoding}"
+    return encoding + (f"-seed{key.seed}" if key.seed else "")
 
 
 def run(job: Job) -> None:
     """Write the weights as float16 into reproduce/results, or with format=onnx an ONNX file into the outputs."""
     name = f"exp{job.key.experiment}-{job.key.model}"
     if job.format == "onnx":
-        target = job.outputs.path / "exports" / name
+        target = job.outputs.path / "exports" / f"{name}{suffix_of(job.key)}"
         difference = export_onnx(job.run, target)
         print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
         return

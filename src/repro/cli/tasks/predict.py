@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from repro.cli.config import Prediction
 from repro.cli.jobs import Job
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
@@ -34,7 +35,8 @@ def run(job: Job) -> None:
     assert job.scans, "validated"
     path = Path(job.scans)
     predictor = load_predictor(settings.weights)
-    log = read_log(path, settings.step_s / 2, (settings.scan_topic, settings.odometry_topic))
+    steps, step_s = _window(settings, predictor)
+    log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
     _describe(log)
     if log.range_max_m < predictor.reach_m:
@@ -45,8 +47,8 @@ def run(job: Job) -> None:
     target = job.outputs.path / "predictions" / name_of(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     grid = predictor.grid
-    options = {"steps": settings.steps, "step_s": settings.step_s, "stride_s": settings.stride_s}
-    windows = cut(log, **options, center=settings.center, size_m=grid.size_m)  # type: ignore[arg-type]
+    options = {"stride_s": settings.stride_s, "center": settings.center, "size_m": grid.size_m}
+    windows = cut(log, steps=steps, step_s=step_s, **options)  # type: ignore[arg-type]
     rows: list[Row] = []
     left_out = 0
     with replacing_directory(target) as new:
@@ -67,6 +69,16 @@ def run(job: Job) -> None:
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
     _warn(pd.DataFrame(rows), predictor.statistics)
     _summarize(rows, target)
+
+
+def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
+    """Return steps and time of a step [s] of the windows; those of the training unless others are chosen."""
+    steps = predictor.steps if settings.steps is None else settings.steps
+    step_s = predictor.step_s if settings.step_s is None else settings.step_s
+    if (steps, step_s) != (predictor.steps, predictor.step_s):
+        known = f"{predictor.steps} steps of {predictor.step_s:g} s"
+        print(f"warning: windows of {steps} steps of {step_s:g} s, the network was trained with {known}")
+    return steps, step_s
 
 
 def name_of(log: Path) -> str:

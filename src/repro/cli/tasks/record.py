@@ -1,9 +1,9 @@
 """task=record: record what is missing of an experiment."""
 
 from repro.cli.jobs import Job
-from repro.evaluation.coverage import describe
+from repro.evaluation.coverage import coverage_and_visibility
 from repro.maps.grid import Grid
-from repro.reporting.paper import targets
+from repro.reporting.paper import are_papers, targets
 from repro.simulation.recorder import record_experiment, record_part
 
 
@@ -24,7 +24,8 @@ def run(job: Job) -> None:
 
 def _describe(job: Job) -> None:
     data, experiment = job.config.data, job.key.experiment
-    found, target = describe(job.recordings, "test", Grid(data.size_px, data.size_m)), targets(experiment)
+    found = coverage_and_visibility(job.recordings, "test", Grid(data.size_px, data.size_m))
+    target = targets(experiment) if are_papers(data.worlds) else {}
     print(f"exp {experiment}: {sum(job.pairs.values())} recordings in {job.recordings}; of the test maps:")
     print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {target['coverage']:.4f}" if target else ""))
     bound = f", must exceed the paper's specificity {target['specificity']:.4f}" if target else ""
