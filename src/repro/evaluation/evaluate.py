@@ -77,7 +77,7 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
 def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
     """Measure the best weights of a trained run on the validation set and write validation.csv.
 
-    The calibration of the worlds uses these metrics, so that no choice depends on test data.
+    The calibration of the worlds uses these metrics.
 
     Args:
         run: a run directory with a finished training.

@@ -49,6 +49,7 @@ class Claim:
     claimed: float | str = 0.0
     expect: Annotated[str, choice("above", "near")] = "above"
     most: bool = False
+    directed: bool = True
     tolerance: float | str = 0.0
     paper_tolerance: float = ROUNDING
     tolerance_from: str = ""
@@ -103,7 +104,7 @@ class _Tested:
     error: float  # standard error of the value
     claimed: float
     tolerance: float
-    is_level: bool  # the claim is an absolute value, which has no direction
+    has_direction: bool  # an absolute value and a count have none
 
     def margin(self, expect: str) -> float:
         """Return the distance from failing, negative if the test fails."""
@@ -117,7 +118,7 @@ class _Tested:
 
     def points(self, expect: str) -> bool:
         """Return whether the value has the claimed direction, regardless of its size."""
-        if self.is_level:
+        if not self.has_direction:
             return False
         return self.value * self.claimed > 0 if expect == "near" else self.value > self.claimed
 
@@ -158,7 +159,8 @@ def _test(
         given = claim.tolerance
         tolerance = tolerances[given][names["metric"]] if isinstance(given, str) else given
         allowed = claim.paper_tolerance if on_paper else tolerance
-        tested.append(_Tested(nominal_value(value), std_dev(value), float(claimed), allowed, claim.claimed == "paper"))
+        has_direction = claim.directed and claim.claimed != "paper"
+        tested.append(_Tested(nominal_value(value), std_dev(value), float(claimed), allowed, has_direction))
     return tested
 
 

@@ -139,9 +139,11 @@ def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
     shown = {name: head for name, head in SUMMARY.items() if name in set(extrapolated["metric"])}
     aim, held_out = (extrapolated[extrapolated["target"] == target] for target in ("paper scale", "held-out point"))
     pairs, size_px = aim["pairs"].iloc[0], aim["size_px"].iloc[0]
+    inside = held_out["measured"].between(held_out["low"], held_out["high"])
     lines = [
-        f"**U-Net extrapolated to {pairs:,.0f} pairs and {size_px:.0f} px from its learning curves**, with intervals",
-        "of 95 % (paper). Held out: the largest training, extrapolated from the smaller ones, then measured.",
+        f"**U-Net extrapolated to {pairs:,.0f} pairs and {size_px:.0f} px from its learning curves** (paper). Brackets:"
+        f" intervals of the fit, nominally 95 %; {inside.sum()} of {len(inside)} held-out measurements are inside.",
+        "Held out: the largest training, extrapolated from the smaller ones, then measured.",
         "",
         "| Exp. | " + " | ".join([*shown.values(), *(f"{head} held out" for head in shown.values())]) + " |",
         "|---|" + "---|" * (2 * len(shown)),
