@@ -1,6 +1,5 @@
 """Additions to published results: new runs beside the published ones, for studies that are trained piece by piece."""
 
-import dataclasses
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,13 +8,13 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.publish import published_page, write_histories, write_published_tables
-from repro.reporting.results import SIZES, read_published, read_results
+from repro.reporting.publish import has_uncommitted, options_of, write_histories, write_runs
+from repro.reporting.results import SIZES, read_origins, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs
 from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.provenance import Provenance
-from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
 COMPARED = ("experiment", "comparison", "one", "other", "model", "encoding")  # columns that identify a difference
 Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
@@ -51,7 +50,7 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
         published = read_published(target)
         known = set(keys_of(published))
         new = found[[key not in known for key in keys_of(found)]]
-        earlier = _read_origins(target)
+        earlier = read_origins(target)
         origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
         problem = _problem(new, published, origins, earlier, force=force)
         if problem:
@@ -60,21 +59,11 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
         runs = pd.concat([published, new], ignore_index=True).sort_values(KEY)
         with replacing_directory(target) as directory:
             shutil.copytree(target, directory, dirs_exist_ok=True)
-            write_published_tables(runs, directory)
             write_histories(outputs, keys_of(new), directory)
-            contents = {path: dataclasses.asdict(origin) for path, origin in every.items()}
-            write_json(directory / "provenance.json", contents)
             if outputs.analysis.is_dir() and (target / "analysis").is_dir():
                 _add_analysis(outputs.analysis, directory / "analysis", published)
-            options = f"scale={scale}{overrides}" + ("" if target.name == scale else f" outputs=outputs/{target.name}")
-            page = published_page(target.name, options, runs, every, with_analysis=(target / "analysis").is_dir())
-            write_text(directory / "README.md", page)
+            write_runs(directory, target.name, options_of(target.name, scale, overrides), runs, every)
     return target
-
-
-def _read_origins(target: Path) -> Origins:
-    contents = read_mapping(target / "provenance.json", f"{target} must be published again")
-    return {path: Provenance(**content) for path, content in contents.items()}
 
 
 def _problem(
@@ -99,7 +88,7 @@ def _problem(
             settings = " and ".join(rows["training"].unique())
             if rows["training"].nunique() > 1:
                 return f"{rows['model'].iloc[0]} was trained with different settings: {settings}"
-    if not force and any(str(step.get("commit", "")).endswith("+") for each in origins.values() for step in each.steps):
+    if not force and has_uncommitted(origins.values()):
         return "some runs were made with uncommitted code; publish.force=true adds them anyway"
     return None
 

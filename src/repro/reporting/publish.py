@@ -16,6 +16,7 @@ from pathlib import Path
 import pandas as pd
 
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
+from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, caption, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
@@ -61,9 +62,13 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
         reasons = doubts(runs, list(origins.values()), target)
         if reasons and not force:
             raise ValueError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
-        options = f"scale={scale}{overrides}" + ("" if name == scale else f" outputs=outputs/{name}")
-        _replace(target, outputs, runs, origins, options)
+        _replace(target, outputs, runs, origins, options_of(name, scale, overrides))
     return target
+
+
+def options_of(name: str, scale: str, overrides: str) -> str:
+    """Return the overrides of the commands that repeat the trainings of a published directory."""
+    return f"scale={scale}{overrides}" + ("" if name == scale else f" outputs=outputs/{name}")
 
 
 def _replace(target: Path, outputs: Outputs, runs: pd.DataFrame, origins: dict[str, Provenance], options: str) -> None:
@@ -72,24 +77,32 @@ def _replace(target: Path, outputs: Outputs, runs: pd.DataFrame, origins: dict[s
         for kept in target.glob("*"):
             if (kept.is_dir() and kept.name != "analysis") or kept.stem in ("costs", "verification"):
                 (shutil.copytree if kept.is_dir() else shutil.copyfile)(kept, new / kept.name)
-        write_published_tables(runs, new)
         write_histories(outputs, keys_of(runs), new)
-        write_json(new / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
         for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(path, new / path.name)
         if outputs.analysis.is_dir():
             shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
-        page = published_page(target.name, options, runs, origins, with_analysis=outputs.analysis.is_dir())
-        write_text(new / "README.md", page)
+        write_runs(new, target.name, options, runs, origins)
 
 
-def write_published_tables(runs: pd.DataFrame, directory: Path) -> None:
-    """Write the main table, the ablation and runs.csv of some runs, see `results.read_results`."""
+def write_runs(directory: Path, name: str, options: str, runs: pd.DataFrame, origins: dict[str, Provenance]) -> None:
+    """Write the tables, runs.csv, provenance.json and README.md of a published directory.
+
+    Args:
+        directory: the directory, complete except for these files.
+        name: its name.
+        options: see `options_of`.
+        runs: tidy rows, see `results.read_results`.
+        origins: provenance of each run by its path.
+    """
     for kind, table in make_tables(runs).items():
         if len(table.frame):
             write_text(directory / f"{kind}.csv", table.frame.to_csv(index=False, float_format="%.6f"))
             write_text(directory / f"{kind}.txt", table.caption + "\n")
     write_text(directory / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
+    write_json(directory / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
+    with_analysis = (directory / "analysis").is_dir()
+    write_text(directory / "README.md", published_page(name, options, runs, origins, with_analysis=with_analysis))
 
 
 def write_histories(outputs: Outputs, keys: Iterable[RunKey], directory: Path) -> None:
@@ -107,6 +120,11 @@ def write_histories(outputs: Outputs, keys: Iterable[RunKey], directory: Path) -
         write_text(path, rows.to_csv(index=False, float_format="%.6g"))
 
 
+def has_uncommitted(origins: Iterable[Provenance]) -> bool:
+    """Return whether a step of a run was made with code that was not committed."""
+    return any(str(step.get("commit", "")).endswith("+") for origin in origins for step in origin.steps)
+
+
 def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[str]:
     """Return reasons against replacing the published runs by some runs.
 
@@ -115,10 +133,7 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
         origins: the provenance of the runs.
         target: the published directory, which may be missing.
     """
-    reasons = []
-    commits = {str(step["commit"]) for origin in origins for step in origin.steps if "commit" in step}
-    if any(commit.endswith("+") for commit in commits):
-        reasons.append("some runs were made with uncommitted code")
+    reasons = ["some runs were made with uncommitted code"] if has_uncommitted(origins) else []
     if runs.loc[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]), "training"].nunique() > 1:
         reasons.append("the networks were trained with different settings")
     if (target / "runs.csv").is_file():
@@ -161,9 +176,8 @@ def published_page(
         f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
         f"- commit: {', '.join(commits)}",
         f"- precision: {', '.join(precisions)}\n",
-        "| network | trainings | minutes per training | command |",
-        "|---|---|---|---|",
     ]
+    rows = []
     for model, encoding in dict.fromkeys(zip(networks["model"], networks["encoding"], strict=True)):
         own_runs = networks[(networks["model"] == model) & (networks["encoding"] == encoding)]
         seeds, experiments = (",".join(map(str, sorted(own_runs[key].unique()))) for key in ("seed", "experiment"))
@@ -173,5 +187,6 @@ def published_page(
         precision = f" runtime.precision={used.pop()}" if len(used) == 1 else ""
         command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {words}{precision}"
         minutes = own_runs["training_seconds"].mean() / 60
-        lines.append(f"| {predictor_title(model, encoding)} | {len(own_runs)} | {minutes:.1f} | `{command}` |")
+        rows.append((predictor_title(model, encoding), len(own_runs), f"{minutes:.1f}", f"`{command}`"))
+    lines += markdown_table(("network", "trainings", "minutes per training", "command"), rows)
     return "\n".join(lines) + "\n"

@@ -15,7 +15,8 @@ from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL, KEY
-from repro.runs.provenance import Status
+from repro.runs.provenance import Provenance, Status
+from repro.system.files import read_typed
 
 SIZES = {
     "size_px": "px",
@@ -85,6 +86,15 @@ def read_published(directory: Path) -> pd.DataFrame:
             f"no results are published in {directory}; published results: {', '.join(published) or 'none'}"
         )
     return read_rows(directory / "runs.csv")
+
+
+def read_origins(directory: Path) -> dict[str, Provenance]:
+    """Load the provenance of the runs of a published directory, by their paths.
+
+    Raises:
+        ValueError: provenance.json cannot be read.
+    """
+    return read_typed(dict[str, Provenance], directory / "provenance.json", "restore it from git")
 
 
 def _row(outputs: Outputs, run: Run) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections import Counter
 from repro.baselines.names import rank
 from repro.config import PairCounts
 from repro.recordings.format import recordings_in
+from repro.reporting.markdown import markdown_table
 from repro.reporting.names import model_title
 from repro.reporting.study import Study
 from repro.runs.directories import Outputs, Run
@@ -21,19 +22,19 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         pairs: planned number of recordings per experiment.
     """
     outputs, planned = study.outputs, study.runs()
-    lines = [f"{outputs.path}", "", "| exp. | recordings |", "|---|---|"]
-    lines += [f"| {experiment} | {_recorded(outputs, experiment, pairs)} |" for experiment in study.experiments]
+    recorded = [(experiment, _recorded(outputs, experiment, pairs)) for experiment in study.experiments]
     existing = {RunKey.parse(run.path.relative_to(outputs.path)): run for run in outputs.runs()}
     states = {key: _state(run) for key, run in (planned | existing).items()}
     seeds = sorted({key.seed for key in states if key.seed is not None})
     rows: dict[tuple[str, str, str], dict[int | None, str]] = {}
     for key, state in states.items():
         rows.setdefault((key.experiment, key.encoding, key.model), {})[key.seed] = state
-    lines += ["", "| exp. | input | model | " + " | ".join(f"seed {seed}" for seed in seeds) + " |"]
-    lines.append("|---" * (3 + len(seeds)) + "|")
+    shown = []
     for (experiment, encoding, model), row in sorted(rows.items(), key=lambda item: (*item[0][:2], rank(item[0][2]))):
         cells = [row.get(seed, "") for seed in seeds] if encoding else [row[None], *[""] * (len(seeds) - 1)]
-        lines.append(f"| {experiment} | {encoding} | {model_title(model)} | " + " | ".join(cells) + " |")
+        shown.append((experiment, encoding, model_title(model), *cells))
+    lines = [f"{outputs.path}", "", *markdown_table(("exp.", "recordings"), recorded), ""]
+    lines += markdown_table(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), shown)
     counted = Counter(states[key].split(",")[0] for key in planned)
     lines += ["", f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
     left = study.seconds_left()

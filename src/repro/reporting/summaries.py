@@ -8,6 +8,7 @@ import pandas as pd
 from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
+from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
 
 BOUND = BOUNDS[0]
@@ -27,9 +28,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
         "conditions, the median one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance, by",
         "which a number that is claimed to exceed the value must exceed it.",
         "",
-        "| Claim | Test | Verdict | On our numbers | Ours | Paper |",
-        "|---|---|---|---|---|---|",
     ]
+    rows = []
     for _, row in claims.iterrows():
         ours = ""
         if pd.notna(row["value"]):
@@ -38,7 +38,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
             ours = f"{row['value']:.3f}{interval} ({needed})"
         paper = f"{row['paper']}, {row['paper_value']:.3f}" if pd.notna(row["paper_value"]) else ""
         test = row["means"] if pd.notna(row["means"]) else row["reason"]
-        lines.append(f"| {row['quote']} | {test} | {row['verdict']} | {row['ours']} | {ours} | {paper} |")
+        rows.append((row["quote"], test, row["verdict"], row["ours"], ours, paper))
+    lines += markdown_table(("Claim", "Test", "Verdict", "On our numbers", "Ours", "Paper"), rows)
     return "\n".join(lines) + "\n"
 
 
@@ -60,12 +61,7 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
     bounds = rows[(rows["model"] == BOUND) & (rows["metric"] == "obstacle_iou")].set_index("experiment")["value"]
     heads = [f"Exp. {e}: {head}" for e in chosen for head in SUMMARY.values()]
     heads += [f"Exp. {e}: share of the bound" for e in chosen if e in bounds]
-    lines = [
-        f"**{words}**",
-        "",
-        "| Model | Seeds | " + " | ".join(heads) + " |",
-        "|---|---|" + "---|" * len(heads),
-    ]
+    shown = []
     cells = set(zip(rows["model"], rows["encoding"], strict=True))
     for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1])):
         own_rows = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
@@ -74,8 +70,8 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         values += [f"{iou[e] / bounds[e]:.2f}" if e in iou else "" for e in chosen if e in bounds]
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
-        lines.append(f"| {predictor_title(model, encoding)} | {seeds} | " + " | ".join(values) + " |")
-    return "\n".join(lines) + "\n"
+        shown.append((predictor_title(model, encoding), seeds, *values))
+    return "\n".join([f"**{words}**", "", *markdown_table(("Model", "Seeds", *heads), shown)]) + "\n"
 
 
 def networks_to_markdown(
@@ -96,7 +92,7 @@ def networks_to_markdown(
     measures = {"obstacle IoU": iou, "share of the bound": iou, "log loss [nat]": log_loss}
     heads = [f"Exp. {experiment}: {head}" for experiment in experiments for head in measures]
     heads += ["Parameters [M]", "Training [min]", "Latency [ms]"]
-    lines = [f"**{words}**", "", "| Network, input | " + " | ".join(heads) + " |", "|---|" + "---|" * len(heads)]
+    rows = []
     for row in costs.dropna(subset="training_min").itertuples():
         cells = []
         for experiment, (head, values) in itertools.product(experiments, measures.items()):
@@ -104,8 +100,8 @@ def networks_to_markdown(
             bound = iou.get((experiment, BOUND, ""), math.nan) if head == "share of the bound" else 1.0
             cells.append("" if math.isnan(value / bound) else f"{value / bound:.{2 if 'share' in head else 3}f}")
         cells += [f"{row.parameters_m:.2f}", f"{row.training_min:.1f}", f"{row.cpu_onnx_ms:.0f}"]
-        lines.append(f"| {predictor_title(str(row.model), str(row.encoding))} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+        rows.append((predictor_title(str(row.model), str(row.encoding)), *cells))
+    return "\n".join([f"**{words}**", "", *markdown_table(("Network, input", *heads), rows)]) + "\n"
 
 
 def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: str) -> str:
@@ -117,7 +113,7 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: st
         words: the caption.
     """
     heads = [*SUMMARY.values(), "IoU at its best threshold", "Log loss [nat]", "Brier score"]
-    lines = [f"**{words}**", "", "| Exp. | Predictor | " + " | ".join(heads) + " |", "|---|---|" + "---|" * len(heads)]
+    shown = []
     for experiment in sorted(intervals["experiment"].unique()):
         of_map = recency[(recency["experiment"] == experiment) & (recency["recency"] == "all")]
         for name in BOUNDS:
@@ -126,8 +122,8 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: st
                 continue
             cells = [_cell(rows, experiment, metric) for metric in SUMMARY]
             cells += [_cell(of_map[of_map["model"] == name], experiment, metric) for metric in PROBABILISTIC]
-            lines.append(f"| {experiment} | {predictor_title(name, '')} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+            shown.append((experiment, predictor_title(name, ""), *cells))
+    return "\n".join([f"**{words}**", "", *markdown_table(("Exp.", "Predictor", *heads), shown)]) + "\n"
 
 
 def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
@@ -145,18 +141,16 @@ def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
         f" intervals of the fit, nominally 95 %; {inside.sum()} of {len(inside)} held-out measurements are inside.",
         "Held out: the largest training, extrapolated from the smaller ones, then measured.",
         "",
-        "| Exp. | " + " | ".join([*shown.values(), *(f"{head} held out" for head in shown.values())]) + " |",
-        "|---|" + "---|" * (2 * len(shown)),
     ]
+    cells_of = []
     for (experiment, encoding), rows in aim.groupby(["experiment", "encoding"], sort=False):
         own_point = held_out[(held_out["experiment"] == experiment) & (held_out["encoding"] == encoding)]
         cells = [_extrapolated(rows[rows["metric"] == name].iloc[0]) for name in shown]
         points = [own_point[own_point["metric"] == name].iloc[0] for name in shown]
         cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in points]
-        lines.append(
-            f"| {experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''} | " + " | ".join(cells) + " |"
-        )
-    return "\n".join(lines) + "\n"
+        cells_of.append((f"{experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''}", *cells))
+    heads = ("Exp.", *shown.values(), *(f"{head} held out" for head in shown.values()))
+    return "\n".join([*lines, *markdown_table(heads, cells_of)]) + "\n"
 
 
 def _extrapolated(row: pd.Series) -> str:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import HEADINGS, TABLE_METRICS
+from repro.reporting.markdown import markdown_table
 from repro.reporting.names import experiment_title, model_title, predictor_title
 from repro.reporting.results import OURS, caption, compare, missing, read_results, select
 from repro.runs.directories import Outputs
@@ -45,12 +46,12 @@ class Table:
         """Return the table as Markdown, one row per model: our number, and the paper's in brackets."""
         if self.frame.empty:
             return f"**{self.caption}**\n"
-        head = "| Exp. | Model | " + " | ".join(HEADS.values()) + " |"
-        lines = [f"**{self.caption}** Ours (paper).", "", head, "|---|---|" + "---|" * len(TABLE_METRICS)]
+        rows = []
         for _, row in self.frame.iterrows():
             cells = [_ours(row, metric, 3) + _paper(row, metric, " ({:.3f})") for metric in TABLE_METRICS]
-            lines.append(f"| {row['experiment']} | {row_title(row)} | " + " | ".join(cells) + " |")
-        return "\n".join(lines) + "\n"
+            rows.append((row["experiment"], row_title(row), *cells))
+        lines = markdown_table(("Exp.", "Model", *HEADS.values()), rows)
+        return "\n".join([f"**{self.caption}** Ours (paper).", "", *lines]) + "\n"
 
     def to_latex(self) -> str:
         """Return the table as LaTeX (booktabs) in the paper's layout, two experiments side by side."""
@@ -129,20 +130,12 @@ def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str,
     return tables
 
 
-def costs_to_markdown(table: Table) -> str:
+def costs_to_markdown(costs: Table) -> str:
     """Return the costs as Markdown, one row per network and resolution, without columns that are empty everywhere."""
-    titles = table.frame.apply(_title, axis="columns")
-    frame = table.frame.drop(columns="encoding", errors="ignore").assign(model=titles).dropna(axis="columns", how="all")
-    lines = [
-        f"**{table.caption}**",
-        "",
-        "| " + " | ".join(COSTS[str(name)] for name in frame) + " |",
-        "|" + "---|" * frame.shape[1],
-    ]
-    for _, row in frame.iterrows():
-        cells = [_cost(str(name), value) for name, value in row.items()]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    titles = costs.frame.apply(_title, axis="columns")
+    frame = costs.frame.drop(columns="encoding", errors="ignore").assign(model=titles).dropna(axis="columns", how="all")
+    rows = [[_cost(str(name), value) for name, value in row.items()] for _, row in frame.iterrows()]
+    return "\n".join([f"**{costs.caption}**", "", *markdown_table((COSTS[str(name)] for name in frame), rows)]) + "\n"
 
 
 def _escape(text: str) -> str:

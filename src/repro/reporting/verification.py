@@ -5,13 +5,13 @@ from pathlib import Path
 import pandas as pd
 
 from repro.metrics.names import METRICS, SUMMARY
+from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
-from repro.reporting.results import SIZES, read_published, read_results
+from repro.reporting.results import SIZES, read_origins, read_published, read_results
 from repro.reporting.rows import keys_of
 from repro.runs.directories import Outputs
 from repro.runs.keys import KEY, RunKey
 from repro.runs.provenance import Provenance
-from repro.system.files import read_typed
 
 COMPARED = (*METRICS, "obstacle_iou")
 
@@ -41,7 +41,7 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
             raise ValueError(
                 f"the published runs have {other.max():.0f} {unit}, the runs in {outputs.path} have {own.max():.0f}"
             )
-    origins = read_typed(dict[str, Provenance], published / "provenance.json", "restore it from git")
+    origins = read_origins(published)
     rows = zip(keys_of(both), both.to_dict("records"), strict=True)
     compared = pd.DataFrame([_compare(outputs, key, row, origins) for key, row in rows])
     return compared.astype({"seed": "Int64"})  # baselines have no seed
@@ -67,17 +67,17 @@ def _commit(origin: Provenance) -> object:
 
 def verification_to_markdown(compared: pd.DataFrame) -> str:
     """Return the comparison of `verify` as Markdown: one row per run, ours (published), and a summary."""
-    lines = ["| Exp. | Model | Seed | Recordings | Weights | " + " | ".join(SUMMARY.values()) + " |"]
-    lines.append("|---" * (5 + len(SUMMARY)) + "|")
+    rows = []
     for _, row in compared.iterrows():
+        seed = "" if pd.isna(row["seed"]) else row["seed"]
+        numbers = [f"{row[metric]:.4f} ({row[f'published_{metric}']:.4f})" for metric in SUMMARY]
         title = predictor_title(row["model"], row["encoding"])
-        numbers = " | ".join(f"{row[metric]:.4f} ({row[f'published_{metric}']:.4f})" for metric in SUMMARY)
-        facts = f"{'' if pd.isna(row['seed']) else row['seed']} | {row['recordings']} | {row['weights']}"
-        lines.append(f"| {row['experiment']} | {title} | {facts} | {numbers} |")
+        rows.append((row["experiment"], title, seed, row["recordings"], row["weights"], *numbers))
     trained = compared[compared["weights"] != ""]
     same_recordings, same_weights = ((rows == "same").sum() for rows in (compared["recordings"], trained["weights"]))
     largest = ", ".join(f"{head} {compared[f'delta_{metric}'].abs().max():.4f}" for metric, head in SUMMARY.items())
-    lines += [
+    lines = [
+        *markdown_table(("Exp.", "Model", "Seed", "Recordings", "Weights", *SUMMARY.values()), rows),
         "",
         f"Ours (published). {same_recordings} of {len(compared)} runs use the published recordings; {same_weights} of "
         f"{len(trained)} trainings have byte-identical weights. Largest difference: {largest}.",
