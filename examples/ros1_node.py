@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from repro.networks.predictor import load_predictor
-from repro.prediction.live import MAX_WAITING, LiveMapper, pair
+from repro.prediction.live import MAX_WAITING, LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
 
 WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"
@@ -29,7 +29,7 @@ def main() -> None:
     rospy.init_node("map_prediction")
     torch.set_num_threads(rospy.get_param("~threads", 1))
     center = rospy.get_param("~center", "robot")
-    undecided = pair(rospy.get_param("~undecided", ""))
+    undecided = two_numbers(rospy.get_param("~undecided", ""))
     publisher = rospy.Publisher("map", OccupancyGrid, queue_size=10, latch=True)
 
     def publish(header, frame, predicted) -> None:
@@ -40,7 +40,7 @@ def main() -> None:
         load_predictor(rospy.get_param("~weights", str(WEIGHTS))),
         publish,
         rospy.logwarn,
-        center="robot" if center == "robot" else pair(center),
+        center="robot" if center == "robot" else two_numbers(center),
         steps=rospy.get_param("~steps", None),
         step_s=rospy.get_param("~step_s", None),
     )

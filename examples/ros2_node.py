@@ -21,7 +21,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from repro.networks.predictor import load_predictor
-from repro.prediction.live import LiveMapper, pair
+from repro.prediction.live import LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
 
 WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"
@@ -36,13 +36,13 @@ class MapPrediction(Node):
         super().__init__("map_prediction")
         torch.set_num_threads(self.value("threads", 1))
         center = self.value("center", "robot")
-        self.undecided = pair(self.value("undecided", ""))
+        self.undecided = two_numbers(self.value("undecided", ""))
         self.publisher = self.create_publisher(OccupancyGrid, "map", LATCHED)
         mapper = LiveMapper(
             load_predictor(self.value("weights", str(WEIGHTS))),
             self.publish,
             self.get_logger().warning,
-            center="robot" if center == "robot" else pair(center),
+            center="robot" if center == "robot" else two_numbers(center),
             steps=self.value("steps", 100),
             step_s=self.value("step_s", 0.1),
         )

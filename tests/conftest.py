@@ -2,6 +2,7 @@ import dataclasses
 import functools
 import os
 import resource
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -134,3 +135,19 @@ def fake_study(outputs: Path, seeds: tuple[int, ...] = (0,)) -> None:
         for number, model in enumerate(NETWORKS):
             fake_run(outputs, "3", model, 0.5 + 0.1 * number + 0.01 * seed, seed=seed)
     fake_run(outputs, "3", "all_free", 0.9)
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if not CHROMIUM:
+        pytest.skip("no Chromium on this machine (Debian: apt install chromium)")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright drives the browser: pip install -e .[dev]"
+    )
+    with playwright.sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()

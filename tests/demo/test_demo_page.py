@@ -1,6 +1,5 @@
 """The page in headless Chromium: it predicts, follows the user, asks no network, and fits any width."""
 
-import shutil
 import subprocess
 import sys
 
@@ -12,7 +11,6 @@ from repro.demo.runtime import cached_archive
 
 pytestmark = pytest.mark.slow
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 TIMEOUT_MS = 120_000
 
 
@@ -26,19 +24,6 @@ def page(tmp_path_factory):
     assert done.returncode == 0, done.stdout + done.stderr
     assert str(outputs / "demo.html") in done.stdout
     return outputs / "demo.html"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if not CHROMIUM:
-        pytest.skip("no Chromium on this machine (Debian: apt install chromium)")
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="playwright drives the browser: pip install -e .[dev]"
-    )
-    with playwright.sync_playwright() as driver:
-        opened = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

@@ -1,15 +1,10 @@
-import os
-import signal
-import subprocess
-import sys
-import time
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 import segmentation_models_pytorch as smp
 import torch
-from conftest import ROOT, prepared, spent_budget
+from conftest import prepared, spent_budget
 
 from repro.learning import callbacks, training
 from repro.learning.callbacks import CPUContention
@@ -90,33 +85,6 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
 
     begin(tmp_path / "plain", recorded, **{**settings, "ema_decay": None})
     assert not same_weights(run.path, tmp_path / "plain")
-
-
-@pytest.mark.slow
-def test_a_killed_training_resumes_bit_identically(finished, recorded, tmp_path):
-    path = tmp_path / "killed"
-    run = prepared(path, max_epochs=6)
-    code = (
-        "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
-        f"train(Run(Path({str(path)!r})), Path({str(recorded)!r}), accelerator='cpu')\n"
-    )
-    kills = 0
-    for epochs in (1, 3):
-        process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
-        deadline = time.monotonic() + 120
-        while time.monotonic() < deadline and process.poll() is None:
-            if (path / "history.csv").exists() and len(losses(path)) >= epochs:
-                break
-            time.sleep(0.01)
-        if process.poll() is None:
-            os.kill(process.pid, signal.SIGKILL)
-            kills += 1
-        process.wait()
-    assert kills >= 1
-    assert train(run, recorded, accelerator="cpu") is Status.trained
-    assert same_weights(finished, path)
-    assert losses(finished).equals(losses(path))
-    assert [step["step"] for step in run.provenance().steps] == ["recorded", *["trained"] * (kills + 1)]
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from torchmetrics.functional import classification as tm
 from torchmetrics.functional.image import structural_similarity_index_measure
 
 from repro.metrics.counts import confusion_of, count_quantized
-from repro.metrics.names import METRICS
 from repro.metrics.scores import confusion, scores, ssim
 
 
@@ -80,7 +79,3 @@ def test_ssim_agrees_with_torchmetrics_and_is_one_for_the_truth(images):
     inner = reference[..., 5:-5, 5:-5].flatten(1).mean(1)  # piqa has no padding
     assert torch.allclose(ssim(probability, target, batch=4), inner, atol=1e-4)
     assert torch.allclose(ssim(target, target), torch.ones(6))
-
-
-def test_metrics_are_the_papers_six():
-    assert METRICS == ("ssim", "accuracy", "dice", "precision", "recall", "specificity")

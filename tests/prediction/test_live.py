@@ -19,7 +19,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
-from repro.prediction.live import MAX_WAITING, LiveMapper, pair
+from repro.prediction.live import MAX_WAITING, LiveMapper, two_numbers
 from repro.prediction.logs import ScanLog
 from repro.prediction.ros import occupancy
 from repro.prediction.windows import cut
@@ -264,11 +264,11 @@ def test_maps_go_on_after_the_clock_was_set_back(predictor):
 
 
 def test_parameters_of_two_numbers():
-    assert pair("25,-3.5") == (25, -3.5)
-    assert pair("") is None
+    assert two_numbers("25,-3.5") == (25, -3.5)
+    assert two_numbers("") is None
     for text in ("1", "1,2,3", "a,b"):
         with pytest.raises(ValueError, match="expected two numbers"):
-            pair(text)
+            two_numbers(text)
 
 
 @pytest.fixture

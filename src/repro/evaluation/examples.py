@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from repro.evaluation.evaluate import read_predictions
-from repro.maps.datasets import load_pairs_of_run
-from repro.recordings.reader import read_scans
+from repro.maps.datasets import encoding_of, grid_of, true_maps
+from repro.recordings.reader import read_recording
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
 from repro.scans import Scans
@@ -50,14 +50,14 @@ def load_example(outputs: Outputs, key: RunKey, index: int = 0) -> Example:
     config = run.config()
     if config.encoding is None:
         raise ValueError(f"{run} is a baseline, which has no encoding")
-    scans = read_scans(recordings, "test", index)
-    pairs = load_pairs_of_run(recordings, "test", config, "cpu")
+    shard, at = read_recording(recordings, "test", index)
+    grid = grid_of(config)
     return Example(
         key.experiment,
         key.encoding,
-        pairs.images[index, 0].numpy(),
+        encoding_of(config).encode(shard.scans[at : at + 1].tensors(), grid)[0, 0].numpy(),
         read_predictions(run)[index],
-        pairs.maps[index, 0].numpy(),
-        scans,
+        true_maps(shard, grid)[at].numpy(),
+        shard.scans[at],
         config.encoding.parameters["oldest_gray"],
     )

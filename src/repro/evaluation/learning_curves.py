@@ -71,7 +71,8 @@ def _row(run: Run) -> dict[str, Any] | None:
     config, origin = run.config(), run.provenance()
     if config.encoding is None or config.train is None:
         return None
-    trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
+    trained = origin.last("trained")
+    assert trained, "an evaluated network is trained"
     return {
         "model": config.model.name,
         "experiment": config.experiment,

@@ -11,6 +11,8 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from repro.networks.blocks import conv_block
+
 DETAIL = 16  # channels at full resolution
 
 
@@ -35,7 +37,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
             raise ValueError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
         self.frames = frames
         self.encoder = nn.Sequential(
-            *_block(in_channels // frames, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=stride // 2)
+            *conv_block(in_channels // frames, hidden // 2, stride=2),
+            *conv_block(hidden // 2, hidden, stride=stride // 2),
         )
         self.from_part = nn.Conv2d(hidden, 2 * hidden, 1)
         self.gate = nn.Conv2d(hidden, hidden, 3, padding=1, bias=False)
@@ -43,7 +46,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.context = nn.Sequential(Residual(hidden, 2), Residual(hidden, 4), Residual(hidden, 1))
         self.detail = nn.Conv2d(in_channels, DETAIL, 3, padding=1)
         self.half_detail = nn.Conv2d(DETAIL, hidden // 2, 3, stride=2, padding=1)
-        self.decode_half = nn.Sequential(*_block(hidden + hidden // 2, hidden // 2))
+        self.decode_half = nn.Sequential(*conv_block(hidden + hidden // 2, hidden // 2))
         self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
         self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
         assert self.from_part.bias is not None
@@ -74,19 +77,11 @@ class Residual(nn.Module):
 
     def __init__(self, channels: int, dilation: int) -> None:
         super().__init__()
-        self.block = nn.Sequential(*_block(channels, channels, dilation=dilation), nn.Conv2d(channels, channels, 1))
+        self.block = nn.Sequential(*conv_block(channels, channels, dilation=dilation), nn.Conv2d(channels, channels, 1))
 
     def forward(self, images: Tensor) -> Tensor:
         """Return images of the same shape, (B, C, H, W)."""
         return images + self.block(images)
-
-
-def _block(channels: int, new_channels: int, stride: int = 1, dilation: int = 1) -> tuple[nn.Module, ...]:
-    return (
-        nn.Conv2d(channels, new_channels, 3, stride=stride, padding=dilation, dilation=dilation),
-        nn.GroupNorm(8, new_channels),
-        nn.ReLU(inplace=True),
-    )
 
 
 def _resized(images: Tensor, like: Tensor) -> Tensor:

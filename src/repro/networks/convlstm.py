@@ -8,6 +8,8 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
+from repro.networks.blocks import conv_block
+
 
 class ConvLSTM(nn.Module, PyTorchModelHubMixin):
     """A ConvLSTM over a sequence of images, with its state at a quarter of the resolution and a decoder to the map.
@@ -22,14 +24,15 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         super().__init__()
         self.frames = frames
         self.encoder = nn.Sequential(
-            *_block(in_channels // frames, hidden // 2, stride=2), *_block(hidden // 2, hidden, stride=2)
+            *conv_block(in_channels // frames, hidden // 2, stride=2),
+            *conv_block(hidden // 2, hidden, stride=2),
         )
         self.from_image = nn.Conv2d(hidden, 4 * hidden, 3, padding=1)
         self.from_memory = nn.Conv2d(hidden, 4 * hidden, 3, padding=1, bias=False)
         self.decoder = nn.Sequential(
-            *_block(hidden, hidden),
-            *(nn.Upsample(scale_factor=2, mode="bilinear"), *_block(hidden, hidden // 2)),
-            *(nn.Upsample(scale_factor=2, mode="bilinear"), *_block(hidden // 2, hidden // 2)),
+            *conv_block(hidden, hidden),
+            *(nn.Upsample(scale_factor=2, mode="bilinear"), *conv_block(hidden, hidden // 2)),
+            *(nn.Upsample(scale_factor=2, mode="bilinear"), *conv_block(hidden // 2, hidden // 2)),
             nn.Conv2d(hidden // 2, 1, 3, padding=1),
         )
 
@@ -44,11 +47,3 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
             memory = (keep + 1).sigmoid() * memory + write.sigmoid() * new.tanh()  # + 1: remember at first
             shown = show.sigmoid() * memory.tanh()
         return self.decoder(shown)
-
-
-def _block(channels: int, new_channels: int, stride: int = 1) -> tuple[nn.Module, ...]:
-    return (
-        nn.Conv2d(channels, new_channels, 3, stride=stride, padding=1),
-        nn.GroupNorm(8, new_channels),
-        nn.ReLU(inplace=True),
-    )

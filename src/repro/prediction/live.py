@@ -28,7 +28,7 @@ KEEP_S = 30.0  # age up to which poses are remembered
 MAX_WAITING = 50  # scans that wait for their poses or for the network
 
 
-def pair(text: str) -> tuple[float, float] | None:
+def two_numbers(text: str) -> tuple[float, float] | None:
     """Read a parameter of two numbers, `x,y`; None for an empty one.
 
     Raises:
@@ -147,8 +147,6 @@ class LiveMapper:
             reason = why_unusable(scan, self.first, self.last_s)
             if reason:
                 raise ValueError(f"a scan is skipped: it is {reason}")
-            if scan.stamp - self.last_s < self.step_s / 2:  # more scans than a window has steps
-                return
             predicted = self._map(scan)
             self.root = root
         except ValueError as error:

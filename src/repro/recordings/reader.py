@@ -85,8 +85,8 @@ def read_shards(directory: Path, split: str, count: int | None = None) -> Iterat
             yield read_shard(path, manifest.fingerprint)
 
 
-def read_scans(directory: Path, split: str, index: int) -> Scans:
-    """Read the scans of one recording of a split, ranges (T, N).
+def read_recording(directory: Path, split: str, index: int) -> tuple[ShardContent, int]:
+    """Read the shard with one recording of a split; return it and the index of the recording in it.
 
     Raises:
         ValueError: the split has no such recording, or a shard fails verification, see `read_shards`.
@@ -94,9 +94,15 @@ def read_scans(directory: Path, split: str, index: int) -> Scans:
     first = 0
     for shard in read_shards(directory, split):
         if first <= index < first + len(shard.scans):
-            return shard.scans[index - first]
+            return shard, index - first
         first += len(shard.scans)
     raise ValueError(f"{directory} has {first} recordings in {split}, none of index {index}")
+
+
+def read_scans(directory: Path, split: str, index: int) -> Scans:
+    """Read the scans of one recording of a split, ranges (T, N), see `read_recording`."""
+    shard, at = read_recording(directory, split, index)
+    return shard.scans[at]
 
 
 def check_worlds(directory: Path, fingerprint: str) -> None:

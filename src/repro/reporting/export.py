@@ -94,7 +94,8 @@ def _card_text(run: Run, setup: str, measured: dict[str, float], path: str, form
     """Return the text of a model card: use, input, output, data, metrics, limits; arguments as in `make_card`."""
     config, origin = run.config(), run.provenance()
     assert config.encoding, "a network has an encoding"
-    trained = next(step for step in reversed(origin.steps) if step["step"] == "trained")
+    trained = origin.last("trained")
+    assert trained, "an evaluated network is trained"
     numbers = ", ".join(f"{metric} {value:.4f}" for metric, value in measured.items())
     size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())

@@ -61,8 +61,7 @@ def _compare(outputs: Outputs, key: RunKey, row: dict, origins: dict[str, Proven
 
 
 def _commit(origin: Provenance) -> object:
-    steps = [step for step in origin.steps if step["step"] == "trained"] or origin.steps
-    return steps[-1].get("commit")
+    return (origin.last("trained") or origin.steps[-1]).get("commit")
 
 
 def verification_to_markdown(compared: pd.DataFrame) -> str:

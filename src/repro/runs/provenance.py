@@ -43,6 +43,10 @@ class Provenance:
         """Return the latest value of a fact among all steps; None if no step has it."""
         return next((step[name] for step in reversed(self.steps) if name in step), None)
 
+    def last(self, name: str) -> dict[str, Any] | None:
+        """Return the latest step of a name; None if there is none."""
+        return next((step for step in reversed(self.steps) if step["step"] == name), None)
+
 
 def environment() -> dict[str, Any]:
     """Describe the environment of a step: time, Python, packages, hardware, commit."""
