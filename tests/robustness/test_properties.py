@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors
 from repro.config import NETWORKS, Training, paper_model, read_world, world_spec
-from repro.evaluation.coverage import describe
+from repro.evaluation.coverage import coverage_and_visibility
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.encodings import create_encoding
@@ -95,7 +95,7 @@ def test_accepted_worlds_can_be_recorded_and_learned_from(keys, data):
         record_experiment(Path(folder), spec, {"train": 4, "val": 2, "test": 2}, workers=1)
         assert recordings_hash(Path(folder))
         grid = Grid(32, float(world["world"]["width"]))
-        found = describe(Path(folder), "test", grid)
+        found = coverage_and_visibility(Path(folder), "test", grid)
         assert 0 <= found["coverage"] <= 1
         learn(
             load_pairs(Path(folder), "train", grid, create_encoding("projection", {})), Training(1e-3, 0, 0, 2, 1, 1e-6)
