@@ -78,9 +78,10 @@ def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
 
 def _of_papers_worlds(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the rows of the experiments that have the paper's worlds."""
-    names = set(results.loc[results["papers_worlds"], "experiment"])
+    altered = set(results.loc[~results["papers_worlds"], "experiment"])
     return {
-        key: frame[frame["experiment"].isin(names)] if "experiment" in frame else frame for key, frame in frames.items()
+        key: frame[~frame["experiment"].isin(altered)] if "experiment" in frame else frame
+        for key, frame in frames.items()
     }
 
 

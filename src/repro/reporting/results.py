@@ -149,11 +149,12 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
 
 
 def _papers(results: pd.DataFrame) -> pd.DataFrame:
-    """Return the paper's tables for the experiments that have the worlds of the paper."""
+    """Return the paper's tables without the experiments that have other worlds than the paper's."""
     paper = read_paper()
-    if "papers_worlds" not in results:  # published before the column was
+    if "papers_worlds" not in results:  # all were published before the column existed
         return paper
-    return paper[paper["experiment"].isin(results.loc[results["papers_worlds"] == True, "experiment"])]  # noqa: E712
+    altered = results.loc[results["papers_worlds"].eq(False), "experiment"]
+    return paper[~paper["experiment"].isin(altered)]
 
 
 def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
