@@ -5,8 +5,9 @@ import pytest
 from conftest import ROOT, run_config
 
 from repro.config import NETWORKS, PROJECTION, read_world, world_spec
-from repro.evaluation.analysis import _averages, gather
+from repro.evaluation.analysis import gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
+from repro.evaluation.comparisons import averages
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
@@ -157,12 +158,12 @@ def test_the_average_is_over_the_seeds_that_all_networks_have():
         cell = ("3", name, PROJECTION)
         seeds[cell] = [0, 1, 2] if name == "unet" else [1, 0]
         counted[cell] = Measured(counts[: len(seeds[cell])] + number, np.full((len(seeds[cell]), 5), 0.5))
-    ((cell, table),) = list(_averages(counted, seeds, weights))
+    ((cell, table),) = list(averages(counted, seeds, weights))
     assert cell == ("3", "average", PROJECTION)
     own = [pooled_scores(counts[:2].sum(1) + 5 * number)["accuracy"].mean() for number in range(len(NETWORKS))]
     assert table["accuracy"].iloc[0] == pytest.approx(np.mean(own))
     seeds["3", "fpn", PROJECTION] = [7, 8]
-    assert not list(_averages(counted, seeds, weights))
+    assert not list(averages(counted, seeds, weights))
 
 
 def test_damaged_and_copied_runs_are_left_out(outputs, tmp_path):

@@ -5,9 +5,7 @@ differences between cells, errors by recency and by obstacle, calibration, cost.
 frames out.
 """
 
-import itertools
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,12 +15,13 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.baselines.names import rank
-from repro.config import NETWORKS, NO_DECAY, PROJECTION
+from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set, uncertainty
+from repro.evaluation.comparisons import Cell, averages, differences
 from repro.evaluation.evaluate import read_quantized, read_ssim, validation_quantized
 from repro.evaluation.recency import GROUPS, RECENCY
 from repro.maps.datasets import grid_of
-from repro.metrics.bootstrap import Measured, by_world, difference, draw_weights, interval, resample
+from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
 from repro.metrics.calibration import fit_temperature, reliability, summary, temperature_scaled
 from repro.metrics.counts import count_quantized, pooled_scores
 from repro.metrics.names import SUMMARY
@@ -31,7 +30,6 @@ from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL
 
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
-Cell = tuple[str, str, str]  # experiment, model, encoding
 
 
 @dataclass
@@ -93,10 +91,11 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
             analysis.take(own)
             counted[cell], draws[cell] = measures, drawn
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
-        for cell, table in _averages(counted, seeds, weights):
+        for cell, table in averages(counted, seeds, weights):
             draws[cell] = table
             analysis.add("intervals", interval(table), _columns(cell))
-        _compare_cells(analysis, draws)
+        for rows, columns in differences(draws):
+            analysis.add("differences", rows, columns)
     if errors and "calibration" not in analysis.rows:
         raise ValueError(f"no run can be analyzed: {errors[0]}")
     return analysis.frames()
@@ -211,49 +210,3 @@ def _calibrate(
 
 def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
     return {str(name): value for name, value in pd.DataFrame(rows).mean().items()}
-
-
-def _averages(
-    counted: dict[Cell, Measured], seeds: dict[Cell, list[int | None]], weights: np.ndarray
-) -> Iterator[tuple[Cell, pd.DataFrame]]:
-    """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated.
-
-    It is taken over the seeds that all four have, as in the tables.
-    """
-    for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in counted):
-        cells: list[Cell] = [(experiment, name, encoding) for name in NETWORKS]
-        if not all(cell in counted for cell in cells):
-            continue
-        common = [seed for seed in seeds[cells[0]] if all(seed in seeds[cell] for cell in cells)]
-        if not common:
-            continue
-        draws = []
-        for cell in cells:
-            chosen = [seeds[cell].index(seed) for seed in common]
-            draws.append(resample(Measured(counted[cell].counts[chosen], counted[cell].ssim[chosen]), weights))
-        yield (experiment, "average", encoding), sum(draws[1:], draws[0]) / len(draws)
-
-
-def _compare_cells(analysis: Analysis, draws: dict[Cell, pd.DataFrame]) -> None:
-    """Compare models on the same encoding, the decay with its ablation, and encodings with one another."""
-    for one, other in itertools.combinations(draws, 2):
-        comparison = _comparison(one, other)
-        if comparison is None:
-            continue
-        column = 1 if comparison == "networks" else 2
-        shared = {"model": "", "encoding": one[2] or other[2]} if column == 1 else {"model": one[1], "encoding": ""}
-        columns = {"experiment": one[0], "comparison": comparison, "one": one[column], "other": other[column]}
-        analysis.add("differences", difference(draws[one], draws[other]), columns | shared)
-
-
-def _comparison(one: Cell, other: Cell) -> str | None:
-    """Name the difference between two cells: networks, decay or encodings; None if they differ in more than one."""
-    encodings = one[2], other[2]
-    bases = [encoding.removesuffix(NO_DECAY) for encoding in encodings]
-    decays = [encoding.endswith(NO_DECAY) for encoding in encodings]
-    if one[1] != other[1]:  # a baseline has no encoding and is compared with the networks on the paper's input
-        same = encodings[0] == encodings[1] or ("" in encodings and PROJECTION in encodings)
-        return "networks" if same else None
-    if bases[0] == bases[1]:
-        return "decay"
-    return "encodings" if decays[0] == decays[1] else None

@@ -1,0 +1,65 @@
+"""Comparisons of the cells of an analysis: the average of the paper's networks, and differences with intervals."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from repro.config import NETWORKS, NO_DECAY, PROJECTION
+from repro.metrics.bootstrap import Measured, difference, resample
+
+Cell = tuple[str, str, str]  # experiment, model, encoding
+
+
+def averages(
+    counted: dict[Cell, Measured], seeds: dict[Cell, list[int | None]], weights: np.ndarray
+) -> Iterator[tuple[Cell, pd.DataFrame]]:
+    """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated.
+
+    It is taken over the seeds that all four have, as in the tables.
+    """
+    for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in counted):
+        cells: list[Cell] = [(experiment, name, encoding) for name in NETWORKS]
+        if not all(cell in counted for cell in cells):
+            continue
+        common = [seed for seed in seeds[cells[0]] if all(seed in seeds[cell] for cell in cells)]
+        if not common:
+            continue
+        draws = []
+        for cell in cells:
+            chosen = [seeds[cell].index(seed) for seed in common]
+            draws.append(resample(Measured(counted[cell].counts[chosen], counted[cell].ssim[chosen]), weights))
+        yield (experiment, "average", encoding), sum(draws[1:], draws[0]) / len(draws)
+
+
+def differences(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, dict[str, str]]]:
+    """Yield the differences between models on the same encoding, the decay and its ablation, and encodings.
+
+    Args:
+        draws: the metrics in every draw of the bootstrap, by cell.
+
+    Yields:
+        rows of metric, value, low, high and excludes_zero, and the columns that identify them.
+    """
+    for one, other in itertools.combinations(draws, 2):
+        comparison = _comparison(one, other)
+        if comparison is None:
+            continue
+        column = 1 if comparison == "networks" else 2
+        shared = {"model": "", "encoding": one[2] or other[2]} if column == 1 else {"model": one[1], "encoding": ""}
+        columns = {"experiment": one[0], "comparison": comparison, "one": one[column], "other": other[column]}
+        yield difference(draws[one], draws[other]), columns | shared
+
+
+def _comparison(one: Cell, other: Cell) -> str | None:
+    """Name the difference between two cells: networks, decay or encodings; None if they differ in more than one."""
+    encodings = one[2], other[2]
+    bases = [encoding.removesuffix(NO_DECAY) for encoding in encodings]
+    decays = [encoding.endswith(NO_DECAY) for encoding in encodings]
+    if one[1] != other[1]:  # a baseline has no encoding and is compared with the networks on the paper's input
+        same = encodings[0] == encodings[1] or ("" in encodings and PROJECTION in encodings)
+        return "networks" if same else None
+    if bases[0] == bases[1]:
+        return "decay"
+    return "encodings" if decays[0] == decays[1] else None
