@@ -43,8 +43,8 @@ class MapPrediction(Node):
             self.publish,
             self.get_logger().warning,
             center="robot" if center == "robot" else two_numbers(center),
-            steps=self.value("steps", 100),
-            step_s=self.value("step_s", 0.1),
+            steps=self.value("steps", 0) or None,
+            step_s=self.value("step_s", 0.0) or None,
         )
         if self.value("odometry", False):
             self.create_subscription(Odometry, "odom", mapper.add_odometry, 100)
