@@ -168,3 +168,8 @@ def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch
 def test_nothing_is_added_to_what_is_not_published(later, tmp_path):
     with pytest.raises(ValueError, match="no results are published in"):
         add_to_published(later, tmp_path / "none", "laptop")
+
+
+def test_an_outputs_directory_without_runs_adds_nothing(tmp_path):
+    with pytest.raises(ValueError, match=r"nothing to add from .*: no run is evaluated"):
+        add_to_published(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")

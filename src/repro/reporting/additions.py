@@ -44,6 +44,8 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
     """
     target = results / outputs.path.name
     found = read_results(outputs)
+    if found.empty:
+        raise ValueError(f"nothing to add from {outputs.path}: no run is evaluated")
     read_published(target)  # before a lock is created where nothing is published
     with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
         clear_leftovers(results)
