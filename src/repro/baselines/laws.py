@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,16 @@ class Obstacles:
 
     corners: np.ndarray
     paths: np.ndarray
+
+    @cached_property
+    def radii(self) -> np.ndarray:
+        """Radii of the circles around the outlines [m], (K,)."""
+        return np.linalg.norm(self.corners, axis=-1).max(1)
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """Positions before the first step [m], (K, 2)."""
+        return 2 * self.paths[:, 0] - self.paths[:, 1]
 
 
 def applies(name: str, spec: dict[str, Any]) -> bool:

@@ -99,12 +99,8 @@ def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowled
 
 def _apart(others: Obstacles, known: Obstacles) -> Obstacles:
     """Return those of other obstacles whose circles do not overlap those of known ones before the first step."""
-    (starts, radii), (known_starts, known_radii) = (
-        (2 * each.paths[:, 0] - each.paths[:, 1], np.linalg.norm(each.corners, axis=-1).max(1))
-        for each in (others, known)
-    )
-    distance = np.linalg.norm(starts[:, None] - known_starts, axis=-1)
-    is_apart = (distance >= radii[:, None] + known_radii).all(1)
+    distance = np.linalg.norm(others.starts[:, None] - known.starts, axis=-1)
+    is_apart = (distance >= others.radii[:, None] + known.radii).all(1)
     return Obstacles(others.corners[is_apart], others.paths[is_apart])
 
 

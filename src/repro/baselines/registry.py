@@ -1,7 +1,7 @@
 """Classical baselines to compare the networks with, each tuned on the validation set, and an upper bound.
 
-Space that a beam passed over stays free where `tune` finds that it helps; without this, a disc around an old hit covers
-pixels that a later scan has seen free.
+All but `all_free` keep a pixel free for some steps after a beam has passed over it. Otherwise a disc around an old hit
+covers pixels that later scans observed to be free. `tune` chooses the number of steps.
 
 A baseline maps the validation and the test recordings to the probability of free of the test recordings,
 (M, 1, H, W), and the tuned settings. A new baseline needs a function here, an entry in `PREDICTORS` and its title in
@@ -102,16 +102,16 @@ def tune(
     Returns:
         the probability of free of the test recordings, (M, 1, H, W), and the chosen settings.
     """
-    since, steps, best, highest = steps_since_free(val), val.scans.ranges.shape[1], {}, -1.0
+    since, steps = steps_since_free(val), val.scans.ranges.shape[1]
+    scored: list[tuple[float, Settings, int]] = []
     for values in itertools.product(*settings.values()):
         chosen = dict(zip(settings, values, strict=True))
         free = predict(val, **chosen)
         for free_steps in (round(share * steps) for share in FREE):
-            iou = _obstacle_iou(free.masked_fill(since < free_steps, 1.0), val)
-            if iou > highest:
-                best, highest = {**chosen, "free_steps": free_steps}, iou
-    chosen = {name: value for name, value in best.items() if name in settings}
-    return predict(test, **chosen).masked_fill(steps_since_free(test) < best["free_steps"], 1.0), best
+            scored.append((_obstacle_iou(free.masked_fill(since < free_steps, 1.0), val), chosen, free_steps))
+    _, chosen, free_steps = max(scored, key=lambda each: each[0])
+    free = predict(test, **chosen).masked_fill(steps_since_free(test) < free_steps, 1.0)
+    return free, {**chosen, "free_steps": free_steps}
 
 
 def steps_since_free(recorded: Recorded) -> Tensor:

@@ -56,11 +56,11 @@ def analyze(job: Job) -> None:
     for name, frame in frames.items():
         write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(outputs.analysis, frames)
-    scale = results["scale"].dropna().iloc[0]
+    scale = results["scale"].iloc[0]
     if scale != "smoke":
         verdicts = frames["claims"]["verdict"].value_counts()
         print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
-    _write_page(job, frames, results)
+    _write_page(outputs, scale, frames, results)
     left_out = dict.fromkeys(errors)
     for message in left_out:
         print(f"error: left out of the analysis: {message}", file=sys.stderr)
@@ -94,8 +94,7 @@ def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
     return frames
 
 
-def _write_page(job: Job, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
-    outputs = job.outputs
+def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     runs = {key: outputs.run(key) for key in keys_of(results)}
     shown: dict[str, list[Run]] = {}
     for key in sorted(runs, key=lambda key: key.is_baseline):  # a network comes first, which has the grid
@@ -103,7 +102,6 @@ def _write_page(job: Job, frames: dict[str, pd.DataFrame], results: pd.DataFrame
             is_there = runs[key].check_file("predictions.npz").is_file()
             if is_there and key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):
                 shown.setdefault(key.experiment, []).append(runs[key])
-    scale = results["scale"].dropna().iloc[0]
     elsewhere = "" if outputs.path.parts[-2:] == ("outputs", scale) else f" outputs={outputs.path}"
     report = Report(
         scale=scale,

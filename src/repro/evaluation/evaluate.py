@@ -16,7 +16,7 @@ from torch import Tensor
 
 from repro.baselines.registry import PREDICTORS
 from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
-from repro.metrics.scores import confusion, scores, ssim
+from repro.metrics.scores import THRESHOLD, confusion, scores, ssim
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import check_worlds, recordings_hash
 from repro.runs.config import RunConfig
@@ -102,7 +102,7 @@ def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]
     truth = maps.cpu().float()
     counts = confusion(probability, truth)
     similarity = ssim(probability, truth)
-    binary = ssim((probability >= 0.5).float(), truth)
+    binary = ssim((probability >= THRESHOLD).float(), truth)
     per_image = pd.DataFrame(
         {"ssim": similarity, "ssim_binary": binary, **{k: v.numpy() for k, v in scores(counts).items()}}
     )

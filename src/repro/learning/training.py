@@ -140,15 +140,8 @@ def train(
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)
-        if compile:
-            print("compiling the network, which takes a minute or two", flush=True)
-            size_px = config.data.size_px
-            encoding = encoding_of(config)
-            spare = create_network(config.model, encoding.channels, encoding.frames).to(device)
-            compile = compiles(spare, torch.zeros(2, encoding.channels, size_px, size_px, device=device))
-        if compile:
-            module.network.compile()
-        run.begin_step("trained", Status.training, precision=precision, compiled=compile)
+        compiled = compile and _compile(module, config, device)
+        run.begin_step("trained", Status.training, precision=precision, compiled=compiled)
         try:
             paused, facts = _fit(run, module, device, precision, budget)
         except FloatingPointError as error:
@@ -174,6 +167,17 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
+
+
+def _compile(module: TrainingModule, config: RunConfig, device: str) -> bool:
+    """Compile the network if a network like it can be compiled; return whether it is."""
+    print("compiling the network, which takes a minute or two", flush=True)
+    size_px, encoding = config.data.size_px, encoding_of(config)
+    spare = create_network(config.model, encoding.channels, encoding.frames).to(device)
+    if not compiles(spare, torch.zeros(2, encoding.channels, size_px, size_px, device=device)):
+        return False
+    module.network.compile()
+    return True
 
 
 def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: Budget | None) -> tuple[bool, Facts]:

@@ -5,15 +5,12 @@
 
 The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for an own
 architecture) and one additional file, predictor.json, with the encoding of the scans, the grid of the map, and the
-statistics of the training scans. The other form is an ONNX file, see `onnx_files`.
+statistics and the window of the training scans, see `torch_files`. The other form is an ONNX file, see `onnx_files`.
 """
 
 import contextlib
 import copy
 import dataclasses
-import hashlib
-import io
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,13 +28,12 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
-from repro.networks.create import Network, architecture_of, load_network
+from repro.networks.create import Network
+from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
 from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 from repro.system.devices import one_thread
-from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
-DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
 ONNX = "model.onnx"
 
 
@@ -72,6 +68,10 @@ class Predictor:
     def reach_m(self) -> float:
         """Return how far the encoding takes the pixels on the way of a miss as free [m], 0 if it does not."""
         return getattr(self.encoding, "range_max_m", 0.0)
+
+    def window(self, steps: int | None = None, step_s: float | None = None) -> tuple[int, float]:
+        """Return the steps of a window and the time of a step [s], those of the training where None is given."""
+        return self.steps if steps is None else steps, self.step_s if step_s is None else step_s
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
         """Predict the map at the last step of each window of scans.
@@ -136,11 +136,7 @@ class Predictor:
             ValueError: the network was loaded from an ONNX file.
         """
         self._check_torch()
-        with replacing_directory(directory) as new:
-            copy.deepcopy(self.network).to(dtype).save_pretrained(new)
-            content = {"architecture": architecture_of(self.network), **self._description()}
-            write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
-            return sha256(new / WEIGHTS)
+        return write_torch(directory, copy.deepcopy(self.network).to(dtype), self._description())
 
     def save_onnx(self, path: Path | str, card: str = "") -> float:
         """Write the network with its encoding and grid to an ONNX file, see `onnx_files.write_onnx`.
@@ -194,18 +190,11 @@ def load_predictor(path: str | Path) -> Predictor:
 
 
 def _load_torch(directory: Path) -> Predictor:
-    content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
-    expected = content.pop("sha256", None)
-    missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
-    if missing or _checksum(content, directory) != expected:
-        problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
-        raise ValueError(f"{directory} {problem}: restore its files, or train or export it again")
+    network, content = read_torch(directory)
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
-            network = load_network(directory, content["architecture"])
         predictor = _predictor(network, content)
-        _check_network(network, predictor.encoding)
-    except Exception as error:  # of smp, safetensors or ours: the files are complete, and describe no predictor
+        check_network(network, predictor.encoding.channels)
+    except Exception as error:  # of pydantic or ours: the files are complete, and describe no predictor
         raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
     return predictor
 
@@ -236,19 +225,3 @@ def _onnx_files() -> ModuleType:
     from repro.networks import onnx_files  # imports onnx and ONNX Runtime, which nothing else needs
 
     return onnx_files
-
-
-def _checksum(content: dict[str, Any], directory: Path) -> str:
-    """Return one SHA-256 of the description, the configuration and the weights of a predictor."""
-    files = {name: sha256(directory / name) for name in (NETWORK, WEIGHTS)}
-    return hashlib.sha256(json.dumps({**content, "files": files}, sort_keys=True).encode()).hexdigest()
-
-
-def _check_network(network: Network, encoding: Encoding) -> None:
-    broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
-    if broken:
-        raise ValueError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
-    with torch.inference_mode():
-        shape = tuple(network.eval()(torch.zeros(1, encoding.channels, 64, 64)).shape)
-    if shape != (1, 1, 64, 64):
-        raise ValueError(f"the network must map {encoding.channels} images to one map, its output is {shape}")

@@ -70,8 +70,7 @@ class LiveMapper:
     ) -> None:
         self.predictor, self.publish, self.warn = predictor, publish, warn
         self.center = center
-        self.steps = predictor.steps if steps is None else steps
-        self.step_s = predictor.step_s if step_s is None else step_s
+        self.steps, self.step_s = predictor.window(steps, step_s)
         self.transforms = Transforms(KEEP_S)
         self.waiting: deque[Any] = deque()
         self.without_transform: set[str] = set()  # frames of scans that nobody places

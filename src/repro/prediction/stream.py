@@ -68,12 +68,13 @@ class PredictionStream:
         range_max_m: float = math.inf,
     ) -> None:
         self.predictor, self.angles = predictor, np.array(angles, dtype=float)
-        self.steps = steps = predictor.steps if steps is None else steps
-        self.step_s = step_s = predictor.step_s if step_s is None else step_s
+        self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
-        if steps < 1 or not 0 < step_s < math.inf:
-            raise ValueError(f"expected steps of at least 1 and a positive step_s [s], got {steps} and {step_s}")
+        if self.steps < 1 or not 0 < self.step_s < math.inf:
+            raise ValueError(
+                f"expected steps of at least 1 and a positive step_s [s], got {self.steps} and {self.step_s}"
+            )
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
         if not range_max_m > 0:
             raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")

@@ -46,7 +46,7 @@ class Frames:
 
 
 def make_frames(recording: Recording, predictor: Predictor, every: int | None = None) -> Frames:
-    """Predict the map every few steps from the scans so far; before them is no reading.
+    """Predict the map every few steps from the scans so far; the steps before have no valid reading.
 
     Args:
         recording: a recording of T steps.

@@ -17,14 +17,15 @@ WORLDS = Path(__file__).parents[3] / "conf" / "world" / "paper.yaml"
 
 
 @cache
-def _papers_worlds() -> set[str]:
-    world = read_world(WORLDS)
+def worlds_of(path: Path) -> set[str]:
+    """Return the fingerprints of the worlds of all experiments of a file in conf/world."""
+    world = read_world(path)
     return {spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
 
 
 def are_papers(worlds: str) -> bool:
     """Return whether worlds, given by their fingerprint, are ours for the paper, those of conf/world/paper.yaml."""
-    return worlds in _papers_worlds()
+    return worlds in worlds_of(WORLDS)
 
 
 def read_paper() -> pd.DataFrame:

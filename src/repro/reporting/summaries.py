@@ -25,8 +25,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [
         f"**{summary}.** Ours and Paper are each of the combination closest to failing (for claims about most",
-        "conditions, the median one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance, by",
-        "which a number that is claimed to exceed the value must exceed it.",
+        "conditions, the median one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance. A",
+        "claim that a number exceeds a value needs a difference of at least the tolerance.",
         "",
     ]
     rows = []
@@ -142,15 +142,15 @@ def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
         "Held out: the largest training, extrapolated from the smaller ones, then measured.",
         "",
     ]
-    cells_of = []
-    for (experiment, encoding), rows in aim.groupby(["experiment", "encoding"], sort=False):
+    rows = []
+    for (experiment, encoding), own_rows in aim.groupby(["experiment", "encoding"], sort=False):
         own_point = held_out[(held_out["experiment"] == experiment) & (held_out["encoding"] == encoding)]
-        cells = [_extrapolated(rows[rows["metric"] == name].iloc[0]) for name in shown]
+        cells = [_extrapolated(own_rows[own_rows["metric"] == name].iloc[0]) for name in shown]
         points = [own_point[own_point["metric"] == name].iloc[0] for name in shown]
         cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in points]
-        cells_of.append((f"{experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''}", *cells))
+        rows.append((f"{experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''}", *cells))
     heads = ("Exp.", *shown.values(), *(f"{head} held out" for head in shown.values()))
-    return "\n".join([*lines, *markdown_table(heads, cells_of)]) + "\n"
+    return "\n".join([*lines, *markdown_table(heads, rows)]) + "\n"
 
 
 def _extrapolated(row: pd.Series) -> str:

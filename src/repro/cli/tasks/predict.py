@@ -73,9 +73,8 @@ def run(job: Job) -> None:
 
 def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
     """Return steps and time of a step [s] of the windows; those of the training unless others are chosen."""
-    steps = predictor.steps if settings.steps is None else settings.steps
-    step_s = predictor.step_s if settings.step_s is None else settings.step_s
-    if (steps, step_s) != (predictor.steps, predictor.step_s):
+    steps, step_s = predictor.window(settings.steps, settings.step_s)
+    if (steps, step_s) != predictor.window():
         known = f"{predictor.steps} steps of {predictor.step_s:g} s"
         print(f"warning: windows of {steps} steps of {step_s:g} s, the network was trained with {known}")
     return steps, step_s

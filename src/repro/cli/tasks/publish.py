@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -11,9 +10,9 @@ from omegaconf import OmegaConf
 from repro.cli.composition import CONF
 from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks.docs import update_docs
-from repro.config import Scale, plain, read_world, world_spec
-from repro.recordings.format import spec_fingerprint
+from repro.config import Scale, plain
 from repro.reporting.additions import add_to_published
+from repro.reporting.paper import worlds_of
 from repro.reporting.publish import publish
 from repro.runs.directories import Outputs
 from repro.runs.provenance import Status
@@ -34,18 +33,12 @@ def overrides_of(job: Job) -> str:
         ValueError: no file of conf/world has the worlds of all runs.
     """
     used = {run.config().data.worlds for run in job.outputs.runs() if run.status is Status.evaluated}
-    names = [path.stem for path in sorted((CONF / "world").glob("*.yaml")) if used <= _worlds_of(path)]
+    names = [path.stem for path in sorted((CONF / "world").glob("*.yaml")) if used <= worlds_of(path)]
     if used and not names:
         raise ValueError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
     usual = plain(OmegaConf.load(CONF / "scale" / f"{job.scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names[:1] if "paper" not in names]
     return "".join([*world, *changes("scale", asdict(job.scale), usual), *training_changes(job.outputs, job.scale)])
-
-
-def _worlds_of(path: Path) -> set[str]:
-    """Return the fingerprints of the worlds of all experiments of a file in conf/world."""
-    world = read_world(path)
-    return {spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
 
 
 def training_changes(outputs: Outputs, scale: Scale) -> Iterator[str]:

@@ -1,0 +1,76 @@
+"""Networks of torch on disk: a directory in the format of segmentation-models-pytorch, and predictor.json beside it.
+
+predictor.json has the architecture, the description of the predictor, and a checksum of all files.
+"""
+
+import contextlib
+import hashlib
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from repro.networks.create import Network, architecture_of, load_network
+from repro.system.files import read_mapping, replacing_directory, sha256, write_json
+
+DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
+
+
+def write_torch(directory: Path, network: Network, description: dict[str, Any]) -> str:
+    """Write a network and its description to a directory, atomically.
+
+    Args:
+        directory: directory to create or replace.
+        network: a network of torch.
+        description: see `networks.predictor`.
+
+    Returns:
+        the SHA-256 checksum of the weights file.
+    """
+    with replacing_directory(directory) as new:
+        network.save_pretrained(new)
+        content = {"architecture": architecture_of(network), **description}
+        write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
+        return sha256(new / WEIGHTS)
+
+
+def read_torch(directory: Path) -> tuple[Network, dict[str, Any]]:
+    """Read the network and the description that `write_torch` wrote.
+
+    Raises:
+        ValueError: files are missing, differ from the checksum, or hold no network.
+    """
+    content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
+    expected = content.pop("sha256", None)
+    missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
+    if missing or _checksum(content, directory) != expected:
+        problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
+        raise ValueError(f"{directory} {problem}: restore its files, or train or export it again")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
+            return load_network(directory, content["architecture"]), content
+    except Exception as error:  # of smp, safetensors or ours: the files are complete, and hold no network
+        raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
+
+
+def check_network(network: Network, channels: int) -> None:
+    """Check that a network has finite weights and maps images of some channels to one map.
+
+    Raises:
+        ValueError: it does not.
+    """
+    broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
+    if broken:
+        raise ValueError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
+    with torch.inference_mode():
+        shape = tuple(network.eval()(torch.zeros(1, channels, 64, 64)).shape)
+    if shape != (1, 1, 64, 64):
+        raise ValueError(f"the network must map {channels} images to one map, its output is {shape}")
+
+
+def _checksum(content: dict[str, Any], directory: Path) -> str:
+    """Return one SHA-256 of the description, the configuration and the weights of a predictor."""
+    files = {name: sha256(directory / name) for name in (NETWORK, WEIGHTS)}
+    return hashlib.sha256(json.dumps({**content, "files": files}, sort_keys=True).encode()).hexdigest()
