@@ -46,8 +46,7 @@ class Model:
 
     Args:
         name: name of the model in paths and tables.
-        architecture: `convgru`, `convlstm` or an architecture of segmentation-models-pytorch; None means the name is
-            one.
+        architecture: one of `RECURRENT` or an architecture of segmentation-models-pytorch; None means the name is one.
         encoder_name: encoder of segmentation-models-pytorch; None for a network with an encoder of its own.
         encoder_weights: pretrained weights of the encoder; None trains from scratch.
         parameters: further parameters of one of our own networks.
@@ -110,7 +109,7 @@ class NetworkParameters(TypedDict, total=False):
 
 NO_DECAY = "-no-decay"
 OLDEST_GRAY = 0.8  # default in conf/config.yaml
-RECURRENT = ("convgru", "convlstm")  # architectures that need a series of images
+RECURRENT = ("convgru", "convlstm", "deeptracking")  # architectures that need a series of images
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 

@@ -65,8 +65,8 @@ def test_every_job_of_a_sweep_is_composed():
 @pytest.mark.slow
 def test_a_sweep_is_refused_if_one_of_its_jobs_is_invalid():
     errors = refuse("-m", "model=glob(*)", "encoding=projection,stack4")
-    assert len(errors) == 2, errors
-    for error, name in zip(sorted(errors), ("convgru", "convlstm"), strict=True):
+    assert len(errors) == 3, errors
+    for error, name in zip(sorted(errors), ("convgru", "convlstm", "deeptracking"), strict=True):
         assert name in error
         assert "encoding=stack10" in error
 

@@ -14,6 +14,7 @@ from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
 from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
+from repro.networks.deeptracking import DeepTracking
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
 from repro.scans import Scans
@@ -79,11 +80,11 @@ def test_one_window_is_predicted_without_further_threads_of_torch_and_several_wi
         torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (ConvLSTM, "stack4")])
+@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (ConvLSTM, "stack4"), (DeepTracking, "series4")])
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
     encoding = create_encoding(name, {"frames": 4})
-    predictor = Predictor(network(encoding.channels, frames=4, hidden=16).eval(), encoding, Grid(32, 50.0))
+    predictor = Predictor(network(encoding.channels, frames=4).eval(), encoding, Grid(32, 50.0))
     assert predictor.save_onnx(tmp_path / "model.onnx") <= onnx_files.TOLERANCE
     images = torch.randint(0, 256, (3, encoding.channels, 32, 32), dtype=torch.uint8)
     found = load_predictor(tmp_path).predict_images(images)

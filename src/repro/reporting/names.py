@@ -10,6 +10,7 @@ TITLES = {
     "segformer": "Segformer",
     "convgru": "ConvGRU",
     "convlstm": "ConvLSTM",
+    "deeptracking": "DeepTracking",
     "average": "Average",
     **BASELINES,
     **OTHER_BOUNDS,

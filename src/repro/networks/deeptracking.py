@@ -1,0 +1,38 @@
+"""The network of DeepTracking: a recurrent network at full resolution, a baseline for networks with a series of images.
+
+Ondruska and Posner, "Deep Tracking: Seeing Beyond Seeing Using Recurrent Neural Networks", AAAI 2016, with the layers
+of version 1.1 of their code. The authors train it without ground truth, on what later scans see; here it is trained
+with the true map, as all other networks.
+"""
+
+import torch
+from huggingface_hub import PyTorchModelHubMixin
+from torch import Tensor, nn
+
+SIZE = 7  # of every kernel
+ENCODED, STATE = 16, 32  # channels
+
+
+class DeepTracking(nn.Module, PyTorchModelHubMixin):
+    """Three convolutions of 7 x 7, applied to each part of the window and the state before it, 78,449 parameters.
+
+    Args:
+        in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
+        frames: parts of the window, K.
+    """
+
+    def __init__(self, in_channels: int, frames: int) -> None:
+        super().__init__()
+        self.frames = frames
+        self.encoder = nn.Conv2d(in_channels // frames, ENCODED, SIZE, padding="same")
+        self.transition = nn.Conv2d(ENCODED + STATE, STATE, SIZE, padding="same")
+        self.to_map = nn.Conv2d(STATE, 1, SIZE, padding="same")
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
+        parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
+        encoded = self.encoder(parts.flatten(0, 1)).sigmoid().unflatten(0, parts.shape[:2])
+        state = encoded.new_zeros(images.shape[0], STATE, *images.shape[-2:])
+        for part in encoded.unbind(1):
+            state = self.transition(torch.cat([part, state], dim=1)).sigmoid()
+        return self.to_map(state)
