@@ -42,7 +42,11 @@ def all_errors(values: dict[str, Any]) -> list[ConfigError]:
         the errors. Checks that need a slow import are made for unusual values only, when everything else is right.
     """
     errors = config_errors(values) + [_with_suggestion(error, values) for error in world_errors(values["world"])]
-    return errors or _library_errors(to_typed(values))
+    if errors:
+        return errors
+    config = to_typed(values)
+    errors = _path_errors(config) + _library_errors(config)
+    return errors or _encoding_and_device_errors(config)
 
 
 def config_errors(values: dict[str, Any]) -> list[ConfigError]:
@@ -161,24 +165,33 @@ def _keys(values: dict[str, Any], prefix: str = "") -> list[str]:
     ]
 
 
-def _library_errors(config: Config) -> list[ConfigError]:
-    errors = _model_errors(config.model)
+def _path_errors(config: Config) -> list[ConfigError]:
+    """Return what is wrong with the directories of the outputs and the log to be read."""
     outputs, recordings = Path(config.outputs).absolute(), Path(config.recordings).absolute()
-    wrong = _directory_errors("outputs", outputs)
-    if not (wrong and recordings.is_relative_to(outputs)):
-        wrong += _directory_errors("recordings", recordings)
-    errors += wrong
+    errors = _directory_errors("outputs", outputs)
+    if not (errors and recordings.is_relative_to(outputs)):
+        errors += _directory_errors("recordings", recordings)
     if (config.task == "predict") != (config.scans is not None):
         expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
         errors.append(ConfigError("scans", config.scans, expected))
+    return errors
+
+
+def _library_errors(config: Config) -> list[ConfigError]:
+    """Return what is wrong with the network, the parameters of the encoding, and the sizes that the CPU can train."""
+    errors = _model_errors(config.model)
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
     if (config.model.architecture or config.model.name) in RECURRENT:
         errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
     on_cpu = config.task in TRAINING_TASKS and (config.runtime.accelerator == "cpu" or not has_gpu())
     if not errors and on_cpu:
         errors += cpu_errors(config.scale, config.train.batch_size, config.encoding, config.runtime.precision)
-    if errors:
-        return errors
+    return errors
+
+
+def _encoding_and_device_errors(config: Config) -> list[ConfigError]:
+    """Return what only the encoding itself and the device can tell."""
+    errors = []
     if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:
         from repro.maps.encodings import ENCODINGS, create_encoding
 
