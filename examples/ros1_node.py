@@ -1,8 +1,8 @@
 """Predicted maps in ROS 1: subscribes to LaserScan and tf (or Odometry), publishes nav_msgs/OccupancyGrid.
 
-PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan _center:=25,25
+PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan
 
-Topics: scan, /tf_static, /tf or odom; map. Parameters: ~weights, ~odometry (true reads odom instead of tf), ~center
+Topics: scan, /tf_static, /tf or odom; predicted_map. Parameters: ~weights, ~odometry (true reads odom instead of tf), ~center
 (robot, or x,y in the frame of the poses [m]), ~steps, ~step_s, ~threads, ~undecided (low,high: probabilities of an
 obstacle between these are unknown, -1). Debian 12 has ROS 1 for Python 3.11: apt install ros-core python3-rospy.
 """
@@ -30,7 +30,7 @@ def main() -> None:
     torch.set_num_threads(rospy.get_param("~threads", 1))
     center = rospy.get_param("~center", "robot")
     undecided = two_numbers(rospy.get_param("~undecided", ""))
-    publisher = rospy.Publisher("map", OccupancyGrid, queue_size=10, latch=True)
+    publisher = rospy.Publisher("predicted_map", OccupancyGrid, queue_size=10, latch=True)
 
     def publish(header, frame, predicted) -> None:
         data = occupancy(predicted.free, undecided)

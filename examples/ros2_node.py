@@ -1,8 +1,8 @@
 """Predicted maps in ROS 2: subscribes to LaserScan and tf (or Odometry), publishes nav_msgs/OccupancyGrid.
 
-python3 examples/ros2_node.py --ros-args -r scan:=/base_scan -p center:=25,25
+python3 examples/ros2_node.py --ros-args -r scan:=/base_scan
 
-Topics: scan, /tf_static, /tf or odom; map. Parameters: weights, odometry (true reads odom instead of tf), center
+Topics: scan, /tf_static, /tf or odom; predicted_map. Parameters: weights, odometry (true reads odom instead of tf), center
 (robot, or x,y in the frame of the poses [m]), steps, step_s, threads, undecided (low,high: probabilities of an obstacle
 between these are unknown, -1). Python must find both ROS 2 and this project.
 """
@@ -37,7 +37,7 @@ class MapPrediction(Node):
         torch.set_num_threads(self.value("threads", 1))
         center = self.value("center", "robot")
         self.undecided = two_numbers(self.value("undecided", ""))
-        self.publisher = self.create_publisher(OccupancyGrid, "map", LATCHED)
+        self.publisher = self.create_publisher(OccupancyGrid, "predicted_map", LATCHED)
         mapper = LiveMapper(
             load_predictor(self.value("weights", str(WEIGHTS))),
             self.publish,

@@ -53,6 +53,23 @@ def test_a_window_is_predicted_as_in_a_batch(saved, scans):
     assert torch.allclose(predictor.predict(scans, batch=1), together, atol=1e-6)
 
 
+@pytest.mark.parametrize("center", ["robot", "start"])
+def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_path, center):
+    predictor, _ = saved
+    dataclasses.replace(predictor, has_fixed=True).save(tmp_path / "model")
+    fixed = load_predictor(tmp_path / "model")
+    predictor.check_center(center)
+    fixed.check_center((10.0, 10.0))
+    with pytest.raises(ValueError, match=rf"trained with fixed obstacles: its map of 80 x 80 m .* got {center}"):
+        fixed.check_center(center)
+    with pytest.raises(ValueError, match="trained with fixed obstacles"):
+        fixed.stream(torch.linspace(-1, 1, 5).numpy(), center)
+
+
+def test_the_published_network_of_rooms_has_fixed_obstacles():
+    assert load_predictor(ROOT / "reproduce" / "results" / "office" / "exppeople-convgru").has_fixed
+
+
 def test_plain_smp_reads_the_same_weights(saved):
     predictor, directory = saved
     state = smp.from_pretrained(directory).state_dict()

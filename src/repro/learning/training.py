@@ -237,7 +237,7 @@ def _best_predictor(
         raise ValueError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
     spec = read_manifest(recordings).spec
-    window = (recorded_steps(spec["motion"]), float(spec["world"]["step_time"]))
+    window = (recorded_steps(spec["motion"]), float(spec["world"]["step_time"]), bool(spec.get("fixed")))
     return Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
 
 

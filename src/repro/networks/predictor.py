@@ -42,6 +42,7 @@ class WindowOfTraining(TypedDict, total=False):
 
     steps: int
     step_s: float
+    has_fixed: bool
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class Predictor:
         statistics: statistics of the training scans; None if they are unknown.
         steps: steps of a window in training, T.
         step_s: time of a step in training [s].
+        has_fixed: the worlds of the training have fixed obstacles, whose place on the map the network has learned.
     """
 
     network: Network
@@ -63,6 +65,7 @@ class Predictor:
     statistics: Statistics | None = None
     steps: int = 100
     step_s: float = 0.1
+    has_fixed: bool = False
 
     @property
     def reach_m(self) -> float:
@@ -72,6 +75,22 @@ class Predictor:
     def window(self, steps: int | None = None, step_s: float | None = None) -> tuple[int, float]:
         """Return the steps of a window and the time of a step [s], those of the training where None is given."""
         return self.steps if steps is None else steps, self.step_s if step_s is None else step_s
+
+    def check_center(self, center: str | tuple[float, float]) -> None:
+        """Check that the map may have this center in the frame of the poses.
+
+        Args:
+            center: `robot`, `start`, or x, y [m].
+
+        Raises:
+            ValueError: the map would move with the robot, and the network has learned fixed obstacles.
+        """
+        if self.has_fixed and isinstance(center, str):
+            side = self.grid.size_m
+            raise ValueError(
+                f"the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie where that of "
+                f"the training lies, expected x,y of its center in the frame of the poses [m], got {center}"
+            )
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
         """Predict the map at the last step of each window of scans.
@@ -164,7 +183,7 @@ class Predictor:
         content = {
             "encoding": {"name": self.encoding.name, "parameters": parameters},
             "grid": dataclasses.asdict(self.grid),
-            "window": {"steps": self.steps, "step_s": self.step_s},
+            "window": {"steps": self.steps, "step_s": self.step_s, "has_fixed": self.has_fixed},
         }
         return content | ({"statistics": dataclasses.asdict(self.statistics)} if self.statistics else {})
 

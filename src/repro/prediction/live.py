@@ -56,6 +56,9 @@ class LiveMapper:
         center: center of the map, `robot` or x, y in the frame of the poses [m].
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
+
+    Raises:
+        ValueError: the network needs a fixed center.
     """
 
     def __init__(
@@ -69,6 +72,7 @@ class LiveMapper:
         step_s: float | None = None,
     ) -> None:
         self.predictor, self.publish, self.warn = predictor, publish, warn
+        predictor.check_center(center)
         self.center = center
         self.steps, self.step_s = predictor.window(steps, step_s)
         self.transforms = Transforms(KEEP_S)

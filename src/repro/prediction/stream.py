@@ -54,7 +54,7 @@ class PredictionStream:
             mark neither hits nor free space.
 
     Raises:
-        ValueError: an argument has another shape or value.
+        ValueError: an argument has another shape or value, or the network needs a fixed center.
     """
 
     def __init__(
@@ -75,6 +75,7 @@ class PredictionStream:
             raise ValueError(
                 f"expected steps of at least 1 and a positive step_s [s], got {self.steps} and {self.step_s}"
             )
+        predictor.check_center(center)
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
         if not range_max_m > 0:
             raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")

@@ -36,6 +36,10 @@ def run(job: Job) -> None:
     path = Path(job.scans)
     predictor = load_predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
+    try:
+        predictor.check_center(settings.center)
+    except ValueError as error:
+        raise ValueError(f"prediction.center: {error}") from error
     log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
     _describe(log)
