@@ -11,9 +11,9 @@ from repro.runs.provenance import Status
 composition.register()
 
 
-def jobs_of(outputs, seeds) -> list[Job]:
-    """Return trainings of U-Net at paper scale."""
-    overrides = ["scale=paper", f"outputs={outputs}"]
+def jobs_of(outputs, seeds, *overrides) -> list[Job]:
+    """Return trainings at paper scale."""
+    overrides = ["scale=paper", f"outputs={outputs}", *overrides]
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         configs = [to_typed(plain(compose("config", overrides=[*overrides, f"seed={seed}"]))) for seed in seeds]
     return [resolve(config) for config in configs]
@@ -27,6 +27,19 @@ def test_without_gpu_the_cost_of_paper_scale_and_an_alternative_are_printed(tmp_
     assert "no CUDA GPU" in warning
     assert "these 8 trainings take about 4 h" in warning
     assert "scale=laptop" in warning
+
+
+def test_every_network_and_input_is_measured_once(tmp_path, monkeypatch, capsys):
+    durations = {"projection": 3600.0, "series10": 7200.0}
+    measured = []
+    monkeypatch.setattr(
+        cost, "training_seconds", lambda config, _: measured.append(config) or durations[config.encoding.name]
+    )
+    monkeypatch.setattr(cost, "trainings_at_once", lambda _: 1)
+    series = jobs_of(tmp_path, range(2), "model=convgru", "encoding=series10", "train=small_batches")
+    print_cost(jobs_of(tmp_path, range(2)) + jobs_of(tmp_path, [0], "exp=3") + series)
+    assert [config.train.batch_size for config in measured] == [16, 2]
+    assert "these 5 trainings take about 7 h" in capsys.readouterr().err
 
 
 def test_the_cost_of_finished_trainings_is_not_printed(tmp_path, capsys):

@@ -122,6 +122,17 @@ def subgraph(model, _) -> None:
     model.graph.node.append(helper.make_node("If", ["condition"], ["x"], then_branch=body[0], else_branch=body[1]))
 
 
+def sparse(model, _) -> None:
+    """Add a constant whose values would be read from another file."""
+    values = helper.make_tensor("values", TensorProto.FLOAT, [1], [1.0])
+    values.ClearField("float_data")
+    values.data_location = TensorProto.EXTERNAL
+    values.external_data.add(key="location", value="/etc/hostname")
+    indices = helper.make_tensor("indices", TensorProto.INT64, [1], [0])
+    constant = helper.make_node("Constant", [], ["x"], sparse_value=helper.make_sparse_tensor(values, indices, [1]))
+    model.graph.node.append(constant)
+
+
 def function(model, _) -> None:
     node = helper.make_node("Identity", ["x"], ["y"])
     model.functions.append(helper.make_function("", "F", ["x"], ["y"], [node], [helper.make_opsetid("", 20)]))
@@ -155,6 +166,7 @@ def unknown_encoding(_, description) -> None:
         (external, "are in another file"),
         (custom, "it has custom operators, of com.microsoft"),
         (subgraph, "it has a subgraph, in If"),
+        (sparse, "it has a sparse tensor, in Constant"),
         (function, "it has functions"),
         (not_finite, "are not finite"),
         (renamed, f"expected the input {INPUT} and the output {OUTPUT}"),

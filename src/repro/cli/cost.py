@@ -12,12 +12,17 @@ def print_cost(jobs: list[Job]) -> None:
     if not left:
         return
     print("measuring what paper scale costs on this machine", flush=True)
-    models = {job.config.model: 0.0 for job in left}
-    seconds = {model: training_seconds(model, left[0].scale, left[0].runtime.precision) for model in models}
-    total = sum(seconds[job.config.model] for job in left) / min(len(left), trainings_at_once(left[0].scale))
+    kinds = {_kind(job): job for job in left}
+    seconds = {kind: training_seconds(job.config, job.runtime.precision) for kind, job in kinds.items()}
+    total = sum(seconds[_kind(job)] for job in left) / min(len(left), trainings_at_once(left[0].config))
     trainings = "this training takes" if len(left) == 1 else f"these {len(left)} trainings take"
     print(
         f"warning: no CUDA GPU is visible: {trainings} about {readable(total)}. For less, use scale=laptop.",
         file=sys.stderr,
         flush=True,
     )
+
+
+def _kind(job: Job) -> str:
+    """Return what decides the duration of a training, of the jobs of a sweep."""
+    return str((job.config.model, job.config.encoding, job.config.train, job.scale))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from repro.config import ConfigError, Encoding, PairCounts, Scale
+from repro.config import ConfigError, Encoding, Scale
 from repro.simulation.motions import recorded_steps
 from repro.system.resources import total_memory_gb, training_memory_gb
 
@@ -31,12 +31,12 @@ def most_channels(parameters: Mapping[str, Any]) -> int:
     return MOST_CHANNELS * parameters.get("frames", 1)
 
 
-def recording_minutes(spec: dict[str, Any], pairs: PairCounts) -> float:
-    """Estimate the time to record an experiment from nothing on one core [min].
+def recording_seconds(spec: dict[str, Any], recordings: int) -> float:
+    """Estimate the time to record an experiment on one core [s].
 
     Args:
         spec: what decides the worlds, see `worlds.sample_world`.
-        pairs: number of pairs of each split.
+        recordings: number of recordings.
     """
     readings = recorded_steps(spec["motion"]) * spec["robot"]["sensors"][0]["number"]
-    return (pairs.train + pairs.val + pairs.test) * readings * SECONDS_PER_READING / 60
+    return recordings * readings * SECONDS_PER_READING

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from repro.cli.config import TRAINING_TASKS, Config, to_typed
-from repro.cli.limits import cpu_errors, recording_minutes
+from repro.cli.limits import cpu_errors, recording_seconds
 from repro.config import (
     NETWORKS,
     OLDEST_GRAY,
@@ -97,7 +97,8 @@ def warnings_of(config: Config) -> list[str]:
         found.append(
             f"model.encoder_weights={config.model.encoder_weights} are downloaded from the internet the first time"
         )
-    minutes = recording_minutes(world_spec(config.world, config.exp), config.scale.pairs)
+    pairs = config.scale.pairs
+    minutes = recording_seconds(world_spec(config.world, config.exp), pairs.train + pairs.val + pairs.test) / 60
     if config.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
         found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
     if not config.world["experiments"][config.exp]["clear_radius_m"]:

@@ -22,6 +22,9 @@ from repro.system.files import first_line, replacing
 
 DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
 INPUT, OUTPUT = "scans", "logits"
+REFUSED = dict.fromkeys((AttributeProto.GRAPH, AttributeProto.GRAPHS), "subgraph") | dict.fromkeys(
+    (AttributeProto.SPARSE_TENSOR, AttributeProto.SPARSE_TENSORS), "sparse tensor"
+)  # kinds of attributes
 TOLERANCE = 1e-4  # largest difference of a probability of free from that of torch
 STANDARD_DOMAINS = ("", "ai.onnx")
 MAX_BYTES = 2**31 - 1  # of a protobuf message, and so of an ONNX file without external data
@@ -108,7 +111,7 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
     """Read an ONNX file that `write_onnx` wrote.
 
     Only plain graphs of standard operators are accepted: no custom operators, functions, subgraphs (loops and
-    branches) or external data. Nothing beside the file is read.
+    branches), sparse tensors or external data. Nothing beside the file is read.
 
     Returns:
         the network and its description.
@@ -165,11 +168,11 @@ def _check_structure(model: ModelProto) -> None:
 
 
 def _tensors(nodes: Iterator[NodeProto]) -> Iterator[TensorProto]:
-    """Yield the tensors in the attributes of nodes; refuse subgraphs."""
+    """Yield the tensors in the attributes of nodes; refuse subgraphs and sparse tensors."""
     for node in nodes:
         for attribute in node.attribute:
-            if attribute.type in (AttributeProto.GRAPH, AttributeProto.GRAPHS):
-                raise ValueError(f"it has a subgraph, in {node.op_type}")
+            if attribute.type in REFUSED:
+                raise ValueError(f"it has a {REFUSED[attribute.type]}, in {node.op_type}")
             yield from (attribute.t, *attribute.tensors)
 
 

@@ -88,8 +88,8 @@ class Predictor:
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
             raise ValueError(
-                f"the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie where that of "
-                f"the training lies, expected x,y of its center in the frame of the poses [m], got {center}"
+                f"the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie where that "
+                f"of the training lies, expected x,y of its center in the frame of the poses [m], got {center}"
             )
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
