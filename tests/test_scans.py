@@ -35,6 +35,17 @@ def test_windows_are_stacked_and_indexed():
     assert np.array_equal(batch[:1].poses[0], first.poses)
 
 
+def test_points_are_where_the_beams_end():
+    ranges = np.array([[2.0, np.inf, np.nan]])
+    scans = Scans(ranges, np.array([-np.pi / 2, 0.0, np.pi / 2]), np.array([[1.0, 5.0, np.pi / 2]]))
+    points, hit = scans.points()
+    assert hit.tolist() == [[True, False, False]]
+    np.testing.assert_allclose(points, [[[3, 5], [1, 5], [1, 5]]], atol=1e-12)
+    tensors, is_hit = scans.tensors(dtype=torch.float64).points()
+    np.testing.assert_array_equal(tensors[0], points)
+    np.testing.assert_array_equal(is_hit[0], hit)
+
+
 def test_tensors_are_a_batch_in_float32():
     for scans in (window(), Scans.stack([window()])):
         tensors = scans.tensors()

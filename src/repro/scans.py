@@ -66,15 +66,30 @@ class Scans:
             raise ValueError("expected windows with the same beam angles, got different ones: predict them separately")
         return cls(np.stack([item.ranges for item in scans]), scans[0].angles, np.stack([item.poses for item in scans]))
 
+    def points(self) -> tuple[Any, Any]:
+        """Return where the beams hit, x, y [m], (..., N, 2), and which of them do, bool, (..., N).
+
+        The point of a beam without a hit is that of the lidar.
+        """
+        library: Any = np if isinstance(self.ranges, np.ndarray) else _torch()  # their functions have the same names
+        hit, heading = library.isfinite(self.ranges), self.poses[..., 2:] + self.angles
+        directions = library.stack([library.cos(heading), library.sin(heading)], -1)
+        return self.poses[..., None, :2] + library.where(hit, self.ranges, 0)[..., None] * directions, hit
+
     def tensors(self, device: torch.device | str = "cpu", dtype: torch.dtype | None = None) -> Scans:
         """Convert to a batch of tensors on a device, (B, T, N), (N,), (B, T, 3); float32 by default."""
-        import torch
-
+        torch = _torch()
         ranges, angles, poses = (
             torch.as_tensor(array, device=device).to(dtype or torch.float32)
             for array in (self.ranges, self.angles, self.poses)
         )
         return Scans(ranges, angles, poses) if ranges.dim() == 3 else Scans(ranges[None], angles, poses[None])
+
+
+def _torch() -> Any:
+    import torch  # takes a second, and recordings need none
+
+    return torch
 
 
 def _check_array(name: str, array: Any) -> None:

@@ -124,7 +124,7 @@ def test_a_cluster_at_the_edge_of_the_view_is_cut():
 def test_an_unobserved_track_continues_at_its_speed():
     steps = 60  # at 1 m/s: from x = 17 to 23, seen for the first 40 steps
     ranges = [disc_ranges(17 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
-    (positions,) = tracker.track(one_recording(torch.stack(ranges)), 1.3, workers=1)
+    (positions,) = tracker.track(one_recording(torch.stack(ranges)), 1.3)
     assert positions.shape == (1, 2)
     assert positions[0] == pytest.approx([22.9, 25], abs=0.6)
     free = tracker.draw([positions], GRID, 2.0)

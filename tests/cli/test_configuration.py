@@ -70,6 +70,14 @@ def test_decay_belongs_to_the_encoding():
     assert typed(composed("decay=false", "oldest_gray=0.5")).encoding.parameters == {"decay": False, "oldest_gray": 0.5}
 
 
+def test_the_home_directory_is_expanded_in_every_path(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/robot")
+    keys = ("outputs", "recordings", "scans", "prediction.weights", "demo.runtime")
+    config = typed(composed("task=predict", *(f"{key}='~/x'" for key in keys), "demo.networks=['~/x']"))
+    paths = (config.outputs, config.recordings, config.scans, config.prediction.weights, config.demo.runtime)
+    assert (*paths, *config.demo.networks) == ("/home/robot/x",) * 6
+
+
 def test_the_default_gray_is_known_without_the_configuration():
     assert typed(composed()).oldest_gray == OLDEST_GRAY
 

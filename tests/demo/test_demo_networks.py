@@ -64,6 +64,7 @@ def test_an_encoding_that_the_page_cannot_draw_is_refused(saved):
 def test_a_network_is_described_by_its_directory(saved, monkeypatch):
     names = {
         "exp2-unet": ("U-Net, experiment 2", "2"),
+        "exp1-unet-seed1": ("U-Net, experiment 1", "1"),
         "runs/exp3/unet/projection/seed0/model": ("U-Net, experiment 3", "3"),
         "mine": ("U-Net, mine", None),
     }
@@ -76,6 +77,19 @@ def test_a_network_is_described_by_its_directory(saved, monkeypatch):
         assert loaded.grid.size_px == 32
         assert loaded.encoding == {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}}
         assert loaded.note.startswith("5.5 million parameters")
+
+
+def test_an_onnx_file_is_described_by_its_directory(saved, tmp_path):
+    file = tmp_path / "exp4-unet-stack4-seed1" / "model.onnx"
+    file.parent.mkdir()
+    load_predictor(saved("first", "projection")).save_onnx(file)
+    assert networks._names(file, load_predictor(file)) == ("U-Net, experiment 4", "4")
+
+
+@pytest.mark.parametrize(("behavior", "kind"), [({"name": "drift"}, "moving"), (None, "static")])
+def test_an_experiment_is_described_by_its_motions(behavior, kind):
+    experiment = {"motion": {"name": "rotate"}, "obstacles": {"count": [1, 2], "behavior": behavior}}
+    assert page._experiment("5", experiment) == f"5: {kind}, robot rotates"
 
 
 def test_modules_come_after_those_they_import():

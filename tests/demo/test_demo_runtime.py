@@ -1,6 +1,7 @@
 import io
 import tarfile
 import urllib.error
+from http.client import IncompleteRead
 
 import pytest
 
@@ -20,13 +21,16 @@ def test_another_package_is_refused(tmp_path):
         runtime.load_runtime(path)
 
 
-def test_without_a_network_the_error_names_the_option_and_nothing_is_left(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "reason"), [(urllib.error.URLError("no network"), "no network"), (IncompleteRead(b""), "IncompleteRead")]
+)
+def test_without_a_network_the_error_names_the_option_and_nothing_is_left(tmp_path, monkeypatch, error, reason):
     def refuse(*_, **__):
-        raise urllib.error.URLError("no network")
+        raise error
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(runtime.urllib.request, "urlopen", refuse)
-    with pytest.raises(ValueError, match=r"cannot be downloaded .*no network.*demo.runtime="):
+    with pytest.raises(ValueError, match=rf"cannot be downloaded .*{reason}.*demo.runtime="):
         runtime.load_runtime()
     assert not list(tmp_path.rglob("*.*"))
 

@@ -1,3 +1,4 @@
+import dataclasses
 import shutil
 
 import numpy as np
@@ -197,3 +198,18 @@ def test_a_cell_with_damaged_weights_is_left_out_as_a_whole(outputs, tmp_path):
     frames = gather(damaged, errors)
     assert len(errors) == 1
     assert all("fpn" not in set(frame.get("model", ())) for frame in frames.values())
+
+
+def test_the_interval_of_a_rare_group_is_left_out(test_set):
+    """With 3 obstacles of two of 250 worlds, a tenth of the draws have none of them."""
+    worlds = 250
+    of, newest = np.arange(worlds), np.zeros((2, worlds), int)
+    newest[0, :3] = 100
+    of[2] = of[1]
+    masks, free = np.ones((worlds, 4, 4), bool), np.zeros((2 * worlds, 4, 4), np.uint8)
+    recording = np.stack([2 * of, 2 * of + 1])
+    few = dataclasses.replace(test_set, masks=masks, recording=recording, newest=newest, steps=100)
+    hits = by_last_hit([free], few, draw_weights(worlds, draws=200)).set_index(["last_hit", "metric"])
+    assert hits.loc[("1-10", "obstacles"), "value"] == 3
+    assert ("1-10", "detected") not in hits.index
+    assert hits.loc[("never", "detected"), "value"] == 1

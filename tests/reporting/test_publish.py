@@ -273,6 +273,22 @@ def test_the_published_readme_lists_the_hardware_of_each_step(tmp_path, monkeypa
     assert "none at all" not in trained
 
 
+def test_the_published_readme_lists_all_versions_and_needs_none_of_the_oldest_runs(tmp_path, monkeypatch):
+    fake_run(tmp_path / "laptop", "3", "unet", 0.4)
+    run = fake_run(tmp_path / "laptop", "4", "unet", 0.4, status=Status.trained)
+    versions = run.provenance().steps[-1]["versions"]
+    where = {"commit": "B", "hardware": {}, "versions": versions | {"torch": "99.9"}}
+    monkeypatch.setattr("repro.runs.directories.environment", lambda: where)
+    run.begin_step("evaluated", Status.evaluated, test_pairs=8)
+    content = json.loads((run.path / "provenance.json").read_text())
+    trained = next(step for step in content["steps"] if step["step"] == "trained")
+    for name in ("commit", "hardware", "versions"):
+        del trained[name]
+    (run.path / "provenance.json").write_text(json.dumps(content))
+    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop") / "README.md").read_text()
+    assert f"- versions: torch {versions['torch']} and 99.9, " in page
+
+
 def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     """A fifth experiment has no title in the paper."""
     run = fake_run(tmp_path / "laptop", "office", "unet", 0.4)

@@ -15,8 +15,10 @@ from repro.scans import Scans
 PRIOR = 0.08  # prior probability of an obstacle, its share in the paper's dynamic worlds
 HIT, PASSED = 0.9, 0.05  # probability of an obstacle, given a single beam that ended in the pixel or passed through it
 
+BATCH = 64  # recordings that are filtered at a time
 
-def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Tensor:
+
+def log_odds_grid(recorded: Recorded, forgetting: float) -> Tensor:
     """Filter a log-odds occupancy grid with forgetting (Elfes 1989; forgetting as in Yguel et al. 2007).
 
     Every step computes l <- (1 - forgetting) l, then l <- l + log(p / (1 - p)) - log(prior / (1 - prior)) with
@@ -25,7 +27,6 @@ def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Ten
     Args:
         recorded: recordings, (M, T, N).
         forgetting: share of the log-odds that is forgotten in every step.
-        batch: number of recordings processed at a time.
 
     Returns:
         probability of an obstacle at the last step, (M, H, W).
@@ -33,7 +34,7 @@ def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Ten
     prior = _logit(PRIOR)
     gain = {True: _logit(HIT) - prior, False: _logit(PASSED) - prior}
     maps = []
-    for scans in _parts(recorded, batch):
+    for scans in _parts(recorded):
         log_odds = torch.zeros(len(scans), recorded.grid.size_px, recorded.grid.size_px)
         for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
             log_odds *= 1 - forgetting
@@ -43,7 +44,7 @@ def log_odds_grid(recorded: Recorded, forgetting: float, batch: int = 64) -> Ten
     return torch.cat(maps)
 
 
-def transitional_grid(recorded: Recorded, moving: float, batch: int = 64) -> Tensor:
+def transitional_grid(recorded: Recorded, moving: float) -> Tensor:
     """Filter static and dynamic occupancy together, following transitional grid maps (arXiv 2401.06518).
 
     A pixel is free, static or dynamic. In every step, dynamic occupancy spreads to the eight neighboring pixels with
@@ -53,7 +54,6 @@ def transitional_grid(recorded: Recorded, moving: float, batch: int = 64) -> Ten
     Args:
         recorded: recordings, (M, T, N).
         moving: probability that dynamic occupancy leaves its pixel in a step.
-        batch: number of recordings processed at a time.
 
     Returns:
         probability of an obstacle of either kind at the last step, (M, H, W).
@@ -63,7 +63,7 @@ def transitional_grid(recorded: Recorded, moving: float, batch: int = 64) -> Ten
     rest = 0.01
     hit_odds, passed_odds = (p / (1 - p) * (1 - PRIOR) / PRIOR for p in (HIT, PASSED))
     maps = []
-    for scans in _parts(recorded, batch):
+    for scans in _parts(recorded):
         static = torch.full((len(scans), recorded.grid.size_px, recorded.grid.size_px), PRIOR / 2)
         dynamic = static.clone()
         for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
@@ -85,8 +85,8 @@ def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tupl
         yield hit, (newest_visible(current, grid, range_max_m, margin_m=-grid.resolution_m / 2) > 0) & ~hit
 
 
-def _parts(recorded: Recorded, batch: int) -> list[Scans]:
-    return [recorded.scans[first : first + batch] for first in range(0, len(recorded), batch)]
+def _parts(recorded: Recorded) -> list[Scans]:
+    return [recorded.scans[first : first + BATCH] for first in range(0, len(recorded), BATCH)]
 
 
 def _logit(probability: float) -> float:

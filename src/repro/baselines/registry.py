@@ -1,6 +1,6 @@
 """Classical baselines to compare the networks with, each tuned on the validation set, and an upper bound.
 
-All but `all_free` keep a pixel free for some steps after a beam has passed over it. Otherwise a disc around an old hit
+The tuned baselines keep a pixel free for some steps after a beam has passed over it. Otherwise a disc around an old hit
 covers pixels that later scans observed to be free. `tune` chooses the number of steps.
 
 A baseline maps the validation and the test recordings to the probability of free of the test recordings,

@@ -22,7 +22,8 @@ from torch import Tensor
 
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
-from repro.system.resources import process_pool
+from repro.scans import Scans
+from repro.system.resources import count_cores, process_pool
 
 NEAR_M = 1.5  # hits closer than this belong to one cluster
 GATE_M = 3.0  # a cluster farther than this from every track starts a new one
@@ -41,13 +42,12 @@ class Cluster:
     is_cut: bool
 
 
-def track(recorded: Recorded, depth_m: float, workers: int = 2) -> list[np.ndarray]:
+def track(recorded: Recorded, depth_m: float) -> list[np.ndarray]:
     """Track the obstacles of every recording up to the last step.
 
     Args:
         recorded: recordings, (M, T, N).
         depth_m: distance of an obstacle's center behind the mean of its hits, as seen from the robot [m].
-        workers: number of processes, one for few recordings.
 
     Returns:
         the positions of the tracks of each recording at the last step [m], (tracks, 2).
@@ -55,7 +55,7 @@ def track(recorded: Recorded, depth_m: float, workers: int = 2) -> list[np.ndarr
     scans, step_s = recorded.scans, recorded.step_s
     ranges, poses, angles = scans.ranges.numpy(), scans.poses.numpy(), scans.angles.numpy()
     jobs = (joblib.delayed(_track_one)(r, angles, p, depth_m, step_s) for r, p in zip(ranges, poses, strict=True))
-    with process_pool(workers if len(ranges) > FEW else 1, batch_size=16) as parallel:
+    with process_pool(count_cores() if len(ranges) > FEW else 1, batch_size=16) as parallel:
         return parallel(jobs)
 
 
@@ -79,11 +79,11 @@ def clusters(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_m:
         depth_m: see `track`.
     """
     per_step: list[list[Cluster]] = [[] for _ in ranges]
-    step, beam = np.nonzero(np.isfinite(ranges))
+    points, hit = Scans(ranges, angles, poses).points()
+    step, beam = np.nonzero(hit)
     if not len(step):
         return per_step
-    heading = poses[step, 2] + angles[beam]
-    points = poses[step, :2] + ranges[step, beam, None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    points = points[hit]
     separated = np.column_stack([points, 10 * NEAR_M * step])  # a third axis keeps the scans apart in one call
     label = DBSCAN(eps=NEAR_M, min_samples=2).fit_predict(separated)
     for number in range(label.max() + 1):

@@ -26,6 +26,8 @@ from repro.reporting.uptodate import mark_up_to_date
 from repro.runs.directories import Outputs, Run
 from repro.system.files import write_text
 
+GENERALIZATION = "generalization"
+
 
 def analyze(job: Job) -> None:
     """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
@@ -47,6 +49,7 @@ def analyze(job: Job) -> None:
             evaluate_baseline(outputs, configs[experiment], name)
         except ValueError as error:
             errors.append(str(error))
+    inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs, errors, accelerator=job.runtime.accelerator) | _written_by_other_tasks(outputs)
@@ -54,7 +57,8 @@ def analyze(job: Job) -> None:
     frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(_of_papers_worlds(frames, results)))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     for name, frame in frames.items():
-        write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+        if name != GENERALIZATION:  # task=generalization may be writing it
+            write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(outputs.analysis, frames)
     scale = results["scale"].iloc[0]
     if scale != "smoke":
@@ -66,7 +70,7 @@ def analyze(job: Job) -> None:
         print(f"error: left out of the analysis: {message}", file=sys.stderr)
     if left_out:
         raise ValueError(f"{len(left_out)} runs are left out of the analysis, see above")
-    mark_up_to_date(outputs.analysis, analysis_inputs(outputs))
+    mark_up_to_date(outputs.analysis, inputs)
 
 
 def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
@@ -88,16 +92,16 @@ def _of_papers_worlds(frames: dict[str, pd.DataFrame], results: pd.DataFrame) ->
 def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
     """Load the rows that task=generalization and task=curves wrote, where they did."""
     frames = {path.stem: read_rows(path) for path in outputs.curves.glob("*.csv")}
-    path = outputs.analysis / "generalization.csv"
+    path = outputs.analysis / f"{GENERALIZATION}.csv"
     if path.is_file():
-        frames["generalization"] = read_rows(path)
+        frames[GENERALIZATION] = read_rows(path)
     return frames
 
 
 def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     runs = {key: outputs.run(key) for key in keys_of(results)}
     shown: dict[str, list[Run]] = {}
-    for key in sorted(runs, key=lambda key: key.is_baseline):  # a network comes first, which has the grid
+    for key in runs:
         with suppress(ValueError):  # of a damaged run, which the analysis has named
             is_there = runs[key].check_file("predictions.npz").is_file()
             if is_there and key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):

@@ -90,7 +90,7 @@ class Demo:
 
     __pydantic_config__ = STRICT
 
-    networks: Annotated[list[str], Field(min_length=1)]
+    networks: Annotated[list[Directory], Field(min_length=1)]
     runtime: Directory | None
 
 
@@ -129,7 +129,7 @@ class Config:
     train: Training
     runtime: Runtime
     format: Annotated[str, choice("torch", "onnx")]
-    scans: str | None
+    scans: Directory | None
     prediction: Prediction
     demo: Demo
     publish: Publish

@@ -18,6 +18,7 @@ from repro.config import (
     RECURRENT,
     UNKNOWN_KEY,
     ConfigError,
+    Encoding,
     EncodingParameters,
     Model,
     NetworkParameters,
@@ -45,8 +46,8 @@ def all_errors(values: dict[str, Any]) -> list[ConfigError]:
     if errors:
         return errors
     config = to_typed(values)
-    errors = _path_errors(config) + _library_errors(config)
-    return errors or _encoding_and_device_errors(config)
+    errors = _path_errors(config.outputs, config.recordings) + _library_errors(config)
+    return errors or _encoding_errors(config.encoding) + _device_errors(config.runtime.accelerator)
 
 
 def config_errors(values: dict[str, Any]) -> list[ConfigError]:
@@ -79,6 +80,9 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
+    if (config.task == "predict") != (config.scans is not None):
+        expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
+        errors.append(ConfigError("scans", config.scans, expected))
     architecture = config.model.architecture or config.model.name
     if architecture in RECURRENT and "frames" not in config.encoding.parameters:
         expected = f"model {architecture} takes a series of images: encoding=series10 or encoding=stack10"
@@ -166,15 +170,11 @@ def _keys(values: dict[str, Any], prefix: str = "") -> list[str]:
     ]
 
 
-def _path_errors(config: Config) -> list[ConfigError]:
-    """Return what is wrong with the directories of the outputs and the log to be read."""
-    outputs, recordings = Path(config.outputs).absolute(), Path(config.recordings).absolute()
+def _path_errors(outputs_path: str, recordings_path: str) -> list[ConfigError]:
+    outputs, recordings = Path(outputs_path).absolute(), Path(recordings_path).absolute()
     errors = _directory_errors("outputs", outputs)
     if not (errors and recordings.is_relative_to(outputs)):
         errors += _directory_errors("recordings", recordings)
-    if (config.task == "predict") != (config.scans is not None):
-        expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
-        errors.append(ConfigError("scans", config.scans, expected))
     return errors
 
 
@@ -190,20 +190,24 @@ def _library_errors(config: Config) -> list[ConfigError]:
     return errors
 
 
-def _encoding_and_device_errors(config: Config) -> list[ConfigError]:
-    """Return what only the encoding itself and the device can tell."""
-    errors = []
-    if config.encoding.name != "projection" or set(config.encoding.parameters) != {"decay", "oldest_gray"}:
-        from repro.maps.encodings import ENCODINGS, create_encoding
+def _encoding_errors(encoding: Encoding) -> list[ConfigError]:
+    """Return why an encoding cannot be created; imports torch for all but the paper's."""
+    if encoding.name == "projection" and set(encoding.parameters) == {"decay", "oldest_gray"}:
+        return []
+    from repro.maps.encodings import ENCODINGS, create_encoding
 
-        try:
-            create_encoding(config.encoding.name, config.encoding.parameters)
-        except (TypeError, ValueError) as error:
-            key = "encoding.parameters" if config.encoding.name in ENCODINGS else "encoding.name"
-            errors.append(ConfigError(key, None, str(error)))
-    if config.runtime.accelerator == "gpu" and not has_gpu():
-        errors.append(ConfigError("runtime.accelerator", "gpu", "no CUDA GPU is visible; use auto or cpu"))
-    return errors
+    try:
+        create_encoding(encoding.name, encoding.parameters)
+    except (TypeError, ValueError) as error:
+        key = "encoding.parameters" if encoding.name in ENCODINGS else "encoding.name"
+        return [ConfigError(key, None, str(error))]
+    return []
+
+
+def _device_errors(accelerator: str) -> list[ConfigError]:
+    if accelerator == "gpu" and not has_gpu():
+        return [ConfigError("runtime.accelerator", "gpu", "no CUDA GPU is visible; use auto or cpu")]
+    return []
 
 
 def _directory_errors(key: str, directory: Path) -> list[ConfigError]:

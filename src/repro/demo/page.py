@@ -6,7 +6,6 @@ Web and the networks are embedded as base64 of gzip.
 
 import base64
 import gzip
-import json
 import re
 from dataclasses import asdict
 from graphlib import TopologicalSorter
@@ -15,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2.utils import htmlsafe_json_dumps
 
+from repro.config import is_moving
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
 
@@ -50,8 +51,8 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], 
     page: str = environment.get_template("index.html").render(
         style=_read("style.css"),
         loader=_read("loader.js"),
-        modules=_to_script(link_modules(runtime)),
-        settings=_to_script(settings),
+        modules=htmlsafe_json_dumps(link_modules(runtime)),
+        settings=htmlsafe_json_dumps(settings),
         wasm=_pack(runtime.wasm),
         weights=[_pack(network.onnx) for network in networks],
         networks=networks,
@@ -110,7 +111,7 @@ def _describe(network: DemoNetwork) -> dict[str, Any]:
 
 
 def _experiment(name: str, experiment: dict[str, Any]) -> str:
-    obstacles = "moving" if "behavior" in experiment["obstacles"] else "static"
+    obstacles = "moving" if is_moving(experiment) else "static"
     return f"{name}: {obstacles}, robot {'rotates' if experiment['motion']['name'] == 'rotate' else 'drives'}"
 
 
@@ -122,11 +123,6 @@ def _default_experiment(network: DemoNetwork, spec: dict[str, Any]) -> str:
 
 def _read(name: str) -> str:
     return (ASSETS / name).read_text(encoding="utf-8")
-
-
-def _to_script(content: Any) -> str:
-    """Return JSON that cannot close the script element around it."""
-    return json.dumps(content, ensure_ascii=False).replace("<", "\\u003c")
 
 
 def _pack(content: bytes) -> str:

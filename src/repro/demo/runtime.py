@@ -6,6 +6,7 @@ import os
 import tarfile
 import urllib.request
 from dataclasses import dataclass
+from http.client import HTTPException
 from io import BytesIO
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def _download() -> bytes:
     try:
         with urllib.request.urlopen(URL, timeout=TIMEOUT_S) as response:
             return response.read()
-    except OSError as error:
+    except (OSError, HTTPException) as error:
         raise ValueError(
             f"{URL} cannot be downloaded ({error}): connect to the internet once, or download the file elsewhere and "
             "name it with demo.runtime="

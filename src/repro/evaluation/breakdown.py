@@ -25,7 +25,7 @@ from repro.metrics.calibration import binary_entropy, brier, entropy, log_loss
 from repro.metrics.counts import LEVELS, average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
 
-HITS = {**dict(list(RECENCY.items())[:4]), "never": range(BINS, BINS + 1)}
+HITS = {**{name: bins for name, bins in RECENCY.items() if max(bins) < BINS}, "never": range(BINS, BINS + 1)}
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
     Returns:
         rows of recency, metric, value, low, high; undefined values (no pixel or no obstacle) have no row.
     """
-    recency = {"all": range(counts.shape[1]), **RECENCY}
-    summed = np.stack([counts[:, list(groups)].sum(1) for groups in recency.values()], axis=1)
+    groups_of = {"all": range(counts.shape[1]), **RECENCY}
+    summed = np.stack([counts[:, list(groups)].sum(1) for groups in groups_of.values()], axis=1)
     drawn = np.tensordot(weights.astype(np.float64), summed, axes=1)  # (draws + 1, recency, 2, 256)
     measured = {"pixel_share": drawn.sum((2, 3)) / drawn[:, :1].sum((2, 3)), **measures(drawn)}
     rows = []
@@ -89,7 +89,7 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
         low, high = bounds(values)
         rows += [
             {"recency": recency, "metric": name, "value": values[0, i], "low": low[i], "high": high[i]}
-            for i, recency in enumerate(recency)
+            for i, recency in enumerate(groups_of)
             if np.isfinite([values[0, i], low[i], high[i]]).all()
         ]
     return pd.DataFrame(rows)
@@ -162,7 +162,8 @@ def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarra
         weights: see `by_recency`.
 
     Returns:
-        rows of last_hit, metric, value, low, high. The metrics are `obstacles` (their number), `recall` (mean predicted
+        rows of last_hit, metric, value, low, high; without an interval where obstacles of the group are too rare, a
+        metric has no row. The metrics are `obstacles` (their number), `recall` (mean predicted
         share of an obstacle) and `detected` (share of the obstacles that are predicted by at least half).
     """
     area = test.masks.sum((1, 2))
@@ -180,7 +181,9 @@ def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarra
             continue
         times = weights[:, test.recording[chosen] // 2].astype(float)
         for metric, value in {"recall": recall[chosen], "detected": (recall[chosen] >= 0.5).astype(float)}.items():
-            drawn = times @ value / np.maximum(times.sum(1), 1)
+            with np.errstate(invalid="ignore"):
+                drawn = times @ value / times.sum(1)  # nan in a draw without an obstacle of the group
             low, high = bounds(drawn)
-            rows.append({"last_hit": name, "metric": metric, "value": drawn[0], "low": low, "high": high})
+            if np.isfinite([low, high]).all():
+                rows.append({"last_hit": name, "metric": metric, "value": drawn[0], "low": low, "high": high})
     return pd.DataFrame(rows)

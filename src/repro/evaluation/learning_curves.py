@@ -33,6 +33,7 @@ SHARED = {  # what runs with the same values of some columns must share
 }
 FITTED = "short"  # schedule of the fitted points: flip augmentation and EMA; "stated" is the schedule of the paper
 DRAWS = 200
+PAPER_PAIRS, PAPER_PX = 10_000, 256  # of scale paper, to which the curves are extrapolated
 EXPONENTS = (0.02, 3.0)  # search interval
 
 
@@ -135,14 +136,14 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
     return Law(alpha, beta, solve(np.array([alpha, beta]))[1])
 
 
-def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -> pd.DataFrame:
+def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
     """Extrapolate U-Net to paper scale, and to the held-out (largest) point of each curve from its other points.
+
+    The exponent of the resolution needs three resolutions; with fewer, only the resolution with most points is fitted,
+    and extrapolated to the pairs of paper scale.
 
     Args:
         points: see `read_points`; the fit uses the paper's input and the short schedule, averaged over seeds.
-        pairs: number of training pairs to extrapolate to.
-        size_px: resolution to extrapolate to [px]. The exponent of the resolution needs three resolutions; with fewer,
-            only the resolution with most points is fitted and this argument is ignored.
 
     Returns:
         experiment, encoding, metric, target (`paper scale` or `held-out point`), pairs, size_px, value with low and
@@ -159,10 +160,10 @@ def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -
         return pd.DataFrame()
     means = means.sort_values(["encoding", "experiment"], kind="stable")  # the order of the tables
     sizes = means["size_px"].unique()
-    size_px = size_px if len(sizes) > 1 else int(sizes[0])
+    size_px = PAPER_PX if len(sizes) > 1 else int(sizes[0])
     largest = (means["pairs"] * means["size_px"] ** 2).groupby([means[key] for key in CURVE], sort=False).idxmax()
     held_out, others = means.loc[largest], means.drop(largest)
-    aims = held_out.assign(pairs=pairs, size_px=size_px)
+    aims = held_out.assign(pairs=PAPER_PAIRS, size_px=size_px)
     frames = []
     for metric in METRICS:
         frames.append(_extrapolated(means, aims, metric).assign(target="paper scale"))
@@ -171,7 +172,7 @@ def extrapolate(points: pd.DataFrame, pairs: int = 10_000, size_px: int = 256) -
     return pd.concat(frames, ignore_index=True)
 
 
-def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str, seed: int = 0) -> pd.DataFrame:
+def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str) -> pd.DataFrame:
     """Fit the law to the points of one metric and extrapolate it to `aims`, with intervals."""
     names = list(dict.fromkeys(zip(means["experiment"], means["encoding"], strict=True)))
 
@@ -183,7 +184,7 @@ def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str, seed: in
     law = fit_law(*at, value)
     residuals = value - law(*at)
     free = max(len(value) - np.count_nonzero(law.factors) - 2, 1)
-    noise = np.random.default_rng(seed).normal(0, np.sqrt((residuals**2).sum() / free), (DRAWS, len(value)))
+    noise = np.random.default_rng(0).normal(0, np.sqrt((residuals**2).sum() / free), (DRAWS, len(value)))
     drawn = np.stack([law(*aim), *(fit_law(*at, law(*at) + each)(*aim) for each in noise)])
     low, high = bounds(drawn)
     table = aims[[*CURVE, *POINT]].reset_index(drop=True)

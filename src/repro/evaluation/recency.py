@@ -63,11 +63,7 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
     Returns:
         the step, counted from 1, or 0 for never, (2, K); the first row is of direction 1, the second of -1.
     """
-    windows = shard.scans.tensors(dtype=torch.float64)
-    heading = windows.poses[..., 2:] + windows.angles
-    rays = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
-    hit = torch.isfinite(windows.ranges)
-    points = windows.poses[..., None, :2] + torch.where(hit, windows.ranges, 0)[..., None] * rays  # (R, T, N, 2)
+    points, hit = shard.scans.tensors(dtype=torch.float64).points()  # (R, T, N, 2), (R, T, N)
     newest = np.zeros((2, len(shard.world)), dtype=np.int64)
     convex, reach_m = kinds_of(torch.as_tensor(shard.outlines)) == CONVEX, TOUCH_M + 3 * noise_m
     for number, world in enumerate(shard.world):

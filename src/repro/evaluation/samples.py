@@ -14,16 +14,16 @@ from repro.recordings.reader import read_shards
 from repro.runs.directories import Outputs, Run
 
 Sample = dict[str, Any]
+COUNT = 8  # recordings on the page, fewer if the first shard has fewer
 
 
-def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int = 8) -> list[Sample]:
+def load_samples(outputs: Outputs, experiment: str, runs: list[Run]) -> list[Sample]:
     """Read the first recordings of the test split, one per world, with the inputs and predictions of some runs.
 
     Args:
         outputs: the outputs directory.
         experiment: the experiment.
         runs: evaluated runs of the experiment.
-        count: number of recordings; limited to those of the first shard.
 
     Returns:
         for each recording: `index`, its index in the split; `truth`, the true map; `inputs`, the image of each encoding
@@ -31,8 +31,8 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run], count: int 
         path of each run. Images are PNG in base64.
     """
     shard = next(read_shards(outputs.recordings(experiment), "test"))
-    chosen = np.arange(0, len(shard.scans), 2)[:count]
-    scans = shard.scans[: 2 * count : 2].tensors()
+    chosen = np.arange(0, len(shard.scans), 2)[:COUNT]
+    scans = shard.scans[: 2 * COUNT : 2].tensors()
     grid = grid_of(runs[0].config())
     truth = true_maps(shard, grid).numpy()[chosen] * 255
     inputs, predictions = {}, {}

@@ -242,7 +242,7 @@ def _best_predictor(
 
 
 def quiet() -> None:
-    """Silence Lightning's warnings about loaders, loggers and workers, which do not apply to data in memory."""
+    """Silence Lightning's warnings of loaders and workers, and those of libraries about their next versions."""
     for name in ("lightning.pytorch", "lightning.fabric"):
         logging.getLogger(name).setLevel(logging.ERROR)
     warnings.filterwarnings("ignore", module="lightning")

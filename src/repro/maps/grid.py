@@ -50,9 +50,9 @@ class Grid:
         index = torch.where(inside, row * self.size_px + column, 0.0).long()
         return index, inside
 
-    def centers(self, device: torch.device | str = "cpu") -> Tensor:
+    def centers(self) -> Tensor:
         """Return the world coordinates of all pixel centers [m], row-major from the top, (H W, 2)."""
-        y = self.row_centers(device)
+        y = self.row_centers()
         return torch.stack([y.flip(0).repeat(self.size_px), y.repeat_interleave(self.size_px)], dim=-1)
 
     def row_centers(self, device: torch.device | str = "cpu") -> Tensor:

@@ -6,7 +6,7 @@ from torch import Tensor
 from repro.maps.grid import Grid
 
 LINE, CONVEX, CONCAVE = 0, 1, 2  # kinds of outlines
-_SMALL = 1e-9  # of the squared size of an outline: areas and bends below are rounding
+_SMALL = 1e-9  # of the squared size of an outline: an area below is rounding
 
 
 def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid: Grid) -> Tensor:

@@ -98,10 +98,6 @@ def hit_pixels(scans: Scans, grid: Grid) -> tuple[Tensor, Tensor]:
         pixels: flat pixel index, row-major, (B, T, N); 0 where there is no hit.
         hit: whether the beam hits something on the map, (B, T, N).
     """
-    ranges, poses = scans.ranges, scans.poses
-    heading = poses[..., 2:] + scans.angles
-    directions = torch.stack([torch.cos(heading), torch.sin(heading)], dim=-1)
-    hit = torch.isfinite(ranges)
-    points = poses[..., None, :2] + torch.where(hit, ranges, 0)[..., None] * directions
+    points, hit = scans.points()
     pixels, inside = grid.pixels(points)
     return pixels, hit & inside

@@ -33,7 +33,8 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
         ValueError: the beam angles are not evenly spaced and increasing.
     """
     spacing = beam_spacing(scans.angles)
-    reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)  # inf reaches range_max_m
+    # a miss reaches the maximum range, or less by the margin if that is negative
+    reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)
     reach = reach.double().cpu().numpy() / grid.resolution_m
     poses = scans.poses.double().cpu().numpy()
     poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)

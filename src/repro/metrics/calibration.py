@@ -27,9 +27,9 @@ def log_loss(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.nd
     return _mean(counts, -np.log(np.stack([1 - free, free])))
 
 
-def entropy(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.ndarray:
+def entropy(counts: np.ndarray) -> np.ndarray:
     """Compute the mean entropy of the predicted probabilities [nat], (...), a measure of blur."""
-    each = binary_entropy(probability)
+    each = binary_entropy(PROBABILITY)
     return _mean(counts, np.stack([each, each]))
 
 
@@ -61,9 +61,9 @@ def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins:
     return pd.DataFrame({"low": edges[:-1], "high": edges[1:], **columns})[kept].reset_index(drop=True)
 
 
-def calibration_error(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> float:
+def calibration_error(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> float:
     """Compute the expected calibration error of (2, 256): the mean gap between predicted and observed."""
-    table = reliability(counts, probability, bins)
+    table = reliability(counts, probability)
     return float(((table["predicted"] - table["found"]).abs() * table["pixels"]).sum() / table["pixels"].sum())
 
 

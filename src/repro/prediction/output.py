@@ -27,9 +27,14 @@ def write_probabilities(path: Path, free: np.ndarray, window: Window, grid: Grid
     np.savez_compressed(path, free=free.astype(np.float32), origin=origin, resolution=resolution, stamp=stamp)
 
 
+def window_number(path: Path) -> int:
+    """Return the number of the window of a file, which may have more digits than the names have zeros."""
+    return int(path.stem.split("-")[1])
+
+
 def read_maps(directory: Path) -> Iterator[StreamMap]:
     """Read the maps that `write_probabilities` wrote to a directory, in the order of time."""
-    for path in sorted(directory.glob("window-*.npz"), key=lambda path: int(path.stem.split("-")[1])):
+    for path in sorted(directory.glob("window-*.npz"), key=window_number):
         with np.load(path) as content:
             left, bottom = content["origin"].tolist()
             yield StreamMap(content["free"], (left, bottom), float(content["resolution"]), float(content["stamp"]))
@@ -85,12 +90,9 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
     hits = Projection().encode(window.scans.tensors(), grid)[0, 0]
     _image(axes[0], hits.numpy(), extent, "hits of the window, dark is recent")
     _image(axes[1], 255 * free, extent, f"predicted map at {window.stamp:.1f} s")
-    scan, pose = window.scans.ranges[-1], window.scans.poses[-1]
-    directions = pose[2] + window.scans.angles
-    points = pose[:2] + scan[:, None] * np.stack([np.cos(directions), np.sin(directions)], axis=-1)
-    points = points[np.isfinite(scan)] + window.origin
+    points, hit = (each[-1] for each in window.scans.points())
     _image(axes[2], np.full_like(free, 255), extent, "last scan")
-    axes[2].plot(*points.T, ".", color="#b3261e", markersize=2)
+    axes[2].plot(*(points[hit] + window.origin).T, ".", color="#b3261e", markersize=2)
     for ax in axes:
         path = window.scans.poses[:, :2] + window.origin
         ax.plot(*path.T, color="#0b6e99", linewidth=1)

@@ -62,10 +62,10 @@ class PredictionStream:
         predictor: Predictor,
         angles: np.ndarray,
         *,
-        center: str | tuple[float, float] = "robot",
-        steps: int | None = None,
-        step_s: float | None = None,
-        range_max_m: float = math.inf,
+        center: str | tuple[float, float],
+        steps: int | None,
+        step_s: float | None,
+        range_max_m: float,
     ) -> None:
         self.predictor, self.angles = predictor, np.array(angles, dtype=float)
         self.steps, self.step_s = predictor.window(steps, step_s)

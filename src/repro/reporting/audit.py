@@ -15,12 +15,12 @@ from repro.metrics.names import METRICS
 Row = dict[str, float]
 
 
-def audit(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
+def audit(table: pd.DataFrame) -> pd.DataFrame:
     """Audit rows of metrics with FREE as the positive class.
 
     Args:
-        table: accuracy, dice, precision, recall, specificity in [0, 1], and any columns that identify the rows.
-        digits: number of printed decimals; differences that rounding can explain count as agreement.
+        table: accuracy, dice, precision, recall, specificity in [0, 1], and any columns that identify the rows;
+            differences that rounding to four decimals can explain count as agreement.
 
     Returns:
         the identifying columns, then: `free`, the share of free pixels implied by accuracy, recall and specificity;
@@ -39,9 +39,9 @@ def audit(table: pd.DataFrame, digits: int = 4) -> pd.DataFrame:
                 **{name: row[name] for name in names},
                 "free": free,
                 "free_by_precision": free_share_by_precision(values),
-                "free_agrees": _agree(free_share, free_share_by_precision, values, digits),
+                "free_agrees": _agree(free_share, free_share_by_precision, values),
                 "dice_by_precision": dice_by_precision(values),
-                "dice_agrees": _agree(dice_by_precision, lambda given: given["dice"], values, digits),
+                "dice_agrees": _agree(dice_by_precision, lambda given: given["dice"], values),
                 "obstacle_iou": obstacle_iou(values),
                 "all_free_accuracy": free,
                 "all_free_dice": 2 * free / (1 + free),
@@ -79,9 +79,9 @@ def _ratio(numerator: float, denominator: float) -> float:
     return numerator / denominator if denominator else float("nan")
 
 
-def _agree(one: Callable[[Row], float], other: Callable[[Row], float], row: Row, digits: int) -> bool:
+def _agree(one: Callable[[Row], float], other: Callable[[Row], float], row: Row) -> bool:
     """Return whether two numbers computed from a row can be equal before the terms of the row were rounded."""
-    half = 0.5 * 10**-digits
+    half = 0.5e-4
     low = high = one(row) - other(row)
     for signs in itertools.product((-half, half), repeat=len(row)):
         moved = {name: value + sign for (name, value), sign in zip(row.items(), signs, strict=True)}

@@ -151,9 +151,10 @@ def _show_scans(ax: Axes, example: Example) -> None:
     ax.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, 99), yticks=(0, 99))
 
 
-def _show_poses(ax: Axes, example: Example, every: int = 4, half_m: float = 9.0) -> None:
-    """Plot the poses of the robot as arrows, the newest darkest."""
-    x, y, heading = example.scans.poses[::every].T
+def _show_poses(ax: Axes, example: Example) -> None:
+    """Plot every fourth pose of the robot as an arrow, the newest darkest."""
+    half_m = 9.0  # of the area that is shown
+    x, y, heading = example.scans.poses[::4].T
     arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
     ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)
     middle_x, middle_y = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2

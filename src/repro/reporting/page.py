@@ -1,6 +1,5 @@
 """The HTML report: one self-contained file with tables, claims, figures, samples and provenance."""
 
-import json
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2.utils import htmlsafe_json_dumps
 
 from repro.baselines.names import rank
 from repro.config import NO_DECAY
@@ -167,7 +167,7 @@ def _browser(samples: dict[str, list[Sample]]) -> str:
             for sample in recordings
         ]
         experiments.append({"name": experiment_title(experiment, ": {}"), "samples": shown})
-    return json.dumps({"experiments": experiments}).replace("</", "<\\/") if experiments else ""
+    return htmlsafe_json_dumps({"experiments": experiments}) if experiments else ""
 
 
 def _rank(item: tuple[str, str]) -> tuple[int, str]:

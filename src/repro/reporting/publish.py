@@ -149,21 +149,25 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
 
 
 def published_page(
-    name: str, words: str, runs: pd.DataFrame, origins: dict[str, Provenance], *, with_analysis: bool
+    name: str, overrides: str, runs: pd.DataFrame, origins: dict[str, Provenance], *, with_analysis: bool
 ) -> str:
-    """Return the README.md of a published directory: files, hardware, versions, training commands (with `words`).
+    """Return the README.md of a published directory: files, hardware, versions, training commands (with `overrides`).
 
     `origins` has the provenance of each run by its path.
     """
     networks = runs[runs["encoding"] != ""]
     steps = [step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"]
+    known = [step for step in steps if "hardware" in step]  # the oldest runs have no more than their precision
     machines = {
-        verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in steps if step["step"] == verb})
+        verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in known if step["step"] == verb})
         for verb in ("trained", "evaluated")
     }
-    versions = {name: steps[-1]["versions"][name] for name in ("torch", "segmentation-models-pytorch", "ir-sim")}
+    versions = [
+        f"{package} {' and '.join(sorted({step['versions'][package] for step in known}))}"
+        for package in ("torch", "segmentation-models-pytorch", "ir-sim")
+    ]
     precisions = sorted({step["precision"] for step in steps if "precision" in step})
-    commits = sorted({str(step["commit"]) for step in steps})
+    commits = sorted({str(step["commit"]) for step in known})
     ablated = networks["encoding"].str.endswith(NO_DECAY).any()
     tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
     lines = [
@@ -173,7 +177,7 @@ def published_page(
         "`provenance.json` has the provenance of every run"
         + ("; `analysis/` and `report.html` have the analysis.\n" if with_analysis else ".\n"),
         *(f"- {verb} on: {'; '.join(names)}" for verb, names in machines.items()),
-        f"- versions: {', '.join(f'{name} {number}' for name, number in versions.items())}",
+        f"- versions: {', '.join(versions)}",
         f"- commit: {', '.join(commits)}",
         f"- precision: {', '.join(precisions)}\n",
     ]
@@ -185,7 +189,7 @@ def published_page(
         options = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
         used = {origins[str(key.path)].fact("precision") for key in keys_of(own_runs) if str(key.path) in origins}
         precision = f" runtime.precision={used.pop()}" if len(used) == 1 else ""
-        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {words}{precision}"
+        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {overrides}{precision}"
         minutes = own_runs["training_seconds"].mean() / 60
         rows.append((predictor_title(model, encoding), len(own_runs), f"{minutes:.1f}", f"`{command}`"))
     lines += markdown_table(("network", "trainings", "minutes per training", "command"), rows)

@@ -126,7 +126,7 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
 
     Returns:
         for each section: id, nav (its name in the navigation), title, text, images (alt, caption, data) and tables
-        (caption, heads, rows, and words, the number of leading columns with text).
+        (caption, heads, rows, and text_columns, the number of leading columns with text).
     """
 
     def images(*names: str) -> list[dict[str, str]]:
@@ -161,12 +161,12 @@ def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> di
         for row, value in zip(rows, frame[column], strict=True):
             row.append("" if pd.isna(value) else f"{value:z,.{digits}f}")
     heads = [*(name.capitalize() for name in names), *kept.values()]
-    return {"caption": "", "heads": heads, "rows": rows, "words": len(names)}
+    return {"caption": "", "heads": heads, "rows": rows, "text_columns": len(names)}
 
 
 def _extrapolated(frame: pd.DataFrame | None) -> dict[str, Any]:
     if frame is None:
-        return {"caption": "", "heads": [], "rows": [], "words": 1}
+        return {"caption": "", "heads": [], "rows": [], "text_columns": 1}
     return _table(frame[frame["metric"] != "dice"], ["experiment", "encoding", "target", "metric"], EXTRAPOLATED)
 
 
@@ -200,7 +200,7 @@ def _across_of(title: str, frame: pd.DataFrame) -> dict[str, Any]:
         for name in names
     ]
     heads = ["Trained on", *(f"tested on {name}" for name in names)]
-    return {"caption": f"{title}: obstacle IoU / accuracy.", "heads": heads, "rows": table, "words": 1}
+    return {"caption": f"{title}: obstacle IoU / accuracy.", "heads": heads, "rows": table, "text_columns": 1}
 
 
 def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
@@ -210,4 +210,4 @@ def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
             step = origin.steps[-1]
             machine = step["hardware"]["gpu"] or f"{step['hardware']['cpu_cores']} cores, {step['hardware']['machine']}"
             rows.append([path, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
-    return {"caption": "", "heads": ["Run", "Commit", "Date", "Hardware", "torch"], "rows": rows, "words": 5}
+    return {"caption": "", "heads": ["Run", "Commit", "Date", "Hardware", "torch"], "rows": rows, "text_columns": 5}

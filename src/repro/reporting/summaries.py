@@ -43,14 +43,14 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     return "\n".join(lines) + "\n"
 
 
-def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
+def methods_to_markdown(intervals: pd.DataFrame, caption: str) -> str:
     """Return a table of U-Net with every encoding, the other networks and the baselines, experiments side by side.
 
     Where the upper bound is evaluated, the last columns have the obstacle IoU as a share of that of the bound.
 
     Args:
         intervals: experiment, model, encoding, metric, value, low, high, seeds.
-        words: the caption.
+        caption: the caption.
     """
     hidden = {"average", *OTHER_BOUNDS} - set(LIMITS)
     is_shown = intervals["metric"].isin(SUMMARY) & ~intervals["model"].isin(hidden)
@@ -71,11 +71,11 @@ def methods_to_markdown(intervals: pd.DataFrame, words: str) -> str:
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
         shown.append((predictor_title(model, encoding), seeds, *values))
-    return "\n".join([f"**{words}**", "", *markdown_table(("Model", "Seeds", *heads), shown)]) + "\n"
+    return "\n".join([f"**{caption}**", "", *markdown_table(("Model", "Seeds", *heads), shown)]) + "\n"
 
 
 def networks_to_markdown(
-    intervals: pd.DataFrame, calibration: pd.DataFrame, costs: pd.DataFrame, words: str, experiments: tuple[str, ...]
+    intervals: pd.DataFrame, calibration: pd.DataFrame, costs: pd.DataFrame, caption: str, experiments: tuple[str, ...]
 ) -> str:
     """Return a table of networks and inputs: obstacle IoU, its share of the bound, log loss, and costs.
 
@@ -83,7 +83,7 @@ def networks_to_markdown(
         intervals: see `methods_to_markdown`.
         calibration: experiment, model, encoding, method, recency, log_loss.
         costs: model, encoding, size_px, parameters_m, training_min, cpu_eager_ms, cpu_onnx_ms.
-        words: the caption.
+        caption: the caption.
         experiments: the experiments to show.
     """
     iou = intervals[intervals["metric"] == "obstacle_iou"].set_index(["experiment", "model", "encoding"])["value"]
@@ -101,16 +101,16 @@ def networks_to_markdown(
             cells.append("" if math.isnan(value / bound) else f"{value / bound:.{2 if 'share' in head else 3}f}")
         cells += [f"{row.parameters_m:.2f}", f"{row.training_min:.1f}", f"{row.cpu_onnx_ms:.0f}"]
         rows.append((predictor_title(str(row.model), str(row.encoding)), *cells))
-    return "\n".join([f"**{words}**", "", *markdown_table(("Network, input", *heads), rows)]) + "\n"
+    return "\n".join([f"**{caption}**", "", *markdown_table(("Network, input", *heads), rows)]) + "\n"
 
 
-def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: str) -> str:
+def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, caption: str) -> str:
     """Return a table of the upper bound with more and less knowledge, one row per experiment and bound.
 
     Args:
         intervals: see `methods_to_markdown`.
         recency: experiment, model, encoding, recency, metric, value, low, high.
-        words: the caption.
+        caption: the caption.
     """
     heads = [*SUMMARY.values(), "IoU at its best threshold", "Log loss [nat]", "Brier score"]
     shown = []
@@ -123,7 +123,7 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, words: st
             cells = [_cell(rows, experiment, metric) for metric in SUMMARY]
             cells += [_cell(of_map[of_map["model"] == name], experiment, metric) for metric in PROBABILISTIC]
             shown.append((experiment, predictor_title(name, ""), *cells))
-    return "\n".join([f"**{words}**", "", *markdown_table(("Exp.", "Predictor", *heads), shown)]) + "\n"
+    return "\n".join([f"**{caption}**", "", *markdown_table(("Exp.", "Predictor", *heads), shown)]) + "\n"
 
 
 def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:

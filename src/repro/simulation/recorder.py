@@ -34,6 +34,8 @@ from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
 from repro.system.resources import process_pool
 
+VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
+
 
 @dataclass(frozen=True)
 class Written:
@@ -49,7 +51,7 @@ def record_experiment(
     pairs: dict[str, int],
     *,
     workers: int = 2,
-    verify_every: int = 500,
+    verify_every: int = VERIFY_EVERY,
 ) -> Manifest:
     """Record the missing, truncated or altered shards of one experiment and write its manifest.
 
@@ -116,7 +118,6 @@ def record_part(
     parts: int,
     *,
     workers: int = 2,
-    verify_every: int = 500,
 ) -> bool:
     """Record every `parts`-th shard, beginning with number `part`, so that several machines can share one experiment.
 
@@ -133,7 +134,7 @@ def record_part(
     with lock(directory, f".lock-{part}-of-{parts}"):
         missing = [shard for shard in shards[part::parts] if not _is_whole(directory / shard.name, fingerprint, None)]
         worlds = sum(shard.worlds for shard in shards[part::parts])
-        _write_shards(directory, missing, spec, workers, verify_every, worlds)
+        _write_shards(directory, missing, spec, workers, VERIFY_EVERY, worlds)
     return all((directory / shard.name).is_file() for shard in shards)
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import shapely
 from pydantic import Field, ValidationError, model_validator
 
-from repro.config import ConfigError, config_errors_of, populations
+from repro.config import ConfigError, config_errors_of, populations, world_spec
 from repro.simulation.motions import recorded_steps, top_speeds
 from repro.simulation.schema_parts import Fixed, Motion, Name, Part, Populations, Robot, World
 from repro.simulation.shapes import geometry
@@ -68,9 +68,8 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
     except ValidationError as error:
         return _once(config_errors_of(error, "world."))
     errors = []
-    for name, experiment in world["experiments"].items():
-        spec = {"experiment": name, "world": world["world"], "robot": world["robot"], **experiment}
-        message = _error_of_spec(spec)
+    for name in world["experiments"]:
+        message = _error_of_spec(world_spec(world, name))
         if message:
             errors.append(ConfigError(f"world.experiments.{name}", None, message))
     return errors

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from repro.recordings.format import widen
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
 from repro.simulation.drift import obstacle_states
@@ -84,17 +85,16 @@ def _with_noise(ranges: np.ndarray, lidar: dict[str, Any], seed: int) -> np.ndar
     return np.where((noisy >= lidar.get("range_min", 0)) & (noisy <= lidar["range_max"]), noisy, np.inf)
 
 
-def replay(path: Path, *, env: Any = None) -> Recording:
+def replay(path: Path) -> Recording:
     """Simulate one world YAML in plain IR-SIM: create the environment, step it to its end and copy each scan.
 
     Args:
         path: a world written by `worlds.write_world`.
-        env: an IR-SIM environment already created from `path`, which is stepped to its end.
 
     Raises:
         ValueError: the file is missing, or a behavior is not active.
     """
-    env = env or make(path)
+    env = make(path)
     robot = env.robot
     obstacles = env.obstacle_list
     lidar = robot.lidar
@@ -201,4 +201,4 @@ def _outline(shape: Any) -> np.ndarray:
 def _pad(outlines: list[np.ndarray]) -> np.ndarray:
     """Stack outlines; shorter ones repeat their last vertex, which adds edges of zero length."""
     longest = max(len(outline) for outline in outlines)
-    return np.stack([np.pad(o, ((0, longest - len(o)), (0, 0)), mode="edge") for o in outlines])
+    return np.concatenate([widen(outline[None], longest) for outline in outlines])

@@ -22,6 +22,7 @@ from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.shapes import Line, boundaries, shape_radius, union
+from repro.system.files import write_text
 
 World = dict[str, Any]
 
@@ -171,4 +172,4 @@ def write_world(world: World, path: Path) -> None:
     header = (
         f"# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make({arguments}), {steps} times env.step().\n"
     )
-    path.write_text(header + yaml.safe_dump(world, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    write_text(path, header + yaml.safe_dump(world, sort_keys=False, default_flow_style=None))

@@ -24,9 +24,9 @@ def count_cores() -> int:
     return joblib.cpu_count()
 
 
-def cores_are_idle(seconds: float = 0.3) -> bool:
-    """Return whether at least three quarters of the time of all cores are free, measured over a time [s]."""
-    return psutil.cpu_percent(seconds) <= 100 * (1 - LEAST_IDLE)
+def cores_are_idle() -> bool:
+    """Return whether at least three quarters of the time of all cores are free, measured over 0.3 s."""
+    return psutil.cpu_percent(0.3) <= 100 * (1 - LEAST_IDLE)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog, misses_left_out, without_misses
-from repro.prediction.output import agreement, draw, read_maps, write_map, write_probabilities
+from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
 from repro.system.files import replacing_directory, write_text
@@ -67,7 +67,7 @@ def run(job: Job) -> None:
         if not rows:
             raise ValueError(f"{path}: none of its {left_out} windows can be used, see above")
         if settings.animate:
-            write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=_number))
+            write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
         if mcap:
             mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), range_max_m)
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
@@ -90,11 +90,6 @@ def name_of(log: Path) -> str:
     while Path(name).suffix in SUFFIXES:
         name = Path(name).stem
     return name.strip(".") or "log"
-
-
-def _number(figure: Path) -> int:
-    """Return the number of a window, which may have more digits than its file name has zeros."""
-    return int(figure.stem.split("-")[1])
 
 
 def _mcap(log: ScanLog) -> ModuleType:
@@ -142,7 +137,7 @@ def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
         print("warning: the weights have no statistics of their training data, so the log is not compared with it")
         return
     for name in statistics.quantiles:
-        is_outside = table["outside_training"].str.split().map(set(name.split()).issubset)
+        is_outside = table["outside_training"].str.split().map(lambda names, name=name: name in names)
         if is_outside.any():
             low, high = statistics.range_of(name)
             values = table.loc[is_outside, name]
