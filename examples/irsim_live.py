@@ -29,7 +29,7 @@ from repro.prediction.planning import plan, planner_map
 from repro.prediction.stream import StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.motions import robot_commands
-from repro.simulation.simulator import make
+from repro.simulation.simulator import make, outlines_of
 from repro.simulation.worlds import sample_world, write_world
 
 ROOT = Path(__file__).parents[1]
@@ -52,12 +52,9 @@ class Frame:
 
 def true_map(env: Any, grid: Grid) -> np.ndarray:
     """Draw the obstacles of an environment, (H, W), 1 is free."""
-    outlines = [obstacle.original_vertices.T for obstacle in env.obstacle_list]
-    longest = max(map(len, outlines))
-    outlines = [np.pad(outline, ((0, longest - len(outline)), (0, 0)), mode="edge") for outline in outlines]
     states = np.array([obstacle.state[:3, 0] for obstacle in env.obstacle_list])
     owner = torch.zeros(len(states), dtype=torch.long)
-    tensors = torch.as_tensor(np.array(outlines)).float(), torch.as_tensor(states).float()
+    tensors = torch.as_tensor(outlines_of(env)).float(), torch.as_tensor(states).float()
     return rasterize(*tensors, owner, 1, grid)[0].numpy()
 
 

@@ -105,9 +105,13 @@ def replay(path: Path) -> Recording:
         ranges.append(np.where(lidar.valid, lidar.range_data, np.inf))
         poses.append(robot.state[:3, 0].copy())
         states.append([obstacle.state[:3, 0].copy() for obstacle in obstacles])
-    outlines = _pad([_outline(obstacle.gf) for obstacle in obstacles])
     scans = Scans(np.array(ranges), np.asarray(lidar.angle_list), np.array(poses))
-    return Recording(scans, outlines, np.array(states).swapaxes(0, 1), seen=None)  # not reported by IR-SIM
+    return Recording(scans, outlines_of(env), np.array(states).swapaxes(0, 1), seen=None)  # not reported by IR-SIM
+
+
+def outlines_of(env: Any) -> np.ndarray:
+    """Return the outlines of the obstacles of an IR-SIM environment in their own frames [m], (O, V, 2)."""
+    return _pad([_outline(obstacle.gf) for obstacle in env.obstacle_list])
 
 
 def check_replay(world: World, recording: Recording) -> float:
