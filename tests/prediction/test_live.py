@@ -285,7 +285,7 @@ def ros2(monkeypatch):
             return python_types.SimpleNamespace(value=self.parameters.get(name, default))
 
         def create_publisher(self, kind, topic: str, qos):
-            assert (kind, topic) == (TYPES["OccupancyGrid"], "map")
+            assert (kind, topic) == (TYPES["OccupancyGrid"], "predicted_map")
             return python_types.SimpleNamespace(publish=self.sent.append)
 
         def create_subscription(self, kind, topic: str, callback, qos) -> None:
