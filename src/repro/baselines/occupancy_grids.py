@@ -14,7 +14,6 @@ from repro.scans import Scans
 
 PRIOR = 0.08  # prior probability of an obstacle, its share in the paper's dynamic worlds
 HIT, PASSED = 0.9, 0.05  # probability of an obstacle, given a single beam that ended in the pixel or passed through it
-
 BATCH = 64  # recordings that are filtered at a time
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from repro.baselines.laws import applies
 from repro.baselines.names import OTHER_BOUNDS, SLOW_BASELINES
 from repro.baselines.registry import PREDICTORS
-from repro.cli.inputs import CLAIMS, analysis_inputs
+from repro.cli.inputs import CLAIMS, GENERALIZATION, analysis_inputs
 from repro.cli.jobs import Job
 from repro.evaluation.analysis import gather
 from repro.evaluation.evaluate import evaluate_baseline
@@ -25,8 +25,6 @@ from repro.reporting.tables import write_tables
 from repro.reporting.uptodate import mark_up_to_date
 from repro.runs.directories import Outputs, Run
 from repro.system.files import write_text
-
-GENERALIZATION = "generalization"
 
 
 def analyze(job: Job) -> None:

@@ -24,5 +24,5 @@ def print_cost(jobs: list[Job]) -> None:
 
 
 def _kind(job: Job) -> str:
-    """Return what decides the duration of a training, of the jobs of a sweep."""
+    """Return what the duration of a training depends on, as text: everything but its worlds and its seed."""
     return str((job.config.model, job.config.encoding, job.config.train, job.scale))

@@ -5,9 +5,10 @@ from repro.reporting.uptodate import inputs_hash
 from repro.runs.directories import Outputs
 
 CLAIMS = ROOT / "reproduce" / "claims.yaml"
+GENERALIZATION = "generalization"  # rows of task=generalization, and the name of their file
 
 
 def analysis_inputs(outputs: Outputs) -> str:
     """Return a hash of everything that the analysis depends on."""
-    others = [*outputs.curves.glob("*.csv"), outputs.analysis / "generalization.csv", CLAIMS]
+    others = [*outputs.curves.glob("*.csv"), outputs.analysis / f"{GENERALIZATION}.csv", CLAIMS]
     return inputs_hash(outputs, [*others, *sorted(outputs.figures.glob("*.png"))])

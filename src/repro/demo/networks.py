@@ -121,9 +121,9 @@ def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
 def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:
     """Return the title of a network and its experiment, from the path of an exported folder or a run directory."""
     parts = (directory.parent if directory.is_file() else directory).resolve().parts
-    exported = re.fullmatch(r"exp(\w+?)-(\w+?)(-.*)?", parts[-1])
+    exported = re.fullmatch(r"exp(\w+?)-(\w+?)(?:-.*)?", parts[-1])
     if exported:
-        experiment, model, _ = exported.groups()
+        experiment, model = exported.groups()
         return f"{predictor_title(model, predictor.encoding.name)}, experiment {experiment}", experiment
     if parts[-1] == "model" and "runs" in parts[-6:-5]:
         key = RunKey.parse(Path(*parts[-6:-1]))

@@ -162,9 +162,9 @@ def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarra
         weights: see `by_recency`.
 
     Returns:
-        rows of last_hit, metric, value, low, high; without an interval where obstacles of the group are too rare, a
-        metric has no row. The metrics are `obstacles` (their number), `recall` (mean predicted
-        share of an obstacle) and `detected` (share of the obstacles that are predicted by at least half).
+        rows of last_hit, metric, value, low, high. The metrics are `obstacles` (their number), `recall` (mean predicted
+        share of an obstacle) and `detected` (share of the obstacles that are predicted by at least half); the last two
+        have no row where the obstacles of a group are too rare for an interval.
     """
     area = test.masks.sum((1, 2))
     group = np.where(test.newest > 0, age_bin(test.steps - test.newest + 1), BINS)

@@ -1,6 +1,8 @@
 """Blocks of the recurrent networks."""
 
-from torch import nn
+from collections.abc import Callable
+
+from torch import Tensor, nn
 
 
 def conv_block(channels: int, new_channels: int, stride: int = 1, dilation: int = 1) -> tuple[nn.Module, ...]:
@@ -10,3 +12,18 @@ def conv_block(channels: int, new_channels: int, stride: int = 1, dilation: int 
         nn.GroupNorm(8, new_channels),
         nn.ReLU(inplace=True),
     )
+
+
+def each_part(encode: Callable[[Tensor], Tensor], images: Tensor, frames: int) -> Tensor:
+    """Encode the images of each part of a window.
+
+    Args:
+        encode: maps the images of a part, (B, kinds, H, W), to features, (B, F, h, w).
+        images: images of a window, (B, C, H, W), where each kind of image has one per part, oldest first.
+        frames: parts of the window, K.
+
+    Returns:
+        features, (B, K, F, h, w), oldest part first.
+    """
+    parts = images.unflatten(1, (-1, frames)).transpose(1, 2)  # (B, K, kinds, H, W)
+    return encode(parts.flatten(0, 1)).unflatten(0, parts.shape[:2])

@@ -11,7 +11,7 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.networks.blocks import conv_block
+from repro.networks.blocks import conv_block, each_part
 
 DETAIL = 16  # channels at full resolution
 
@@ -62,8 +62,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
 
     def _state(self, images: Tensor) -> Tensor:
         """Run the GRU over the parts of the window, oldest first; return its last state, (B, hidden, h, w)."""
-        parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
-        encoded = self.from_part(self.encoder(parts.flatten(0, 1))).unflatten(0, parts.shape[:2])
+        encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
         state = torch.zeros_like(encoded[:, 0].chunk(2, dim=1)[0])
         for part in encoded.unbind(1):
             update, candidate = part.chunk(2, dim=1)

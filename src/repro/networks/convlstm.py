@@ -8,7 +8,7 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.networks.blocks import conv_block
+from repro.networks.blocks import conv_block, each_part
 
 
 class ConvLSTM(nn.Module, PyTorchModelHubMixin):
@@ -38,8 +38,7 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
-        parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
-        encoded = self.from_image(self.encoder(parts.flatten(0, 1))).unflatten(0, parts.shape[:2])
+        encoded = each_part(lambda part: self.from_image(self.encoder(part)), images, self.frames)
         memory = torch.zeros_like(encoded[:, 0].chunk(4, dim=1)[0])
         shown = memory
         for gates in encoded.unbind(1):

@@ -1,13 +1,15 @@
 """The network of DeepTracking: a recurrent network at full resolution, a baseline for networks with a series of images.
 
 Ondruska and Posner, "Deep Tracking: Seeing Beyond Seeing Using Recurrent Neural Networks", AAAI 2016, with the layers
-of version 1.1 of their code. The authors train it without ground truth, on what later scans see; here it is trained
-with the true map, as all other networks.
+of version 1.1 of their code. The authors train it on later scans, without ground truth; here it is trained with the
+true map, as all other networks.
 """
 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
+
+from repro.networks.blocks import each_part
 
 SIZE = 7  # of every kernel
 ENCODED, STATE = 16, 32  # channels
@@ -30,8 +32,7 @@ class DeepTracking(nn.Module, PyTorchModelHubMixin):
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
-        parts = images.unflatten(1, (-1, self.frames)).transpose(1, 2)  # (B, K, kinds, H, W)
-        encoded = self.encoder(parts.flatten(0, 1)).sigmoid().unflatten(0, parts.shape[:2])
+        encoded = each_part(self.encoder, images, self.frames).sigmoid()
         state = encoded.new_zeros(images.shape[0], STATE, *images.shape[-2:])
         for part in encoded.unbind(1):
             state = self.transition(torch.cat([part, state], dim=1)).sigmoid()

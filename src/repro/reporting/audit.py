@@ -18,9 +18,10 @@ Row = dict[str, float]
 def audit(table: pd.DataFrame) -> pd.DataFrame:
     """Audit rows of metrics with FREE as the positive class.
 
+    Two values agree if rounding to four decimals can explain their difference.
+
     Args:
-        table: accuracy, dice, precision, recall, specificity in [0, 1], and any columns that identify the rows;
-            differences that rounding to four decimals can explain count as agreement.
+        table: accuracy, dice, precision, recall, specificity in [0, 1], and any columns that identify the rows.
 
     Returns:
         the identifying columns, then: `free`, the share of free pixels implied by accuracy, recall and specificity;
@@ -81,7 +82,7 @@ def _ratio(numerator: float, denominator: float) -> float:
 
 def _agree(one: Callable[[Row], float], other: Callable[[Row], float], row: Row) -> bool:
     """Return whether two numbers computed from a row can be equal before the terms of the row were rounded."""
-    half = 0.5e-4
+    half = 0.5e-4  # of the last printed decimal
     low = high = one(row) - other(row)
     for signs in itertools.product((-half, half), repeat=len(row)):
         moved = {name: value + sign for (name, value), sign in zip(row.items(), signs, strict=True)}

@@ -12,6 +12,7 @@ import re
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -156,8 +157,26 @@ def published_page(
     `origins` has the provenance of each run by its path.
     """
     networks = runs[runs["encoding"] != ""]
-    steps = [step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"]
-    known = [step for step in steps if "hardware" in step]  # the oldest runs have no more than their precision
+    ablated = networks["encoding"].str.endswith(NO_DECAY).any()
+    tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
+    analysis = "; `analysis/` and `report.html` have the analysis" if with_analysis else ""
+    commands = _training_commands(networks, origins, overrides)
+    lines = [
+        f"# Published results, {name}\n",
+        caption(runs) + "\n",
+        f"{tables} `runs.csv` has every run with its seed, all metrics and times,",
+        f"`provenance.json` has the provenance of every run{analysis}.\n",
+        *_environments(step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"),
+        "",
+        *markdown_table(("network", "trainings", "minutes per training", "command"), commands),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:
+    """List the hardware, versions, commits and precisions of steps; the oldest ones have a precision alone."""
+    steps = list(steps)
+    known = [step for step in steps if "hardware" in step]
     machines = {
         verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in known if step["step"] == verb})
         for verb in ("trained", "evaluated")
@@ -166,21 +185,18 @@ def published_page(
         f"{package} {' and '.join(sorted({step['versions'][package] for step in known}))}"
         for package in ("torch", "segmentation-models-pytorch", "ir-sim")
     ]
-    precisions = sorted({step["precision"] for step in steps if "precision" in step})
-    commits = sorted({str(step["commit"]) for step in known})
-    ablated = networks["encoding"].str.endswith(NO_DECAY).any()
-    tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
-    lines = [
-        f"# Published results, {name}\n",
-        caption(runs) + "\n",
-        f"{tables} `runs.csv` has every run with its seed, all metrics and times,",
-        "`provenance.json` has the provenance of every run"
-        + ("; `analysis/` and `report.html` have the analysis.\n" if with_analysis else ".\n"),
+    return [
         *(f"- {verb} on: {'; '.join(names)}" for verb, names in machines.items()),
         f"- versions: {', '.join(versions)}",
-        f"- commit: {', '.join(commits)}",
-        f"- precision: {', '.join(precisions)}\n",
+        f"- commit: {', '.join(sorted({str(step['commit']) for step in known}))}",
+        f"- precision: {', '.join(sorted({step['precision'] for step in steps if 'precision' in step}))}",
     ]
+
+
+def _training_commands(
+    networks: pd.DataFrame, origins: dict[str, Provenance], overrides: str
+) -> list[tuple[str, int, str, str]]:
+    """Return title, number of trainings, their mean time [min] and command of each network with each encoding."""
     rows = []
     for model, encoding in dict.fromkeys(zip(networks["model"], networks["encoding"], strict=True)):
         own_runs = networks[(networks["model"] == model) & (networks["encoding"] == encoding)]
@@ -192,5 +208,4 @@ def published_page(
         command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {overrides}{precision}"
         minutes = own_runs["training_seconds"].mean() / 60
         rows.append((predictor_title(model, encoding), len(own_runs), f"{minutes:.1f}", f"`{command}`"))
-    lines += markdown_table(("network", "trainings", "minutes per training", "command"), rows)
-    return "\n".join(lines) + "\n"
+    return rows

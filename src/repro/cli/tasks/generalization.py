@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from repro.cli.inputs import GENERALIZATION
 from repro.cli.jobs import Job
 from repro.evaluation.generalization import across_experiments, under_changes, updated
 from repro.networks.predictor import load_predictor
@@ -34,7 +35,7 @@ def run(job: Job) -> None:
         rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     table = pd.concat(rows, ignore_index=True).assign(seed=job.seed, model=key.model, encoding=key.encoding)
-    path = outputs.analysis / "generalization.csv"
+    path = outputs.analysis / f"{GENERALIZATION}.csv"
     with lock(outputs.analysis):
         if path.is_file():
             table = updated(read_rows(path), table)

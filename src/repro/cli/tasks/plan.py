@@ -21,6 +21,6 @@ def run(job: Job) -> None:
     runs = Study(job.outputs, job.experiments, job.seed).runs()
     trainings = {name: sum(k.model == name and not run.is_trained for k, run in runs.items()) for name in NETWORKS}
     evaluations = sum(not run.is_evaluated for run in runs.values())
-    left = (sum(missing.values()), seconds, trainings, evaluations)
-    for line in plan_study(job.config, job.runtime.precision, *left):
+    recordings, precision = sum(missing.values()), job.runtime.precision
+    for line in plan_study(job.config, precision, recordings, seconds, trainings, evaluations):
         print(line, flush=True)

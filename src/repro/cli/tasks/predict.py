@@ -36,16 +36,7 @@ def run(job: Job) -> None:
     path = Path(job.scans)
     predictor = load_predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
-    try:
-        predictor.check_center(settings.center)
-    except ValueError as error:
-        raise ValueError(f"prediction.center: {error}") from error
-    log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
-    log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
-    _describe(log)
-    if log.range_max_m < predictor.reach_m:
-        print(misses_left_out(log.range_max_m, predictor.reach_m))
-        log = replace(log, ranges=without_misses(log.ranges))
+    log = _log(path, step_s, settings, predictor.reach_m)
     range_max_m = min(settings.range_max_m, log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / name_of(path)
@@ -76,12 +67,31 @@ def run(job: Job) -> None:
 
 
 def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
-    """Return steps and time of a step [s] of the windows; those of the training unless others are chosen."""
+    """Return steps and time of a step [s] of the windows; those of the training unless others are chosen.
+
+    Raises:
+        ValueError: the map of the window would move, and the network has learned fixed obstacles.
+    """
+    try:
+        predictor.check_center(settings.center)
+    except ValueError as error:
+        raise ValueError(f"prediction.center: {error}") from error
     steps, step_s = predictor.window(settings.steps, settings.step_s)
     if (steps, step_s) != predictor.window():
         known = f"{predictor.steps} steps of {predictor.step_s:g} s"
         print(f"warning: windows of {steps} steps of {step_s:g} s, the network was trained with {known}")
     return steps, step_s
+
+
+def _log(path: Path, step_s: float, settings: Prediction, reach_m: float) -> ScanLog:
+    """Read and describe a log; the misses of a lidar that reaches less far than that of the training are invalid."""
+    log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
+    log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
+    _describe(log)
+    if log.range_max_m < reach_m:
+        print(misses_left_out(log.range_max_m, reach_m))
+        log = replace(log, ranges=without_misses(log.ranges))
+    return log
 
 
 def name_of(log: Path) -> str:
