@@ -33,6 +33,8 @@ CALLS = {  # arguments, and what the message must contain
     "task=report seed=0,1": ["seed=0,1: takes one value; for a sweep, add -m"],
     "task=predict": ["scans: is needed with task=predict"],
     "task=report scans=a": ["scans=a: is for task=predict only"],
+    "task=floor": ["floor_map: is needed with task=floor"],
+    "task=report floor_map=a": ["floor_map=a: is for task=floor only"],
     "task=predict scans=a prediction.center=here": ["prediction.center=here: must be robot, start, or [x,y]"],
     "task=predict scans=a prediction.center=[nan,1]": ["must be robot, start, or [x,y]"],
     "task=predict scans=a prediction.fov_deg=0": ["prediction.fov_deg=0.0: must be greater than 0"],

@@ -149,7 +149,7 @@ def configuration(v):
             "workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None,
             "part": 0, "parts": 1,
         },
-        **{key: CONFIG[key] for key in ("format", "scans", "prediction", "demo", "publish")},
+        **{key: CONFIG[key] for key in ("format", "scans", "floor_map", "prediction", "demo", "publish")},
     }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ RUN_TASKS = (
 )
 TRAINING_TASKS = ("all", "train")
 # once for all runs:
-STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo")
+STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo", "floor")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
 Directory = Annotated[str, Field(min_length=1), AfterValidator(os.path.expanduser)]
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
@@ -130,6 +130,7 @@ class Config:
     runtime: Runtime
     format: Annotated[str, choice("torch", "onnx")]
     scans: Directory | None
+    floor_map: Directory | None
     prediction: Prediction
     demo: Demo
     publish: Publish

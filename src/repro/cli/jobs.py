@@ -35,6 +35,7 @@ class Job:
         add: whether runs are added to published results instead of replacing them.
         format: form of an exported network, torch or onnx.
         scans: the log of task=predict.
+        floor_map: the map of task=floor.
         prediction: settings of task=predict.
         demo: settings of task=demo.
     """
@@ -51,6 +52,7 @@ class Job:
     add: bool
     format: str
     scans: str | None
+    floor_map: str | None
     prediction: Prediction
     demo: Demo
 
@@ -94,6 +96,7 @@ def resolve(config: Config) -> Job:
         add=config.publish.add,
         format=config.format,
         scans=config.scans,
+        floor_map=config.floor_map,
         prediction=config.prediction,
         demo=config.demo,
     )

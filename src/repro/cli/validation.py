@@ -80,9 +80,11 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
-    if (config.task == "predict") != (config.scans is not None):
-        expected = "is needed with task=predict" if config.scans is None else "is for task=predict only"
-        errors.append(ConfigError("scans", config.scans, expected))
+    for key, task in (("scans", "predict"), ("floor_map", "floor")):
+        value = getattr(config, key)
+        if (config.task == task) != (value is not None):
+            expected = f"is needed with task={task}" if value is None else f"is for task={task} only"
+            errors.append(ConfigError(key, value, expected))
     architecture = config.model.architecture or config.model.name
     if architecture in RECURRENT and "frames" not in config.encoding.parameters:
         expected = f"model {architecture} takes a series of images: encoding=series10 or encoding=stack10"

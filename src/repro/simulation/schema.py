@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from repro.config import ConfigError, config_errors_of, populations, world_spec
 from repro.simulation.motions import recorded_steps, top_speeds
-from repro.simulation.schema_parts import Fixed, Motion, Name, Part, Populations, Robot, World
+from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Name, Part, Populations, Robot, World
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
 
@@ -21,7 +21,7 @@ MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
 SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others
 MAX_READINGS = 2_000_000  # of a recording; a shard of a hundred recordings is held in memory, 4 bytes each
 
-FixedList = Annotated[list[Fixed], Field(max_length=1000)]
+FixedList = Annotated[list[Fixed], Field(max_length=MAX_FIXED)]
 
 
 class Experiment(Part):

@@ -30,6 +30,7 @@ Point = tuple[Coordinate, Coordinate]
 Number = Annotated[int, Field(ge=1, le=1000)]
 NumberRange = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+MAX_VERTICES, MAX_FIXED = 100, 1000  # of a polygon or line string, of the fixed obstacles of a floor
 
 
 class Part(BaseModel):
@@ -103,14 +104,14 @@ class Polygon(Part):
     """A polygon, convex or not."""
 
     name: Literal["polygon"]
-    vertices: Annotated[list[Point], Field(min_length=3, max_length=100), AfterValidator(_simple)]
+    vertices: Annotated[list[Point], Field(min_length=3, max_length=MAX_VERTICES), AfterValidator(_simple)]
 
 
 class LineString(Part):
     """A wall without width."""
 
     name: Literal["linestring"]
-    vertices: Annotated[list[Point], Field(min_length=2, max_length=100), AfterValidator(_distinct)]
+    vertices: Annotated[list[Point], Field(min_length=2, max_length=MAX_VERTICES), AfterValidator(_distinct)]
 
 
 AnyShape = Annotated[Disc | Rectangle | Polygon | LineString, Field(discriminator="name")]
