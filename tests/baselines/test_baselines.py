@@ -46,9 +46,15 @@ def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
     free, tuned = PREDICTORS[name](val, test)
     assert free.shape == test.maps.shape
     assert 0 <= free.min() <= free.max() <= 1
-    assert bool(tuned) == (name != "all_free")
-    if name != "all_free":
+    assert bool(tuned) == (name not in ("all_free", "mean_map"))
+    if tuned:
         assert scores(confusion(free, test.maps.float()).sum(0))["obstacle_iou"] > 0.15
+
+
+def test_the_mean_map_depends_on_the_validation_maps_alone(recorded):
+    val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
+    free, _ = PREDICTORS["mean_map"](val, test)
+    assert np.allclose(free, val.maps.float().mean(dim=0))
 
 
 def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):

@@ -50,7 +50,9 @@ class Obstacles:
 
 
 def applies(name: str, spec: dict[str, Any]) -> bool:
-    """Return whether a baseline adds something in worlds of a spec; true for those that are not of `BOUNDS`."""
+    """Return whether a baseline adds something in worlds of a spec."""
+    if name == "mean_map":  # without fixed obstacles, it has none
+        return bool(spec.get("fixed"))
     if name not in BOUNDS:
         return True
     needs_motion = name in ("without_velocities", "positions")  # where nothing moves, they equal those with velocities
@@ -71,7 +73,10 @@ def check_laws(spec: dict[str, Any]) -> None:
         ValueError: the worlds have other laws than the paper's.
     """
     if not knows(spec):
-        raise ValueError("this predictor draws from the paper's laws: no walls, noise, drives or several populations")
+        raise ValueError(
+            "needs worlds with one population of discs and rectangles and the motion rotate or square, "
+            "without fixed obstacles or noise of the lidar"
+        )
 
 
 def sampled_obstacles(spec: dict[str, Any]) -> Obstacles:

@@ -4,6 +4,7 @@ from repro.config import NETWORKS
 
 BASELINES = {
     "all_free": "All free",
+    "mean_map": "Mean map",
     "last_seen": "Last seen",
     "occupancy": "Occupancy grid",
     "transitional": "Transitional grid",

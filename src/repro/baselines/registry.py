@@ -38,6 +38,11 @@ def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     return torch.ones(test.maps.shape), {}
 
 
+def mean_map(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+    """Predict the mean of the validation maps, whatever the scans say: what fixed obstacles alone are worth."""
+    return val.maps.float().mean(dim=0, keepdim=True).expand(test.maps.shape), {}
+
+
 def last_seen(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict an obstacle within a radius of every hit."""
     distances = {id(each): _distance_to_hits(each) for each in (val, test)}  # [px]
@@ -72,6 +77,7 @@ def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 PREDICTORS: dict[str, Baseline] = {
     "all_free": all_free,
+    "mean_map": mean_map,
     "last_seen": last_seen,
     "occupancy": occupancy,
     "transitional": transitional,
