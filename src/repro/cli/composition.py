@@ -110,7 +110,8 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             raise
         raise Refused(*composition_errors(error)) from error
     except (TypeError, ValueError) as error:  # OmegaConf's own for the name of an entry of a list
-        raise Refused(f"an entry of a list is named by its number, as in world.robot.sensors.0: {error}") from error
+        name = str(error).rpartition(": ")[2]
+        raise Refused(f"{name}: an entry of a list is named by its number, as in world.robot.sensors.0") from error
 
 
 def override_errors(override: Override, multirun: bool) -> list[str]:
@@ -152,9 +153,11 @@ def composition_errors(error: Exception) -> list[str]:
     if first.startswith("Error merging override "):
         return [f"{first.removeprefix('Error merging override ')}: {str(error.__cause__).splitlines()[0]}"]
     if "Could not find '" in first:
-        group, _, name = first.split("'")[-2].rpartition("/")
+        path = first.split("'")[-2]
+        group = path.split("/")[0] if path.startswith(GROUPS) else path.rpartition("/")[0]
+        name = path.removeprefix(f"{group}/")
         options = [line for line in rest if line and not line.startswith("Available")]
-        return [f"{group}={name}: {one_of(name, options)}"]
+        return [f"{group}={name}: {one_of(name, options)} (files of conf/{group})"]
     return [
         " ".join([first, *(line for line in rest if not line.startswith(("full_key", "object_type", "reference")))])
     ]
