@@ -303,7 +303,7 @@ def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
 
 
 def test_the_documents_state_how_long_a_study_takes():
-    """Minutes of training of every whole published study lie within what the table of scales says."""
+    """On two cores, the trainings of every whole published study take as long as the table of scales says."""
     text = "\n".join(path.read_text() for path in DOCUMENTS)
     whole = 0
     for directory in (path for path in RESULTS.glob("*") if path.is_dir()):
@@ -312,7 +312,7 @@ def test_the_documents_state_how_long_a_study_takes():
             if len(rows) == 24:
                 row = next(line for line in text.splitlines() if line.startswith(f"| `{directory.name}` |"))
                 low, high = map(int, re.search(r"(\d+) to (\d+) minutes", row).groups())
-                assert low <= rows["training_seconds"].sum() / 60 <= high
+                assert low <= rows["training_seconds"].sum() / 60 / 2 <= high
                 whole += 1
     assert whole
 

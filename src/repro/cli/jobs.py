@@ -77,6 +77,11 @@ class Job:
         """Directory of the published results of the outputs directory."""
         return RESULTS / self.outputs.path.name
 
+    @property
+    def reference(self) -> Path:
+        """Directory of the published results to compare with: of the outputs directory, else of the scale."""
+        return self.published if self.published.is_dir() else RESULTS / self.scale.name
+
 
 def resolve(config: Config) -> Job:
     """Resolve a checked configuration."""

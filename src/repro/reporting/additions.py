@@ -9,7 +9,7 @@ import pandas as pd
 
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.publish import has_uncommitted, options_of, write_histories, write_runs
-from repro.reporting.results import SIZES, read_origins, read_published, read_results
+from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs
 from repro.runs.keys import CELL, KEY, RunKey
@@ -80,9 +80,7 @@ def _problem(
             return f"the published runs have {_listed(then)} {words}, the new runs {_listed(now)}"
     for path, origin in origins.items():
         experiment = RunKey.parse(path).experiment
-        others = {
-            each.fact("recordings") for key, each in earlier.items() if RunKey.parse(key).experiment == experiment
-        }
+        others = recordings_of(earlier, experiment)
         if others and origin.fact("recordings") not in others:
             return f"{path} has other recordings than the published runs of experiment {experiment}"
     if "training" in published:

@@ -14,7 +14,7 @@ from repro.reporting.names import model_title
 from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs, Run
-from repro.runs.keys import CELL, KEY
+from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.provenance import Provenance, Status
 from repro.system.files import read_typed
 
@@ -95,6 +95,12 @@ def read_origins(directory: Path) -> dict[str, Provenance]:
         ValueError: provenance.json cannot be read.
     """
     return read_typed(dict[str, Provenance], directory / "provenance.json", "restore it from git")
+
+
+def recordings_of(origins: dict[str, Provenance], experiment: str) -> set[object]:
+    """Return the checksums of the recordings of the runs of an experiment."""
+    of_experiment = (origin for path, origin in origins.items() if RunKey.parse(path).experiment == experiment)
+    return {origin.fact("recordings") for origin in of_experiment}
 
 
 def _row(outputs: Outputs, run: Run) -> dict[str, Any]:

@@ -3,12 +3,14 @@
 from repro.cli.jobs import Job
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.maps.grid import Grid
+from repro.recordings.reader import recordings_hash
 from repro.reporting.paper import are_papers, targets
+from repro.reporting.results import read_origins, recordings_of
 from repro.simulation.recorder import record_experiment, record_part
 
 
 def run(job: Job) -> None:
-    """Record an experiment or a part of it, and compare new worlds with those that the paper's tables imply."""
+    """Record an experiment or a part; compare it with what the paper's tables imply and with the published one."""
     directory, runtime = job.recordings, job.runtime
     is_new = not (directory / "manifest.json").is_file()
     print(f"{'recording' if is_new else 'checking'} {directory}", flush=True)
@@ -30,3 +32,7 @@ def _describe(job: Job) -> None:
     print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {target['coverage']:.4f}" if target else ""))
     bound = f", must exceed the paper's specificity {target['specificity']:.4f}" if target else ""
     print(f"  visibility {found['visibility']:.4f}{bound}")
+    published = recordings_of(read_origins(job.reference), experiment) if job.reference.is_dir() else set()
+    if published:
+        same = recordings_hash(job.recordings, job.pairs) in published
+        print(f"  {'the' if same else 'not the'} recordings of {job.reference}")

@@ -1,15 +1,14 @@
 """task=verify: compare the runs of an outputs directory with the published ones of its name, else of its scale."""
 
-from repro.cli.jobs import RESULTS, Job
+from repro.cli.jobs import Job
 from repro.reporting.verification import verification_to_markdown, verify
 from repro.system.files import write_text
 
 
 def run(job: Job) -> None:
     """Print the comparison and write verification.csv."""
-    published = job.published if job.published.is_dir() else RESULTS / job.scale.name
-    print(f"comparing {job.outputs.path} with {published}")
-    compared = verify(job.outputs, published)
+    print(f"comparing {job.outputs.path} with {job.reference}")
+    compared = verify(job.outputs, job.reference)
     print(verification_to_markdown(compared))
     path = job.outputs.path / "verification.csv"
     write_text(path, compared.to_csv(index=False, float_format="%.6g"))
