@@ -2,13 +2,14 @@ import dataclasses
 import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import ROOT, run_config
 
 from repro.config import NETWORKS, PROJECTION, read_world, world_spec
 from repro.evaluation.analysis import gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
-from repro.evaluation.comparisons import averages
+from repro.evaluation.comparisons import averages, differences
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
@@ -149,6 +150,29 @@ def test_intervals_agree_with_the_metrics_of_the_run(outputs):
     kept = evaluate(outputs.run(RunKey("3", "last_seen")), outputs.recordings("3"))
     for metric in ("accuracy", "specificity", "ssim", "obstacle_iou"):
         assert row[metric] == pytest.approx(kept[metric], abs=1e-5), metric
+
+
+def test_a_method_is_compared_with_baselines_and_with_the_papers_u_net():
+    draws = pd.DataFrame({"accuracy": [0.9, 0.8, 0.95]})
+    cells = [
+        *(("unet", PROJECTION), ("unet", "projection-no-decay"), ("fpn", PROJECTION)),
+        *(("unet", "series10"), ("convgru", "series10"), ("tracker", "")),
+    ]
+    found = {
+        (names["comparison"], names["one"], names["other"], names["model"], names["encoding"])
+        for _, names in differences({("3", *cell): draws for cell in cells})
+    }
+    assert found == {
+        ("decay", PROJECTION, "projection-no-decay", "unet", ""),
+        ("encodings", PROJECTION, "series10", "unet", ""),
+        ("networks", "unet", "fpn", "", PROJECTION),
+        ("networks", "unet", "convgru", "", "series10"),
+        ("networks", "unet", "tracker", "", PROJECTION),
+        ("networks", "fpn", "tracker", "", PROJECTION),
+        ("networks", "unet", "tracker", "", "series10"),
+        ("networks", "convgru", "tracker", "", "series10"),
+        ("methods", "unet/projection", "convgru/series10", "", ""),
+    }
 
 
 def test_the_average_is_over_the_seeds_that_all_networks_have():

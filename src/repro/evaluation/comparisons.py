@@ -10,6 +10,7 @@ from repro.config import NETWORKS, NO_DECAY, PROJECTION
 from repro.metrics.bootstrap import Measured, difference, resample
 
 Cell = tuple[str, str, str]  # experiment, model, encoding
+PAPERS = ("unet", PROJECTION)  # the paper's best model and its input
 
 
 def averages(
@@ -34,7 +35,7 @@ def averages(
 
 
 def differences(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, dict[str, str]]]:
-    """Yield the differences between models on the same encoding, the decay and its ablation, and encodings.
+    """Yield the differences between models on the same encoding, the decay and its ablation, encodings, and methods.
 
     Args:
         draws: the metrics in every draw of the bootstrap, by cell.
@@ -44,22 +45,32 @@ def differences(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[pd.DataFrame,
     """
     for one, other in itertools.combinations(draws, 2):
         comparison = _comparison(one, other)
-        if comparison is None:
+        if comparison == "networks":
+            names = {"one": one[1], "other": other[1], "model": "", "encoding": one[2] or other[2]}
+        elif comparison == "methods":
+            names = {"one": "/".join(one[1:]), "other": "/".join(other[1:]), "model": "", "encoding": ""}
+        elif comparison:
+            names = {"one": one[2], "other": other[2], "model": one[1], "encoding": ""}
+        else:
             continue
-        column = 1 if comparison == "networks" else 2
-        shared = {"model": "", "encoding": one[2] or other[2]} if column == 1 else {"model": one[1], "encoding": ""}
-        columns = {"experiment": one[0], "comparison": comparison, "one": one[column], "other": other[column]}
-        yield difference(draws[one], draws[other]), columns | shared
+        yield difference(draws[one], draws[other]), {"experiment": one[0], "comparison": comparison, **names}
 
 
 def _comparison(one: Cell, other: Cell) -> str | None:
-    """Name the difference between two cells: networks, decay or encodings; None if they differ in more than one."""
+    """Name the difference between two cells; None if it is of no interest.
+
+    Networks have the same input, or one is a baseline, which has none. Methods differ in network and input, and one is
+    the paper's U-Net.
+    """
     encodings = one[2], other[2]
-    bases = [encoding.removesuffix(NO_DECAY) for encoding in encodings]
-    decays = [encoding.endswith(NO_DECAY) for encoding in encodings]
-    if one[1] != other[1]:  # a baseline has no encoding and is compared with the networks on the paper's input
-        same = encodings[0] == encodings[1] or ("" in encodings and PROJECTION in encodings)
-        return "networks" if same else None
-    if bases[0] == bases[1]:
-        return "decay"
-    return "encodings" if decays[0] == decays[1] else None
+    decays = [not encoding.endswith(NO_DECAY) for encoding in encodings]
+    if one[1] == other[1]:
+        bases = {encoding.removesuffix(NO_DECAY) for encoding in encodings}
+        return "decay" if len(bases) == 1 else "encodings" if decays[0] == decays[1] else None
+    if encodings[0] == encodings[1]:
+        return "networks"
+    if not all(decays):
+        return None
+    if "" in encodings:
+        return "networks"
+    return "methods" if PAPERS in (one[1:], other[1:]) else None
