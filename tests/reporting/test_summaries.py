@@ -47,6 +47,14 @@ def test_methods_are_in_the_order_of_the_tables_with_intervals():
     assert lines[6].split(" | ")[1] == ""  # a baseline has no seeds
 
 
+def test_networks_of_ones_own_with_the_same_input_are_in_alphabetical_order():
+    names = ["f", "b", "e", "a", "d", "c"]
+    rows = [("3", name, "series10", "accuracy", 0.9, 0.89, 0.91, 1) for name in names]
+    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high", "seeds"]
+    lines = methods_to_markdown(pd.DataFrame(rows, columns=columns), "Methods").splitlines()
+    assert [line.split(",")[0] for line in lines[4:]] == [f"| {name}" for name in sorted(names)]
+
+
 def test_the_share_of_the_upper_bound_is_shown_where_the_bound_is_evaluated():
     rows = [
         ("3", "unet", "projection", "obstacle_iou", 0.5, 0.49, 0.51, 1),

@@ -23,7 +23,7 @@ def baselines(frames: Frames) -> Figure | None:
     rows = _titled(frames["intervals"])
     shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
     rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
-    names = rows.drop_duplicates("title").sort_values(["rank", "encoding"], ascending=False)["title"].tolist()
+    names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
 
 
@@ -35,7 +35,7 @@ def encodings(frames: Frames) -> Figure | None:
     rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
     order = {name: number for number, name in enumerate(ENCODINGS)}
     rows = rows.assign(order=rows["encoding"].map(order))
-    names = rows.drop_duplicates("title").sort_values(["rank", "order"], ascending=False)["title"].tolist()
+    names = rows.drop_duplicates("title").sort_values(["rank", "order", "model"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
 
 
@@ -50,7 +50,7 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
     timed = costs.dropna(subset="training_min")[["model", "encoding", "training_min"]]
     points = rows.merge(timed, on=["model", "encoding"])
     experiments = sorted(points.loc[points["model"].isin(RECURRENT), "experiment"].unique()) or ["3", "4"]
-    names = points.sort_values(["rank", "encoding"])["title"].drop_duplicates().tolist()
+    names = points.sort_values(["rank", "encoding", "model"])["title"].drop_duplicates().tolist()
     size = (1.6 + 3.0 * len(experiments), 3.4)
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
     for ax, experiment in zip(axes[0], experiments, strict=True):

@@ -63,7 +63,7 @@ def methods_to_markdown(intervals: pd.DataFrame, caption: str) -> str:
     heads += [f"Exp. {e}: share of the bound" for e in chosen if e in bounds]
     shown = []
     cells = set(zip(rows["model"], rows["encoding"], strict=True))
-    for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1])):
+    for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1], cell[0])):
         own_rows = rows[(rows["model"] == model) & (rows["encoding"] == encoding)]
         values = [_cell(own_rows, experiment, metric) for experiment in chosen for metric in SUMMARY]
         iou = own_rows[own_rows["metric"] == "obstacle_iou"].set_index("experiment")["value"]
