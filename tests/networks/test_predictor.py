@@ -67,7 +67,7 @@ def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_
 
 
 def test_the_published_network_of_rooms_has_fixed_obstacles():
-    assert load_predictor(ROOT / "reproduce" / "results" / "office" / "exppeople-convgru").has_fixed
+    assert load_predictor(ROOT / "reproduce" / "results" / "office-8000" / "exppeople-convgru").has_fixed
 
 
 def test_plain_smp_reads_the_same_weights(saved):
