@@ -77,7 +77,7 @@ def test_the_number_of_unseen_obstacles_follows_from_that_of_those_found():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"fixed": [{"shape": {"name": "circle", "radius": 1.0}}]}, "the paper's laws"),
+        ({"fixed": [{"shape": {"name": "circle", "radius": 1.0}}]}, "one population of discs and rectangles"),
         ({"obstacles": {"turn_steps": [10, 30]}}, r"one random turn in 100 steps: .* at least 50, got \[10, 30\]"),
     ],
 )
