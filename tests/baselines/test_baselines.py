@@ -51,7 +51,7 @@ def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
         assert scores(confusion(free, test.maps.float()).sum(0))["obstacle_iou"] > 0.15
 
 
-def test_the_mean_map_depends_on_the_validation_maps_alone(recorded):
+def test_the_mean_map_depends_only_on_the_validation_maps(recorded):
     val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
     free, _ = PREDICTORS["mean_map"](val, test)
     assert np.allclose(free, val.maps.float().mean(dim=0))

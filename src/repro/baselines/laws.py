@@ -51,7 +51,7 @@ class Obstacles:
 
 def applies(name: str, spec: dict[str, Any]) -> bool:
     """Return whether a baseline adds something in worlds of a spec."""
-    if name == "mean_map":  # without fixed obstacles, it has none
+    if name == "mean_map":  # it predicts the fixed obstacles
         return bool(spec.get("fixed"))
     if name not in BOUNDS:
         return True

@@ -39,7 +39,7 @@ def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 
 def mean_map(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
-    """Predict the mean of the validation maps, whatever the scans say: what fixed obstacles alone are worth."""
+    """Predict the mean of the validation maps, independent of the scans."""
     return val.maps.float().mean(dim=0, keepdim=True).expand(test.maps.shape), {}
 
 

@@ -10,7 +10,7 @@ from repro.config import NETWORKS, NO_DECAY, PROJECTION
 from repro.metrics.bootstrap import Measured, difference, resample
 
 Cell = tuple[str, str, str]  # experiment, model, encoding
-PAPERS = ("unet", PROJECTION)  # the paper's best model and its input
+PAPERS_METHOD = ("unet", PROJECTION)  # the paper's best model and its input
 
 
 def averages(
@@ -63,14 +63,10 @@ def _comparison(one: Cell, other: Cell) -> str | None:
     the paper's U-Net.
     """
     encodings = one[2], other[2]
-    decays = [not encoding.endswith(NO_DECAY) for encoding in encodings]
+    has_decay = [not encoding.endswith(NO_DECAY) for encoding in encodings]
     if one[1] == other[1]:
         bases = {encoding.removesuffix(NO_DECAY) for encoding in encodings}
-        return "decay" if len(bases) == 1 else "encodings" if decays[0] == decays[1] else None
-    if encodings[0] == encodings[1]:
+        return "decay" if len(bases) == 1 else "encodings" if has_decay[0] == has_decay[1] else None
+    if encodings[0] == encodings[1] or ("" in encodings and all(has_decay)):
         return "networks"
-    if not all(decays):
-        return None
-    if "" in encodings:
-        return "networks"
-    return "methods" if PAPERS in (one[1:], other[1:]) else None
+    return "methods" if PAPERS_METHOD in (one[1:], other[1:]) and all(has_decay) else None

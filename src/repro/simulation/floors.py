@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import shapely
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
@@ -52,7 +52,7 @@ def read_floor(path: Path) -> Floor:
     """Convert a map to fixed obstacles.
 
     The largest connected area of free cells is the floor. Polygons cover all other cells exactly: occupied and unknown
-    ones, areas behind walls, and what makes the map a square, to the right of it or above it.
+    ones, areas behind walls, and the margin to the right of the map or above it that makes the world a square.
 
     Args:
         path: the YAML of the map, which names its image.
@@ -88,7 +88,7 @@ def _free_cells(path: Path, content: MapFile) -> np.ndarray:
             if max(image.size) > MAX_CELLS:
                 raise ValueError(f"{path}: expected at most {MAX_CELLS} cells along a side, got {image.size}")
             gray = np.asarray(image.convert("L"))
-    except (OSError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         raise ValueError(f"{path} cannot be read as an image: {error}") from error
     occupied = (gray if content.negate else 255 - gray) / 255
     is_unknown = (gray == UNKNOWN) & (content.mode == "trinary")
