@@ -39,6 +39,28 @@ def test_noise_has_the_given_deviation_and_keeps_misses(scans):
     assert moved[..., 2].std() == pytest.approx(0.01, rel=0.15)
 
 
+def test_odometry_drifts_away_from_the_newest_pose():
+    angle = np.linspace(0, 2 * np.pi, 101)
+    circle = np.stack([5 * np.cos(angle), 5 * np.sin(angle), angle + np.pi / 2], axis=-1)[None]
+    scans = Scans(np.full((1, 101, 3), 10.0), np.linspace(-0.7, 0.7, 3), np.angle(np.exp(1j * circle * [0, 0, 1])))
+    scans = Scans(scans.ranges, scans.angles, np.concatenate([circle[..., :2], scans.poses[..., 2:]], axis=-1))
+
+    class Errors:
+        def normal(self, mean, std, shape):
+            assert (mean, shape) == (0, (2, 1, 1))
+            return np.array([0.1, -0.05]).reshape(shape)  # of distances and of turns
+
+    drifted = generalization.drifted_poses(scans, 0.1, Errors()).poses[0]
+    assert drifted[-1] == pytest.approx([5, 0, drifted[-1, 2]])
+    assert np.cos(drifted[-1, 2] - circle[0, -1, 2]) == pytest.approx(1)
+    lengths = np.linalg.norm(np.diff(drifted[:, :2], axis=0), axis=1)
+    assert lengths.sum() == pytest.approx(1.1 * 2 * np.pi * 5, rel=1e-3)
+    assert drifted[-1, 2] - drifted[0, 2] == pytest.approx(0.95 * 2 * np.pi)
+    # each step points along the heading, as that of the circle does, up to half a step of the turn
+    direction = np.arctan2(*np.diff(drifted[:, :2], axis=0).T[::-1])
+    assert np.cos(direction - drifted[:-1, 2]) == pytest.approx(1, abs=1e-3)
+
+
 def test_dropped_beams_are_misses(scans):
     dropped = generalization.dropped_beams(scans, 0.25, np.random.default_rng(0))
     before, after = (np.isfinite(each.ranges).sum() for each in (scans, dropped))
@@ -60,6 +82,9 @@ def test_a_wider_view_has_more_beams_and_the_same_worlds():
     assert lidar["number"] == 200
     assert generalization.with_field_of_view(spec, 90)["robot"]["sensors"][0]["number"] == 100
     assert sample_world(spec, 7)["obstacle"] == sample_world(wide, 7)["obstacle"]
+    near = generalization.with_range(spec, 10)
+    assert near["robot"]["sensors"][0]["range_max"] == 10
+    assert sample_world(spec, 7)["obstacle"] == sample_world(near, 7)["obstacle"]
     fast = generalization.with_speed(spec, 2)
     assert fast["obstacles"]["behavior"]["speed_m_s"] == [0.4, 1.4]
     assert spec["obstacles"]["behavior"]["speed_m_s"] == [0.2, 0.7]
@@ -75,15 +100,18 @@ def test_a_network_is_tested_on_every_experiment(predictor, recorded):
 @pytest.mark.slow
 def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch):
     monkeypatch.setattr(generalization, "FIELDS_OF_VIEW", (60, 90))
+    monkeypatch.setattr(generalization, "RANGES_M", (15, 30))
     monkeypatch.setattr(generalization, "SPEEDS", (1, 2))
     table = generalization.under_changes(predictor, "3", world_spec("3"), tmp_path, 4, workers=1)
     accuracy = table[table["metric"] == "accuracy"].set_index(["shift", "tested"])["value"]
     assert accuracy["field of view [deg]", "90"] == accuracy["obstacles' speed [times]", "1"]
+    assert accuracy["maximum range [m]", "30"] == accuracy["field of view [deg]", "90"]
     assert accuracy["range noise [m]", "0"] == accuracy["pose noise [m]", "0"] == accuracy["beams dropped", "0"]
     assert accuracy["field of view [deg]", "90"] == pytest.approx(accuracy["beams dropped", "0"])
     assert set(accuracy.index.get_level_values("shift")) == {
         *generalization.CHANGES,
         "field of view [deg]",
+        "maximum range [m]",
         "obstacles' speed [times]",
     }
 

@@ -70,6 +70,23 @@ def test_the_published_network_of_rooms_has_fixed_obstacles():
     assert load_predictor(ROOT / "reproduce" / "results" / "office-8000" / "exppeople-convgru").has_fixed
 
 
+def test_a_miss_of_a_lidar_that_reaches_less_far_shows_free_space_up_to_its_range(saved):
+    predictor = load_predictor(ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru")
+    steps = torch.arange(100)
+    poses = torch.stack([torch.full((100,), 25.0), torch.full((100,), 25.0), steps * 0.0], dim=-1)
+    misses = Scans(torch.full((100, 90), torch.inf), torch.linspace(-0.78, 0.78, 90), poses).tensors()
+    distance = (predictor.grid.centers() - 25).norm(dim=-1)
+    for range_max_m, expected in ((10.0, 10.0), (30.0, 30.0), (100.0, 30.0)):
+        near = predictor.with_range(range_max_m)
+        seen = near.encoding.encode(misses, near.grid)[0, near.encoding.frames] == 0
+        assert distance[seen.flatten()].max() == pytest.approx(expected, abs=predictor.grid.resolution_m)
+        assert near.reach_m == expected
+    assert saved[0].with_range(10.0) is saved[0]  # the paper's image shows hits only
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match=r"range_max_m: expected a positive range \[m\], got"):
+            predictor.with_range(wrong)
+
+
 def test_plain_smp_reads_the_same_weights(saved):
     predictor, directory = saved
     state = smp.from_pretrained(directory).state_dict()

@@ -148,7 +148,7 @@ def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second(predictor):
     check(robot, expected(predictor, 30))
 
 
-def test_misses_of_a_lidar_that_reaches_less_far_say_nothing():
+def test_misses_of_a_lidar_that_reaches_less_far_free_its_own_range():
     torch.manual_seed(0)
     encoding = create_encoding("observed_free", {})
     network = create_network(paper_model("unet"), in_channels=encoding.channels).eval()
@@ -156,14 +156,14 @@ def test_misses_of_a_lidar_that_reaches_less_far_say_nothing():
     for step in range(25):
         robot.mapper.add_odometry(odometry(step))
         robot.mapper.add_scan(scan(step, range_max=12.0))
-    message = "misses are treated as invalid: the maximum range of the lidar is 12 m, below the 30 m of the training"
+    message = "misses show free space up to the maximum range of the lidar, 12 m; the network was trained with 30 m"
     assert robot.warnings == [message]
     robot.warnings.clear()
-    ranges = np.where(EXAMPLE["ranges"] < 12, EXAMPLE["ranges"], np.nan)
-    maps = expected(robot.mapper.predictor, 25, ranges=ranges)
+    ranges = np.where(EXAMPLE["ranges"] < 12, EXAMPLE["ranges"], np.inf)
+    maps = expected(robot.mapper.predictor.with_range(12.0), 25, ranges=ranges)
     check(robot, maps)
-    as_free = expected(robot.mapper.predictor, 25, ranges=np.where(np.isnan(ranges), np.inf, ranges))
-    assert not np.allclose(maps[-1], as_free[-1], atol=1e-3)
+    as_far = expected(robot.mapper.predictor, 25, ranges=ranges)
+    assert not np.allclose(maps[-1], as_far[-1], atol=1e-3)
 
 
 def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):

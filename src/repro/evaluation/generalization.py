@@ -1,4 +1,4 @@
-"""Generalization under distribution shift: other experiments, sensor noise, pose noise, fields of view and speeds."""
+"""Generalization under distribution shift: other experiments, changed sensors and poses, faster obstacles."""
 
 import copy
 import dataclasses
@@ -22,7 +22,8 @@ from repro.simulation.recorder import record_experiment
 
 Spec = dict[str, Any]
 Change = Callable[[Scans, float, np.random.Generator], Scans]
-FIELDS_OF_VIEW = (45, 60, 90, 120, 180)  # [deg], at the original angular resolution
+FIELDS_OF_VIEW = (45, 60, 90, 120, 180, 270, 360)  # [deg], at the original angular resolution
+RANGES_M = (10, 15, 20, 30)  # maximum range of the lidar
 SPEEDS = (1, 2, 4)  # multiples of the original speed
 TEST = ["model", "encoding", "trained", "shift"]  # columns that identify a test
 RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
@@ -41,6 +42,22 @@ def noisy_poses(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
     return dataclasses.replace(scans, poses=scans.poses + noise)
 
 
+def drifted_poses(scans: Scans, std: float, rng: np.random.Generator) -> Scans:
+    """Draw for each window two scale errors of odometry, of distances and of turns, both normal with deviation `std`.
+
+    The newest pose stays exact, as in a map around the robot; older poses deviate by what the errors add up to since.
+    """
+    distances, turns = 1 + rng.normal(0, std, (2, len(scans), 1))
+    position, heading = scans.poses[..., :2], np.unwrap(scans.poses[..., 2], axis=-1)
+    drifted = heading[:, -1:] + turns * (heading - heading[:, -1:])
+    x, y = np.moveaxis(np.diff(position, axis=1), -1, 0) * distances
+    turn = (drifted - heading)[:, :-1]
+    steps = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y], axis=-1)
+    ahead = np.cumsum(steps[:, ::-1], axis=1)[:, ::-1]  # from each pose to the newest one
+    position = np.concatenate([position[:, -1:] - ahead, position[:, -1:]], axis=1)
+    return dataclasses.replace(scans, poses=np.concatenate([position, drifted[..., None]], axis=-1))
+
+
 def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans:
     """Drop a random share of all readings; dropped beams become misses."""
     dropped = rng.random(scans.ranges.shape) < share
@@ -50,6 +67,7 @@ def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans
 CHANGES: dict[str, tuple[Change, tuple[float, ...]]] = {
     "range noise [m]": (noisy_ranges, (0.0, 0.05, 0.1, 0.2, 0.5)),
     "pose noise [m]": (noisy_poses, (0.0, 0.1, 0.25, 0.5)),
+    "odometry error": (drifted_poses, (0.0, 0.01, 0.02, 0.05, 0.1)),
     "beams dropped": (dropped_beams, (0.0, 0.25, 0.5)),
 }
 
@@ -60,6 +78,13 @@ def with_field_of_view(spec: Spec, degrees: float) -> Spec:
     lidar = changed["robot"]["sensors"][0]
     factor = math.radians(degrees) / lidar["angle_range"]
     lidar |= {"angle_range": math.radians(degrees), "number": round(lidar["number"] * factor)}
+    return changed
+
+
+def with_range(spec: Spec, range_m: float) -> Spec:
+    """Return a spec with another maximum range of the lidar [m]."""
+    changed = copy.deepcopy(spec)
+    changed["robot"]["sensors"][0]["range_max"] = range_m
     return changed
 
 
@@ -109,8 +134,8 @@ def under_changes(
     """
     rows = []
 
-    def add(shift: str, amount: float, scans: Scans, test: Recorded) -> None:
-        scored = score(predictor, scans, test)
+    def add(shift: str, amount: float, scans: Scans, test: Recorded, tested: Predictor = predictor) -> None:
+        scored = score(tested, scans, test)
         rows.append(scored.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
 
     def record(name: str, changed: Spec) -> Recorded:
@@ -125,6 +150,9 @@ def under_changes(
     for degrees in FIELDS_OF_VIEW:
         seen = record(f"view{degrees}", with_field_of_view(spec, degrees))
         add("field of view [deg]", degrees, seen.scans, seen)
+    for range_m in RANGES_M:
+        near = record(f"range{range_m}", with_range(spec, range_m))
+        add("maximum range [m]", range_m, near.scans, near, predictor.with_range(range_m))
     for times in SPEEDS:
         moved = record(f"speed{times}", with_speed(spec, times))
         add("obstacles' speed [times]", times, moved.scans, moved)

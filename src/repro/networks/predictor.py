@@ -72,6 +72,22 @@ class Predictor:
         """Return how far the encoding takes the pixels on the way of a miss as free [m], 0 if it does not."""
         return getattr(self.encoding, "range_max_m", 0.0)
 
+    def with_range(self, range_max_m: float) -> "Predictor":
+        """Return a predictor for a lidar that may reach less far than that of the training.
+
+        Args:
+            range_max_m: maximum range of the lidar [m], up to which a miss shows free space.
+
+        Raises:
+            ValueError: the range is not positive.
+        """
+        if not range_max_m > 0:
+            raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
+        if range_max_m >= self.reach_m:
+            return self
+        encoding = dataclasses.replace(self.encoding, range_max_m=range_max_m)  # type: ignore[type-var, call-arg]
+        return dataclasses.replace(self, encoding=encoding)
+
     def window(self, steps: int | None = None, step_s: float | None = None) -> tuple[int, float]:
         """Return the steps of a window and the time of a step [s], those of the training where None is given."""
         return self.steps if steps is None else steps, self.step_s if step_s is None else step_s

@@ -13,7 +13,7 @@ from repro.prediction.logs import (
     LogScan,
     check_beams,
     in_order,
-    misses_left_out,
+    shorter_range,
     valid_ranges,
     why_unusable,
 )
@@ -163,8 +163,8 @@ class LiveMapper:
         angles, ranges = in_order(angles, valid_ranges(scan)[None])
         if self.first is None:
             self.stream = self.predictor.stream(angles, self.center, self.steps, self.step_s, scan.range_max_m)
-            if self.stream.is_short:
-                self.warn(misses_left_out(scan.range_max_m, self.predictor.reach_m))
+            if message := shorter_range(scan.range_max_m, self.predictor.reach_m):
+                self.warn(message)
             self.first = scan
         self.last_s = scan.stamp
         return self.stream.update(ranges[0], np.array(scan.pose), scan.stamp)

@@ -181,19 +181,13 @@ def valid_ranges(scan: LogScan) -> np.ndarray:
     return np.where(is_valid, np.where(ranges < scan.range_max_m, ranges, np.inf), np.nan).astype(np.float32)
 
 
-def without_misses(ranges: np.ndarray) -> np.ndarray:
-    """Return ranges with the misses as invalid readings, which mark neither hits nor free space.
-
-    An encoding takes these pixels as free up to its own range, which is wrong if the lidar reaches less far.
-    """
-    return np.where(np.isinf(ranges), np.float32(np.nan), ranges)
-
-
-def misses_left_out(range_max_m: float, reach_m: float) -> str:
-    """Return the message about a lidar whose misses are invalid, given its range and that of the training [m]."""
+def shorter_range(range_max_m: float, reach_m: float) -> str | None:
+    """Return a message about a lidar that reaches less far [m] than that of the training; None if it does not."""
+    if range_max_m >= reach_m:
+        return None
     return (
-        f"misses are treated as invalid: the maximum range of the lidar is {range_max_m:.4g} m, "
-        f"below the {reach_m:.4g} m of the training"
+        f"misses show free space up to the maximum range of the lidar, {range_max_m:.4g} m; "
+        f"the network was trained with {reach_m:.4g} m"
     )
 
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from repro.maps.validity import DEGREES, MAX_HEADING
-from repro.prediction.logs import without_misses
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
 
 if TYPE_CHECKING:
@@ -50,8 +49,7 @@ class PredictionStream:
         center: center of the map: `robot` (the newest pose), or x, y in the frame of the poses [m].
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
-        range_max_m: maximum range of the lidar [m]; the misses of one that reaches less far than that of the training
-            mark neither hits nor free space.
+        range_max_m: maximum range of the lidar [m], see `Predictor.with_range`.
 
     Raises:
         ValueError: an argument has another shape or value, or the network needs a fixed center.
@@ -67,7 +65,7 @@ class PredictionStream:
         step_s: float | None,
         range_max_m: float,
     ) -> None:
-        self.predictor, self.angles = predictor, np.array(angles, dtype=float)
+        self.predictor, self.angles = predictor.with_range(range_max_m), np.array(angles, dtype=float)
         self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
@@ -77,9 +75,6 @@ class PredictionStream:
             )
         predictor.check_center(center)
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
-        if not range_max_m > 0:
-            raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
-        self.is_short = range_max_m < predictor.reach_m
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
@@ -154,7 +149,7 @@ class PredictionStream:
             raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
         if abs(pose[2]) > MAX_HEADING:
             raise ValueError(f"the heading is {': '.join(DEGREES)}, got {pose[2]:.4g}")
-        return without_misses(ranges) if self.is_short else ranges, pose
+        return ranges, pose
 
 
 def _point(center: str | tuple[float, float]) -> np.ndarray:

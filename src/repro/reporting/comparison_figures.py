@@ -1,5 +1,6 @@
 """Comparison figures: networks, inputs and baselines; generalization; learning curves."""
 
+import math
 from itertools import cycle
 
 import matplotlib.pyplot as plt
@@ -69,28 +70,32 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
 
 
 def generalization(frames: Frames) -> Figure | None:
-    """Plot obstacle IoU and accuracy of networks under changed sensors, poses and speeds; None without data."""
+    """Plot the obstacle IoU of networks under changed sensors, poses and speeds; None without data."""
     if "generalization" not in frames:
         return None
     rows = frames["generalization"]
-    rows = rows[(rows["shift"] != "experiment") & rows["metric"].isin(["obstacle_iou", "accuracy"])]
+    rows = rows[(rows["shift"] != "experiment") & (rows["metric"] == "obstacle_iou")]
     if rows.empty:
         return None
     rows = rows.assign(title=[predictor_title(*each) for each in zip(rows["model"], rows["encoding"], strict=True)])
     shifts, names = (list(dict.fromkeys(rows[column])) for column in ("shift", "title"))
-    size = (0.6 + 2.2 * len(shifts), 4.2)
-    figure, axes = plt.subplots(2, len(shifts), figsize=size, layout="constrained", sharey="row", squeeze=False)
-    labels = {"obstacle_iou": "obstacle IoU", "accuracy": "accuracy"}
-    for column, shift in zip(axes.T, shifts, strict=True):
-        for ax, (metric, label) in zip(column, labels.items(), strict=True):
-            chosen = rows[(rows["shift"] == shift) & (rows["metric"] == metric)]
-            for name, look in zip(names, cycle(LOOKS), strict=False):
-                line = chosen[chosen["title"] == name]
-                spread = [line["value"] - line["low"], line["high"] - line["value"]]
-                amount = line["tested"].astype(float)
-                ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, label=name, **look)
-            ax.set_ylabel(label if shift == shifts[0] else "")
-        column[-1].set_xlabel(shift)
+    across = min(4, len(shifts))
+    down = math.ceil(len(shifts) / across)
+    size = (0.6 + 2.2 * across, 0.4 + 2.2 * down)
+    figure, axes = plt.subplots(down, across, figsize=size, layout="constrained", sharey=True, squeeze=False)
+    for ax, shift in zip(axes.flat, shifts, strict=False):
+        chosen = rows[rows["shift"] == shift]
+        for name, look in zip(names, cycle(LOOKS), strict=False):
+            line = chosen[chosen["title"] == name]
+            spread = [line["value"] - line["low"], line["high"] - line["value"]]
+            amount = line["tested"].astype(float)
+            ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, label=name, **look)
+        ax.set(xlabel=shift, xlim=(0, None))
+    for ax in axes[:, 0]:
+        ax.set_ylabel("obstacle IoU")
+    axes[0, 0].set_ylim(bottom=0)
+    for ax in list(axes.flat)[len(shifts) :]:
+        ax.set_axis_off()
     if len(names) > 1:
         one_legend(figure, axes[0], rows=1)
     return figure

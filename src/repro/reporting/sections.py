@@ -21,7 +21,7 @@ CAPTIONS = {
     "obstacles": "Recall of single obstacles by time since the last hit; intervals of 95 % over test worlds.",
     "reliability": "Predicted probability of an obstacle against the observed frequency, uncalibrated.",
     "baselines": "Obstacle IoU of the networks (filled) and the classical baselines (open), with intervals of 95 %.",
-    "generalization": "Networks under changed sensing and obstacle speed; intervals of 95 % over test worlds.",
+    "generalization": "Networks under changed sensors, poses and obstacle speeds; intervals of 95 % over worlds.",
     "curves": "U-Net on the paper's input against the number of training pairs, averaged over seeds; at 10,000 pairs "
     "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
     "pairs": "Obstacle IoU of the networks that have a learning curve against the number of training pairs, averaged "

@@ -1,7 +1,6 @@
 """task=predict: maps from a log of your own robot."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -15,7 +14,7 @@ from repro.cli.jobs import Job
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
-from repro.prediction.logs import ScanLog, misses_left_out, without_misses
+from repro.prediction.logs import ScanLog, shorter_range
 from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
@@ -36,8 +35,10 @@ def run(job: Job) -> None:
     path = Path(job.scans)
     predictor = load_predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
-    log = _log(path, step_s, settings, predictor.reach_m)
-    range_max_m = min(settings.range_max_m, log.range_max_m)
+    log = _log(path, step_s, settings)
+    if message := shorter_range(log.range_max_m, predictor.reach_m):
+        print(message)
+    predictor, range_max_m = predictor.with_range(log.range_max_m), min(settings.range_max_m, log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / name_of(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -83,14 +84,11 @@ def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
     return steps, step_s
 
 
-def _log(path: Path, step_s: float, settings: Prediction, reach_m: float) -> ScanLog:
-    """Read and describe a log; the misses of a lidar that reaches less far than that of the training are invalid."""
+def _log(path: Path, step_s: float, settings: Prediction) -> ScanLog:
+    """Read and describe a log."""
     log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
     _describe(log)
-    if log.range_max_m < reach_m:
-        print(misses_left_out(log.range_max_m, reach_m))
-        log = replace(log, ranges=without_misses(log.ranges))
     return log
 
 
