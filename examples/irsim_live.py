@@ -26,7 +26,7 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import load_predictor
 from repro.prediction.planning import plan, planner_map
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.motions import robot_commands
 from repro.simulation.simulator import make, outlines_of
@@ -62,7 +62,9 @@ def drive(env: Any, options: argparse.Namespace) -> Iterator[Frame]:
     """Step an environment, and predict and plan after every step."""
     predictor = load_predictor(options.weights)
     robot, center_m = env.robot, predictor.grid.size_m / 2
-    stream = predictor.stream(np.array(robot.lidar.angle_list), center=(center_m, center_m), step_s=env.step_time)
+    stream = PredictionStream(
+        predictor, np.array(robot.lidar.angle_list), center=(center_m, center_m), step_s=env.step_time
+    )
     commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
     goal, path = np.array(options.goal), np.empty((0, 2))
     for step in range(options.steps):

@@ -17,6 +17,7 @@ from repro.networks.convgru import ConvGRU
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
+from repro.prediction.stream import PredictionStream
 from repro.prediction.windows import on_map
 from repro.system.devices import one_thread
 
@@ -60,7 +61,7 @@ def _bench(name: str, predictor: Predictor, log: ScanLog) -> None:
 
 def _update(predictor: Predictor, log: ScanLog) -> tuple[float, np.ndarray]:
     """Return the median time of an update with a full window [ms], and all maps."""
-    stream, times, maps = predictor.stream(log.angles, steps=STEPS), [], []
+    stream, times, maps = PredictionStream(predictor, log.angles, steps=STEPS), [], []
     for scan in zip(log.ranges[:SCANS], log.poses[:SCANS], log.stamps[:SCANS], strict=True):
         began = time.process_time()
         predicted = stream.update(*scan)

@@ -25,7 +25,7 @@ SmallPositive = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
-Gray = Annotated[float, Field(ge=0, lt=1, allow_inf_nan=False)]  # 0 is black, 1 is white
+Gray = Annotated[float, Field(ge=0, le=254 / 255, allow_inf_nan=False)]  # of a hit; 0 is black, 1 the white background
 Frames = Annotated[int, Field(ge=1, le=100)]
 
 

@@ -13,6 +13,7 @@ from conftest import ROOT, cpu_seconds
 from repro.cli.tasks.predict import name_of
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import load_predictor
+from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 
 pytestmark = pytest.mark.slow
@@ -80,7 +81,7 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     scans = Scans(log["ranges"][100:200], log["angles"], log["poses"][100:200])
     free = load_predictor(WEIGHTS).predict(scans)[0]
     with np.load(directory / "window-0002.npz") as content:
-        stream = load_predictor(WEIGHTS).stream(log["angles"], center=(25.0, 25.0))
+        stream = PredictionStream(load_predictor(WEIGHTS), log["angles"], center=(25.0, 25.0))
         maps = [stream.update(*scan) for scan in zip(log["ranges"], log["poses"], log["stamps"][:200], strict=False)]
         assert np.array_equal(content["free"], maps[199].free)
         assert torch.as_tensor(content["free"]) == pytest.approx(free, abs=1e-3)

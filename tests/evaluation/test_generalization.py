@@ -117,14 +117,15 @@ def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch
 
 
 def test_a_test_replaces_its_own_rows_only():
-    columns = ["model", "encoding", "trained", "shift", "value"]
-    kinds = [("unet", "projection", name, shift) for name in "34" for shift in ("experiment", "beams dropped")]
-    earlier = pd.DataFrame([(*kind, 0.1) for kind in kinds] + [("fpn", "projection", "3", "experiment", 0.2)])
+    columns = ["model", "encoding", "seed", "trained", "shift", "value"]
+    kinds = [("unet", "projection", 0, name, shift) for name in "34" for shift in ("experiment", "beams dropped")]
+    others = [("fpn", "projection", 0, "3", "experiment"), ("unet", "projection", 1, "3", "experiment")]
+    earlier = pd.DataFrame([(*kind, 0.1) for kind in kinds] + [(*other, 0.2) for other in others])
     earlier.columns = columns
     new = pd.DataFrame([(*kinds[0], 0.3), (*kinds[2], 0.3), (*kinds[1], 0.3)], columns=columns)
     rows = updated(earlier, new)
     values = rows.set_index(columns[:-1])["value"].to_dict()
-    assert values == {**dict.fromkeys(kinds[:3], 0.3), kinds[3]: 0.1, ("fpn", "projection", "3", "experiment"): 0.2}
+    assert values == {**dict.fromkeys(kinds[:3], 0.3), kinds[3]: 0.1, **dict.fromkeys(others, 0.2)}
 
 
 def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recorded):

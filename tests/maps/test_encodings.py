@@ -145,7 +145,7 @@ def test_an_encoding_is_created_from_its_name_and_parameters():
         ("stack4", {}, "frames: is missing"),
         ("projection", {"decay": "foo"}, "decay=foo: must be a valid boolean"),
         ("projection", {"oldest_gray": math.nan}, "oldest_gray=nan: must be"),
-        ("ages", {"oldest_gray": 1}, "oldest_gray=1: must be less than 1"),
+        ("ages", {"oldest_gray": 1}, "oldest_gray=1: must be less than or equal to 0.996"),
     ],
 )
 def test_invalid_parameters_are_refused(name, parameters, message):

@@ -100,7 +100,7 @@ def test_rotating_the_poses_rotates_the_image(shard):
 
 
 def test_invalid_grays_are_refused():
-    with pytest.raises(ValueError, match=r"oldest_gray\n.*less than 1"):
+    with pytest.raises(ValueError, match=r"oldest_gray\n.*less than or equal to 0.996"):
         Projection(oldest_gray=1.0)
 
 

@@ -13,6 +13,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world, write_world
@@ -53,6 +54,16 @@ def test_a_window_is_predicted_as_in_a_batch(saved, scans):
     assert torch.allclose(predictor.predict(scans, batch=1), together, atol=1e-6)
 
 
+def test_a_forward_pass_has_the_given_number_of_windows(saved, scans):
+    predictor, _ = saved
+    passes = []
+    hook = predictor.network.register_forward_hook(lambda _, inputs, __: passes.append(len(inputs[0])))
+    many = Scans.stack([scans[number % 2] for number in range(70)])
+    predictor.predict(many, batch=40)
+    hook.remove()
+    assert passes == [40, 30]
+
+
 @pytest.mark.parametrize("center", ["robot", "start"])
 def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_path, center):
     predictor, _ = saved
@@ -63,7 +74,7 @@ def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_
     with pytest.raises(ValueError, match=rf"trained with fixed obstacles: its map of 80 x 80 m .* got {center}"):
         fixed.check_center(center)
     with pytest.raises(ValueError, match="trained with fixed obstacles"):
-        fixed.stream(torch.linspace(-1, 1, 5).numpy(), center)
+        PredictionStream(fixed, torch.linspace(-1, 1, 5).numpy(), center=center)
 
 
 def test_the_published_network_of_rooms_has_fixed_obstacles():

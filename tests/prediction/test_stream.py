@@ -17,6 +17,7 @@ from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
+from repro.prediction.stream import PredictionStream
 from repro.prediction.windows import Window, cut
 from repro.scans import Scans
 
@@ -56,7 +57,7 @@ def part(log: ScanLog, index) -> ScanLog:
 @pytest.mark.parametrize("center", ["robot", (25.0, 25.0)])
 def test_every_map_is_that_of_the_window_of_the_log(predictor, log, center):
     log = part(log, slice(0, 30))
-    stream, expected = predictor.stream(log.angles, center=center, steps=STEPS), windows(log, center)
+    stream, expected = PredictionStream(predictor, log.angles, center=center, steps=STEPS), windows(log, center)
     maps = [stream.update(*scan) for scan in zip(log.ranges, log.poses, log.stamps, strict=True)]
     assert [each is None for each in maps] == [number < STEPS - 1 for number in range(30)]
     encoded = []
@@ -78,7 +79,7 @@ def test_uneven_scans_are_resampled_to_the_steps(small, rate):
     ranges = random.uniform(2, 12, (len(stamps), 20)).astype(np.float32)
     poses = random.uniform(20, 30, (len(stamps), 3))
     angles = np.linspace(-0.7, 0.7, 20)
-    stream, kept, count = small.stream(angles, center=(25, 25), steps=STEPS), [], 0
+    stream, kept, count = PredictionStream(small, angles, center=(25, 25), steps=STEPS), [], 0
     for number, stamp in enumerate(stamps):
         predicted = stream.update(ranges[number], poses[number], stamp)
         if kept and stamp - stamps[kept[-1]] < 0.05:
@@ -106,21 +107,21 @@ def feed(stream, log: ScanLog, stamps) -> list:
 
 def test_the_first_window_after_a_gap_begins_after_it(small, log):
     stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(5, 8, 0.1)])
-    maps = feed(small.stream(log.angles, steps=STEPS), log, stamps)
+    maps = feed(PredictionStream(small, log.angles, steps=STEPS), log, stamps)
     has_map = np.array([each is not None for each in maps])
     assert has_map[(stamps > 0.85) & (stamps < 2) | (stamps > 5.85)].all()
     assert not has_map[(stamps < 0.85) | (stamps > 2) & (stamps < 5.85)].any()
 
 
 def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(small, log):
-    stream = small.stream(log.angles, steps=STEPS)
+    stream = PredictionStream(small, log.angles, steps=STEPS)
     feed(stream, log, 100 + np.arange(0, 2, 0.1))
     before = stream.update(log.ranges[20], log.poses[20], 102.0)
     for late in (102.0, 101.5):
         assert stream.update(log.ranges[30], log.poses[30], late) is None
         assert "not later than the one before" in stream.reason
     after = stream.update(log.ranges[21], log.poses[21], 102.1)
-    undisturbed = small.stream(log.angles, steps=STEPS)
+    undisturbed = PredictionStream(small, log.angles, steps=STEPS)
     expected = feed(undisturbed, log, 100 + np.arange(0, 2.15, 0.1))
     assert np.array_equal(before.free, expected[20].free)
     assert np.array_equal(after.free, expected[21].free)
@@ -133,7 +134,7 @@ def test_the_stream_of_a_lidar_that_reaches_less_far_is_that_of_the_predictor_wi
     encoding = create_encoding("series10", {"frames": 10})
     predictor = Predictor(ConvGRU(20, 10, hidden=16).eval(), encoding, Grid(32, 50.0))
     log = dataclasses.replace(log, ranges=np.where(log.ranges < 12, log.ranges, np.float32(np.inf)))
-    stream = predictor.stream(log.angles, (25.0, 25.0), range_max_m=12.0)
+    stream = PredictionStream(predictor, log.angles, center=(25.0, 25.0), range_max_m=12.0)
     *_, predicted = (stream.update(*scan) for scan in zip(log.ranges[:100], log.poses, log.stamps, strict=False))
     window = Scans(log.ranges[:100], log.angles, log.poses[:100])
     assert np.array_equal(predicted.free, predictor.with_range(12.0).predict(window)[0])
@@ -142,13 +143,13 @@ def test_the_stream_of_a_lidar_that_reaches_less_far_is_that_of_the_predictor_wi
 
 def test_memory_is_constant(small, log):
     for rate in (10, 40, 1000):
-        stream = small.stream(log.angles, center=(25, 25), steps=STEPS)
+        stream = PredictionStream(small, log.angles, center=(25, 25), steps=STEPS)
         lengths = []
         for number in range(600):
             stream._add(number / rate, log.ranges[0], log.poses[0])
             lengths.append(len(stream))
         assert max(lengths) <= 2 * STEPS
-    stream = small.stream(log.angles, steps=STEPS)
+    stream = PredictionStream(small, log.angles, steps=STEPS)
     feed(stream, log, np.arange(0, 3, 0.1))
     tracemalloc.start()
     feed(stream, log, np.arange(3, 20, 0.1))
@@ -160,7 +161,10 @@ def test_memory_is_constant(small, log):
 
 
 def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
-    stream, expected = small.stream(log.angles, steps=STEPS), small.stream(log.angles, steps=STEPS)
+    stream, expected = (
+        PredictionStream(small, log.angles, steps=STEPS),
+        PredictionStream(small, log.angles, steps=STEPS),
+    )
     ranges, pose = np.empty_like(log.ranges[0]), np.empty(3)
     for number in range(15):
         ranges[:], pose[:] = log.ranges[number], log.poses[number]
@@ -181,17 +185,17 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
     ],
 )
 def test_a_scan_that_cannot_be_is_refused_and_left_out(small, log, change, message):
-    stream = small.stream(log.angles, steps=STEPS)
+    stream = PredictionStream(small, log.angles, steps=STEPS)
     feed(stream, log, np.arange(0, 1.45, 0.1))
     with pytest.raises(ValueError, match=message):
         stream.update(**({"ranges": log.ranges[15], "pose": log.poses[15], "stamp": 1.5} | change))
     found = stream.update(log.ranges[15], log.poses[15], 1.5)
-    expected = feed(small.stream(log.angles, steps=STEPS), log, np.arange(0, 1.55, 0.1))
+    expected = feed(PredictionStream(small, log.angles, steps=STEPS), log, np.arange(0, 1.55, 0.1))
     assert np.array_equal(found.free, expected[-1].free)
 
 
 def test_a_window_without_information_is_refused(small, log):
-    stream = small.stream(log.angles, center=(1000.0, 0.0), steps=STEPS)
+    stream = PredictionStream(small, log.angles, center=(1000.0, 0.0), steps=STEPS)
     with pytest.raises(ValueError, match="poses are outside the map"):
         feed(stream, log, np.arange(0, 1.45, 0.1))
 
@@ -199,11 +203,11 @@ def test_a_window_without_information_is_refused(small, log):
 @pytest.mark.parametrize("center", ["start", (1,), (0, float("nan")), None])
 def test_an_unknown_center_is_refused(small, log, center):
     with pytest.raises(ValueError, match="center: expected robot or x, y"):
-        small.stream(log.angles, center=center)
+        PredictionStream(small, log.angles, center=center)
 
 
 def test_a_heading_in_degrees_is_refused(small, log):
-    stream = small.stream(log.angles, steps=STEPS)
+    stream = PredictionStream(small, log.angles, steps=STEPS)
     with pytest.raises(ValueError, match=r"the heading is beyond ten turns: expected radians.* got 90"):
         stream.update(log.ranges[0], np.array([25, 25, 90.0]), 0.0)
     assert len(stream) == 0
@@ -211,6 +215,6 @@ def test_a_heading_in_degrees_is_refused(small, log):
 
 def test_the_window_is_that_of_the_training_unless_another_is_chosen(small, log):
     trained = dataclasses.replace(small, steps=40, step_s=0.5)
-    usual, chosen = trained.stream(log.angles), trained.stream(log.angles, steps=10, step_s=0.2)
+    usual, chosen = PredictionStream(trained, log.angles), PredictionStream(trained, log.angles, steps=10, step_s=0.2)
     assert (usual.steps, usual.step_s) == (40, 0.5)
     assert (chosen.steps, chosen.step_s) == (10, 0.2)

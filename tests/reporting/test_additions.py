@@ -106,6 +106,34 @@ def test_only_new_combinations_are_added_to_the_analysis(published, later):
     assert rows["value"].tolist() == [0.5, 0.0, 0.7]
 
 
+def test_what_the_published_table_lacks_is_added_once(published, later):
+    """A new average, new changes of the sensor and new rows of the audit, without a second copy of the earlier ones."""
+    tables = {
+        "intervals": (
+            ["experiment", "model", "encoding", "metric", "value"],
+            ("3", "average", "projection", "dice", 0.9),
+        ),
+        "generalization": (
+            ["trained", "shift", "tested", "seed", "model", "encoding", "value"],
+            ("3", "odometry error", "0.1", 0, "unet", "projection", 0.4),
+        ),
+        "audit": (["experiment", "model", "encoding", "source", "gain"], ("3", "unet", "projection", "ours", 0.1)),
+    }
+    old = {
+        "generalization": ("3", "range noise [m]", "0.1", 0, "unet", "projection", 0.5),
+        "audit": ("3", "unet", "projection", "paper", 0.2),
+    }
+    for name, (columns, row) in tables.items():
+        before = [old[name]] if name in old else []
+        if before:
+            pd.DataFrame(before, columns=columns).to_csv(published / "laptop" / "analysis" / f"{name}.csv", index=False)
+        pd.DataFrame([*before, row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
+    analysis = add_to_published(later, published, "laptop") / "analysis"
+    assert "average" in set(pd.read_csv(analysis / "intervals.csv")["model"])
+    assert pd.read_csv(analysis / "generalization.csv")["shift"].tolist() == ["range noise [m]", "odometry error"]
+    assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
+
+
 def test_a_difference_is_added_once(published, later):
     columns = ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"]
     earlier = ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1)

@@ -68,7 +68,7 @@ ENCODINGS = {  # parameters of encodings, with their types and ranges
     "encoding.parameters.decay=1": "must be a valid boolean",
     "encoding.parameters.oldest_gray=nan": "must be a finite number",
     "encoding.parameters.oldest_gray=true": "must be a valid number",
-    "encoding.parameters.oldest_gray=1": "must be less than 1",
+    "encoding.parameters.oldest_gray=1": "must be less than or equal to 0.996",
     "decay=foo": "not a valid bool",
     "encoding=exponential encoding.parameters.half_life=nan": "must be a finite number",
     "encoding=exponential encoding.parameters.half_life=inf": "must be a finite number",

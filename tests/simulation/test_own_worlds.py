@@ -169,6 +169,18 @@ def test_beams_through_a_corner_are_left_to_plain_irsim():
     assert not simulate(sample_world(own_spec(lidar=lidar, fixed=room, obstacles=[], motion=turned), 0)).is_plain
 
 
+def test_a_first_beam_through_a_corner_is_left_to_plain_irsim_with_noise():
+    """With noise, IR-SIM also scans before the first step, and all later noise depends on the hits of that scan."""
+    motion = {"name": "waypoints", "points_m": [[4, 4], [16, 4]], "speed_m_s": 1.37, "turn_rad_s": 3.0, "steps": 3}
+    lidar = {"range_max": 10, "angle_range": math.pi / 2, "number": 91, "noise": True, "std": 0.01}
+    corners = [[[4.5, 4.5], [4.5, 7.5], [3.5, 7.5]], [[12, 1], [13, 1], [13, 3], [12, 3]]]
+    fixed = [{"shape": {"name": "polygon", "vertices": each}} for each in corners]
+    world = sample_world(own_spec(lidar=lidar, fixed=fixed, obstacles=[], motion=motion), 0)
+    recording = simulate(world)
+    assert recording.is_plain
+    assert check_replay(world, recording) == 0
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_obstacles_are_off_the_walls_and_out_of_the_way_of_robot_and_twin(seed):
     spec = own_spec()

@@ -168,7 +168,11 @@ def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
 
 
 def _prior(bounds: np.ndarray, law: model.Law, seen: Seen, count: int) -> np.ndarray:
-    """Draw particles from the prior; if few start on the map, each is drawn several times."""
+    """Draw particles from the prior; if few start on the map, each is drawn several times.
+
+    If none does, as with hits of several obstacles, the last ones drawn are used; their high energy makes `fit` and the
+    caller try other clusters.
+    """
     starting: list[np.ndarray] = []
     for _ in range(PRIOR_ROUNDS):
         drawn = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))

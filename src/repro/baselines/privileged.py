@@ -8,7 +8,8 @@ this the obstacles are independent of one another, so that a pixel is free with 
 to the number of draws, no predictor from the scans has a lower expected log loss or Brier score.
 
 `Knowledge` takes parts of this away, or adds the obstacles without a hit, to measure what each part is worth. Without
-them a network can be better, since the scans tell something of every part.
+them a network can be better, since the scans tell something of every part. An obstacle of which no draw agrees with the
+scans then stays where it was hit; the upper bound itself refuses such a case.
 
 Not modeled: obstacles without a hit start apart from one another.
 """

@@ -25,7 +25,7 @@ Change = Callable[[Scans, float, np.random.Generator], Scans]
 FIELDS_OF_VIEW = (45, 60, 90, 120, 180, 270, 360)  # [deg], at the original angular resolution
 RANGES_M = (10, 15, 20, 30)  # maximum range of the lidar
 SPEEDS = (1, 2, 4)  # multiples of the original speed
-TEST = ["model", "encoding", "trained", "shift"]  # columns that identify a test
+TEST = ["model", "encoding", "seed", "trained", "shift"]  # columns that identify a test
 RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
 
 

@@ -21,7 +21,7 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.bootstrap import bounds
 from repro.runs.directories import Outputs, Run
 
-METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
+FITTED_METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
 CURVE = ["experiment", "encoding"]
 POINT = ["pairs", "size_px"]
 FEWEST = 4  # points of a curve
@@ -34,7 +34,8 @@ SHARED = {  # what runs with the same values of some columns must share
 FITTED = "short"  # schedule of the fitted points: flip augmentation and EMA; "stated" is the schedule of the paper
 DRAWS = 200
 PAPER_PAIRS, PAPER_PX = 10_000, 256  # of scale paper, to which the curves are extrapolated
-EXPONENTS = (0.02, 3.0)  # search interval
+EXPONENTS = {"alpha": 0.5, "beta": 1.0}  # where their search begins
+INTERVAL = (0.02, 3.0)  # of the search
 
 
 def read_points(directories: list[Outputs]) -> pd.DataFrame:
@@ -96,19 +97,27 @@ def _row(run: Run) -> dict[str, Any] | None:
 
 @dataclass(frozen=True)
 class Law:
-    """A fitted law: exponents, and c, a and b of each curve, (curves, 3); b is zero for a single resolution."""
+    """A fitted law.
 
-    alpha: float
-    beta: float
+    Args:
+        exponents: alpha and beta, or alpha alone for a single resolution.
+        factors: c, a and, with beta, b of each curve, (curves, 3) or (curves, 2).
+    """
+
+    exponents: np.ndarray
     factors: np.ndarray
 
     def __call__(self, curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray) -> np.ndarray:
         """Return the metric of curves, given by index, for pairs and resolutions, all (K,)."""
-        return 1 - (self.factors[curve] * _terms(self.alpha, self.beta, pairs, size_px)).sum(1)
+        return 1 - (self.factors[curve] * _terms(self.exponents, pairs, size_px)).sum(1)
+
+    def parameters(self) -> int:
+        """Return the number of fitted parameters; factors at their bound, zero, are not counted."""
+        return len(self.exponents) + int(np.count_nonzero(self.factors))
 
 
 def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np.ndarray) -> Law:
-    """Fit the law to points, all (K,).
+    """Fit the law to points, all (K,); without its term in the resolution if they have a single one.
 
     Args:
         curve: index of each point's curve, from 0.
@@ -123,17 +132,14 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
         raise ValueError(f"a curve needs at least 3 points, got {np.bincount(curve).min()}")
 
     def solve(exponents: np.ndarray) -> tuple[float, np.ndarray]:
-        terms = _terms(exponents[0], exponents[1], pairs, size_px)
-        if len(np.unique(size_px)) == 1:
-            terms[:, 2] = 0
+        terms = _terms(exponents, pairs, size_px)
         solutions = [nnls(terms[curve == k], 1 - value[curve == k]) for k in range(curve.max() + 1)]
         return sum(rest**2 for _, rest in solutions), np.stack([factors for factors, _ in solutions])
 
-    best = minimize(
-        lambda x: solve(np.clip(x, *EXPONENTS))[0], (0.5, 1.0), method="Nelder-Mead", options={"xatol": 1e-3}
-    )
-    alpha, beta = np.clip(best.x, *EXPONENTS)
-    return Law(alpha, beta, solve(np.array([alpha, beta]))[1])
+    first = list(EXPONENTS.values())[: min(len(np.unique(size_px)), 2)]
+    options: dict[str, Any] = {"bounds": [INTERVAL] * len(first), "options": {"xatol": 1e-3}}
+    best = minimize(lambda exponents: solve(exponents)[0], first, method="Nelder-Mead", **options)
+    return Law(best.x, solve(best.x)[1])
 
 
 def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
@@ -147,12 +153,13 @@ def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         experiment, encoding, metric, target (`paper scale` or `held-out point`), pairs, size_px, value with low and
-        high (95 %, by a parametric bootstrap with normal residuals), alpha, beta, and `measured` for a held-out point.
+        high (95 %, by a parametric bootstrap with normal residuals), alpha, beta (NaN for a single resolution), and
+        `measured` for a held-out point.
         Empty if no curve has four points.
     """
     is_papers = (points["model"] == "unet") & points["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])
     fitted = points[is_papers & (points["schedule"] == FITTED)]
-    means = fitted.groupby([*CURVE, *POINT], as_index=False)[list(METRICS)].mean()
+    means = fitted.groupby([*CURVE, *POINT], as_index=False)[list(FITTED_METRICS)].mean()
     if means["size_px"].nunique() < 3:
         means = means[means["size_px"].isin(means["size_px"].mode()[:1])]
     means = means.groupby(CURVE).filter(lambda rows: len(rows) >= FEWEST)
@@ -165,7 +172,7 @@ def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
     held_out, others = means.loc[largest], means.drop(largest)
     aims = held_out.assign(pairs=PAPER_PAIRS, size_px=size_px)
     frames = []
-    for metric in METRICS:
+    for metric in FITTED_METRICS:
         frames.append(_extrapolated(means, aims, metric).assign(target="paper scale"))
         predicted = _extrapolated(others, held_out, metric)
         frames.append(predicted.assign(target="held-out point", measured=held_out[metric].to_numpy()))
@@ -183,14 +190,17 @@ def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str) -> pd.Da
     at, value, aim = coordinates(means), means[metric].to_numpy(), coordinates(aims)
     law = fit_law(*at, value)
     residuals = value - law(*at)
-    free = max(len(value) - np.count_nonzero(law.factors) - 2, 1)
+    free = max(len(value) - law.parameters(), 1)
     noise = np.random.default_rng(0).normal(0, np.sqrt((residuals**2).sum() / free), (DRAWS, len(value)))
     drawn = np.stack([law(*aim), *(fit_law(*at, law(*at) + each)(*aim) for each in noise)])
     low, high = bounds(drawn)
     table = aims[[*CURVE, *POINT]].reset_index(drop=True)
-    return table.assign(metric=metric, value=drawn[0], low=low, high=high, alpha=law.alpha, beta=law.beta)
+    exponents = dict.fromkeys(EXPONENTS, np.nan) | dict(zip(EXPONENTS, law.exponents, strict=False))
+    return table.assign(metric=metric, value=drawn[0], low=low, high=high, **exponents)
 
 
-def _terms(alpha: float, beta: float, pairs: np.ndarray, size_px: np.ndarray) -> np.ndarray:
-    """Compute 1, (n / 1000)^-alpha and (p / 64)^-beta, (K, 3)."""
-    return np.stack([np.ones_like(pairs, float), (pairs / 1000) ** -alpha, (size_px / 64) ** -beta], axis=1)
+def _terms(exponents: np.ndarray, pairs: np.ndarray, size_px: np.ndarray) -> np.ndarray:
+    """Compute 1, (n / 1000)^-alpha and, if beta is given, (p / 64)^-beta, (K, 3) or (K, 2)."""
+    bases = (pairs / 1000, size_px / 64)
+    powers = [base**-exponent for base, exponent in zip(bases, exponents, strict=False)]
+    return np.stack([np.ones_like(pairs, float), *powers], axis=1)

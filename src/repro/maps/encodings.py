@@ -62,7 +62,7 @@ class Exponential(Projection):
         half_life: age at which half of the decay is reached [steps].
 
     Raises:
-        ValueError: a parameter has another type, `half_life` is not positive, or `oldest_gray` is not in [0, 1).
+        ValueError: a parameter has another type, `half_life` is not positive, or `oldest_gray` is not in [0, 254/255].
     """
 
     name: ClassVar[str] = "exponential"
@@ -101,7 +101,7 @@ class ObservedFree(Negative):
         range_max_m: maximum range of the lidar [m].
 
     Raises:
-        ValueError: a parameter has another type, `range_max_m` is not positive, or `oldest_gray` is not in [0, 1).
+        ValueError: a parameter has another type, `range_max_m` is not positive, or `oldest_gray` not in [0, 254/255].
     """
 
     name: ClassVar[str] = "observed_free"
@@ -125,6 +125,7 @@ ENCODINGS: dict[str, type[Encoding]] = {
     "series4": Series,
     "series10": Series,
     "series20": Series,
+    "series100": Series,
 }
 
 

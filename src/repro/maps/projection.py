@@ -27,10 +27,10 @@ class Projection:
 
     Args:
         decay: False draws all hits black.
-        oldest_gray: gray of the oldest hit, in [0, 1), where 1 is white.
+        oldest_gray: gray of the oldest hit, in [0, 254/255]; 1 is the white background.
 
     Raises:
-        ValueError: a parameter has another type, or `oldest_gray` is not in [0, 1).
+        ValueError: a parameter has another type, or `oldest_gray` is not in [0, 254/255].
     """
 
     name: ClassVar[str] = "projection"

@@ -11,13 +11,11 @@ statistics and the window of the training scans, see `torch_files`. The other fo
 import contextlib
 import copy
 import dataclasses
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import torch
 from pydantic import TypeAdapter
 from torch import Tensor
@@ -30,7 +28,6 @@ from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
 from repro.networks.create import Network
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
-from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 from repro.system.devices import one_thread
 
@@ -129,7 +126,9 @@ class Predictor:
         # the encoding of a single window gains little from threads of torch, which slow down those of ONNX Runtime
         single = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
         with one_thread() if single else contextlib.nullcontext():
-            return torch.cat([self.predict_images(self.encoding.encode(part, self.grid)) for part in parts])[:, 0]
+            return torch.cat([self.predict_images(self.encoding.encode(part, self.grid), batch) for part in parts])[
+                :, 0
+            ]
 
     @torch.inference_mode()
     def predict_images(self, images: Tensor, batch: int = 32) -> Tensor:
@@ -137,21 +136,6 @@ class Predictor:
         self.network.eval()
         parts = tqdm(images.split(batch), desc="predicting", delay=2, leave=False, disable=None)
         return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in parts])
-
-    def stream(
-        self,
-        angles: np.ndarray,
-        center: str | tuple[float, float] = "robot",
-        steps: int | None = None,
-        step_s: float | None = None,
-        range_max_m: float = math.inf,
-    ) -> PredictionStream:
-        """Return an object whose `update` takes scans one by one and predicts a map for each, see `PredictionStream`.
-
-        stream = predictor.stream(angles)
-        predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
-        """
-        return PredictionStream(self, angles, center=center, steps=steps, step_s=step_s, range_max_m=range_max_m)
 
     def to(self, device: str) -> "Predictor":
         """Return a predictor with the network on a device."""

@@ -1,28 +1,17 @@
 """Maps from ROS messages as they arrive: the same for every version of ROS, which has its node in examples/."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from repro.prediction.logs import (
-    LogScan,
-    check_beams,
-    in_order,
-    shorter_range,
-    valid_ranges,
-    why_unusable,
-)
+from repro.networks.predictor import Predictor
+from repro.prediction.logs import LogScan, check_beams, in_order, shorter_range, valid_ranges, why_unusable
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
+from repro.prediction.stream import PredictionStream, StreamMap
 from repro.prediction.transforms import MAX_GAP_S, Transforms, without_transform
-
-if TYPE_CHECKING:
-    from repro.networks.predictor import Predictor
-    from repro.prediction.stream import StreamMap
 
 KEEP_S = 30.0  # age up to which poses are remembered
 MAX_WAITING = 50  # scans that wait for their poses or for the network
@@ -162,7 +151,14 @@ class LiveMapper:
         angles = scan.first_angle + scan.spacing * np.arange(len(scan.ranges))
         angles, ranges = in_order(angles, valid_ranges(scan)[None])
         if self.first is None:
-            self.stream = self.predictor.stream(angles, self.center, self.steps, self.step_s, scan.range_max_m)
+            self.stream = PredictionStream(
+                self.predictor,
+                angles,
+                center=self.center,
+                steps=self.steps,
+                step_s=self.step_s,
+                range_max_m=scan.range_max_m,
+            )
             if message := shorter_range(scan.range_max_m, self.predictor.reach_m):
                 self.warn(message)
             self.first = scan

@@ -1,19 +1,14 @@
 """Maps from scans as they arrive: the window of each scan, as `windows.cut` makes it, in constant memory."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from repro.maps.validity import DEGREES, MAX_HEADING
+from repro.networks.predictor import Predictor
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
-
-if TYPE_CHECKING:
-    from repro.networks.predictor import Predictor
 
 
 @dataclass(frozen=True)
@@ -35,6 +30,9 @@ class StreamMap:
 
 class PredictionStream:
     """Predicts a map for every scan from the window that ends with it.
+
+    stream = PredictionStream(predictor, angles)
+    predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
 
     Each step of the window takes the scan nearest in time, as in `windows.cut`; the map equals that of
     `Predictor.predict` for the same window, bit by bit. Scans are kept for the duration of a window, so memory is
@@ -60,10 +58,10 @@ class PredictionStream:
         predictor: Predictor,
         angles: np.ndarray,
         *,
-        center: str | tuple[float, float],
-        steps: int | None,
-        step_s: float | None,
-        range_max_m: float,
+        center: str | tuple[float, float] = "robot",
+        steps: int | None = None,
+        step_s: float | None = None,
+        range_max_m: float = math.inf,
     ) -> None:
         self.predictor, self.angles = predictor.with_range(range_max_m), np.array(angles, dtype=float)
         self.steps, self.step_s = predictor.window(steps, step_s)

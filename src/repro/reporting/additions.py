@@ -1,7 +1,6 @@
 """Additions to published results: new runs beside the published ones, for studies that are trained piece by piece."""
 
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,21 +11,23 @@ from repro.reporting.publish import has_uncommitted, options_of, write_histories
 from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs
-from repro.runs.keys import CELL, KEY, RunKey
+from repro.runs.keys import KEY, RunKey
 from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
-COMPARED = ("experiment", "comparison", "one", "other", "model", "encoding")  # columns that identify a difference
+IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
+    *("experiment", "comparison", "one", "other", "model", "encoding"),
+    *("seed", "trained", "shift", "source", "pairs", "size_px"),
+)
 Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
-TESTED = ("trained", "model", "encoding")  # columns that identify a network tested under changes
 
 
 def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: str = "", force: bool = False) -> Path:
     """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
 
-    Tables, runs, provenance and the README.md are made anew from all runs. The rows of the analysis are added for new
-    combinations of experiment, model and encoding, and its figures are drawn anew; the page and the other figures stay
-    those of the earlier publication.
+    Tables, runs, provenance and the README.md are made anew from all runs. To the tables of the analysis, the rows are
+    added of what they do not have yet, such as another network, and its figures are drawn anew; the page and the other
+    figures stay those of the earlier publication.
 
     Args:
         outputs: the outputs directory with the new runs, analyzed by task=analysis.
@@ -63,7 +64,7 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
             shutil.copytree(target, directory, dirs_exist_ok=True)
             write_histories(outputs, keys_of(new), directory)
             if outputs.analysis.is_dir() and (target / "analysis").is_dir():
-                _add_analysis(outputs.analysis, directory / "analysis", published)
+                _add_analysis(outputs.analysis, directory / "analysis")
             write_runs(directory, target.name, options_of(target.name, scale, overrides), runs, every)
     return target
 
@@ -97,16 +98,15 @@ def _listed(values: list[Any]) -> str:
     return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
-def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:
-    """Add the rows of combinations that are not published to the tables of the analysis, and redraw its figures."""
-    known = _cells(published) | {(experiment, "average", encoding) for experiment, _, encoding in _cells(published)}
+def _add_analysis(source: Path, target: Path) -> None:
+    """Add the rows of what the published tables of the analysis do not have, and redraw its figures."""
     for path in sorted(source.glob("*.csv")):
         rows: Any = read_rows(path)
-        columns = next((each for each in (COMPARED, CELL, TESTED) if set(each) <= set(rows)), None)
-        if columns is None:
+        if not {"model", "encoding"} <= set(rows):
             continue
         earlier = [read_rows(target / path.name)] if (target / path.name).is_file() else []
-        present = known if columns is CELL else {each for table in earlier for each in _tuples(table, columns)}
+        columns = [name for name in IDENTIFYING if all(name in table for table in (rows, *earlier))]
+        present = {each for table in earlier for each in _tuples(table, columns)}
         is_new = [each not in present for each in _tuples(rows, columns)]
         joined = pd.concat([*earlier, rows[is_new]], ignore_index=True)
         write_text(target / path.name, joined.to_csv(index=False, float_format="%.6g"))
@@ -114,9 +114,5 @@ def _add_analysis(source: Path, target: Path, published: pd.DataFrame) -> None:
     write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
 
 
-def _cells(rows: pd.DataFrame) -> set[tuple[str, ...]]:
-    return set(_tuples(rows, CELL))
-
-
-def _tuples(rows: pd.DataFrame, columns: Sequence[str]) -> list[tuple[str, ...]]:
-    return list(rows[list(columns)].fillna("").itertuples(index=False, name=None))
+def _tuples(rows: pd.DataFrame, columns: list[str]) -> list[tuple[Any, ...]]:
+    return list(rows[columns].astype(object).fillna("").itertuples(index=False, name=None))

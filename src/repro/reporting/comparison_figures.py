@@ -12,7 +12,7 @@ from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
-from repro.reporting.names import experiment_title, model_title, predictor_title
+from repro.reporting.names import experiment_title, model_title, predictor_title, tested_titles
 from repro.reporting.plots import LOOKS, Frames, columns, one_legend
 from repro.reporting.results import OURS
 
@@ -77,7 +77,7 @@ def generalization(frames: Frames) -> Figure | None:
     rows = rows[(rows["shift"] != "experiment") & (rows["metric"] == "obstacle_iou")]
     if rows.empty:
         return None
-    rows = rows.assign(title=[predictor_title(*each) for each in zip(rows["model"], rows["encoding"], strict=True)])
+    rows = rows.assign(title=tested_titles(rows))
     shifts, names = (list(dict.fromkeys(rows[column])) for column in ("shift", "title"))
     across = min(4, len(shifts))
     down = math.ceil(len(shifts) / across)

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from repro.config import NETWORKS, PROJECTION
-from repro.reporting.names import TITLES, predictor_title
+from repro.reporting.names import TITLES, tested_titles
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
@@ -188,8 +188,7 @@ def _across(frame: pd.DataFrame | None) -> list[dict[str, Any]]:
     if frame is None:
         return []
     rows = frame[frame["shift"] == "experiment"]
-    titles = [predictor_title(*each) for each in zip(rows["model"], rows["encoding"], strict=True)]
-    return [_across_of(str(title), part) for title, part in rows.groupby(titles, sort=False)]
+    return [_across_of(str(title), part) for title, part in rows.groupby(tested_titles(rows), sort=False)]
 
 
 def _across_of(title: str, frame: pd.DataFrame) -> dict[str, Any]:

@@ -12,8 +12,9 @@ STAMP = ".inputs"
 
 
 def inputs_hash(outputs: Outputs, files: Iterable[Path] = ()) -> str:
-    """Hash the provenance and metrics of all runs, the recordings, further files and the source code."""
-    inputs = [*sorted(SOURCE.rglob("*.py")), *sorted(SOURCE.rglob("*.html")), *files]
+    """Hash the provenance and metrics of all runs, the recordings, further files, and the package with its tables."""
+    inputs = [path for kind in ("*.py", "*.html", "*.csv") for path in sorted(SOURCE.rglob(kind))]
+    inputs += files
     inputs += [directory / "manifest.json" for directory in outputs.recorded().values()]
     inputs += [run.path / name for run in outputs.runs() for name in ("provenance.json", "metrics.csv")]
     digest = hashlib.sha256()

@@ -68,11 +68,13 @@ def simulate(world: World) -> Recording:
         poses = np.concatenate([[world["robot"]["state"]], poses])
         states = np.concatenate([np.array(first, dtype=float)[:, None], states], axis=1)
     ranges, seen = scan(poses, angles, outlines, states, lidar["range_max"])
+    is_plain = (has_noise and (lidar.get("angle_std") or 0) > 0) or (
+        fixed > 0 and grazes(poses, angles, outlines[:fixed], states[:fixed])
+    )
     if has_noise:
         ranges = _with_noise(ranges, lidar, world["custom"]["seed"])[1:]
         poses, states = poses[1:], states[:, 1:]
-    is_plain = has_noise and (lidar.get("angle_std") or 0) > 0
-    if is_plain or (fixed and grazes(poses, angles, outlines[:fixed], states[:fixed])):
+    if is_plain:
         return Recording(_replay_world(world).scans, outlines, states, seen, is_plain=True)
     return Recording(Scans(ranges, angles, poses), outlines, states, seen)
 

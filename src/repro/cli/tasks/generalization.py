@@ -33,6 +33,8 @@ def run(job: Job) -> None:
         directory = outputs.path / "generalization" / f"exp{experiment}"
         workers = job.runtime.workers
         rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))
+    else:
+        print(f"changed sensors, poses and speeds are left out: {title} is not trained in experiment {experiment}")
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     table = pd.concat(rows, ignore_index=True).assign(seed=job.seed, model=key.model, encoding=key.encoding)
     path = outputs.analysis / f"{GENERALIZATION}.csv"
