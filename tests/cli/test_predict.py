@@ -57,6 +57,24 @@ def test_misses_of_a_lidar_that_reaches_less_far_than_that_of_the_training_free_
         assert torch.as_tensor(content["free"]) == pytest.approx(free, abs=1e-3)
 
 
+def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_path):
+    log = dict(np.load(EXAMPLE))
+    del log["range_max_m"]
+    log["ranges"] = np.minimum(log["ranges"], 15.0)  # a driver that reports misses at the maximum range
+    log["poses"][150:, 0] += 5.0
+    np.savez(tmp_path / "log.npz", **log)
+    options = ("prediction.stride_s=100", "prediction.center=[25,25]", f"outputs={tmp_path}")
+    done = predict(f"scans={tmp_path / 'log.npz'}", *options)
+    assert "the maximum range of the lidar is not known: a miss shows free space up to 30 m" in done.stdout
+    assert "warning: the poses jump 1 times, the first by 5.0 m at 15.00 s" in done.stdout
+    done = predict(f"scans={tmp_path / 'log.npz'}", "prediction.range_max_m=15", *options)
+    assert "not known" not in done.stdout
+    window = Scans(np.where(log["ranges"] < 15, log["ranges"], np.inf)[:100], log["angles"], log["poses"][:100])
+    free = load_predictor(WEIGHTS).with_range(15.0).predict(window)[0]
+    with np.load(tmp_path / "predictions" / "log" / "window-0001.npz") as content:
+        assert torch.as_tensor(content["free"]) == pytest.approx(free, abs=1e-3)
+
+
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     options = ("prediction.stride_s=10", "prediction.center=[25,25]", "prediction.animate=true", "prediction.mcap=true")
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")

@@ -19,7 +19,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
-from repro.prediction.live import MAX_WAITING, LiveMapper, two_numbers
+from repro.prediction.live import MAX_WAITING, MOST_OTHERS, LiveMapper, two_numbers
 from repro.prediction.logs import ScanLog
 from repro.prediction.ros import occupancy
 from repro.prediction.windows import cut
@@ -181,6 +181,17 @@ def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):
     assert len(robot.warnings) == len(wrong)
     assert all(reason in warning for reason, warning in zip(reasons, robot.warnings, strict=True))
     assert len(robot.maps) == 30 - STEPS + 1
+
+
+def test_an_odd_first_scan_delays_the_maps_and_no_more(predictor):
+    robot = Robot(predictor)
+    for step in range(30):
+        robot.mapper.add_odometry(odometry(step))
+        robot.mapper.add_scan(scan(step, ranges=np.ones(99, np.float32)) if step == 0 else scan(step))
+    *skipped, changed = robot.warnings
+    assert skipped == ["a scan is skipped: it is with another number of beams than 99"] * MOST_OTHERS
+    assert changed == "the beams of the lidar have changed: the window begins again"
+    assert len(robot.maps) == 30 - 1 - MOST_OTHERS - STEPS + 1
 
 
 def test_scans_without_poses_do_not_pile_up(predictor):

@@ -204,6 +204,45 @@ def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason,
     assert len(log) == SCANS - 1
 
 
+def test_an_odd_first_scan_does_not_decide_the_beams(tmp_path):
+    lines = [flaser(each) for each in range(SCANS)]
+    lines[0] = flaser(0, np.full(90, 2.0))
+    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    assert log.skipped == {"with another number of beams than 181": 1}
+    assert len(log) == SCANS - 1
+
+
+@pytest.mark.parametrize(
+    ("shifts", "kept"),
+    [
+        ({(20, SCANS): -500.0}, 20),
+        ({(0, 3): 3600.0}, SCANS - 3),
+        ({(4, 5): 1000.0}, SCANS - 5),
+    ],
+    ids=["set back", "set after the first scans", "one wrong time"],
+)
+def test_the_longest_part_of_a_log_whose_clock_was_set_back_is_kept(shifts, kept, tmp_path):
+    count = SCANS
+    stamps = 1000.0 + 0.1 * np.arange(count)
+    for (begin, end), shift in shifts.items():
+        stamps[begin:end] += shift
+    arrays = {"ranges": np.full((count, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((count, 3))}
+    np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
+    log = read_log(tmp_path / "log.npz", 0.05)
+    assert len(log) == kept
+    assert (np.diff(log.stamps) > 0).all()
+    assert log.skipped == {"before or after the clock was set back": count - kept}
+
+
+def test_times_that_go_back_again_and_again_are_refused(tmp_path):
+    count = 400
+    stamps = 1000.0 + np.random.default_rng(0).permutation(count)
+    arrays = {"ranges": np.full((count, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((count, 3))}
+    np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
+    with pytest.raises(ValueError, match=r"time goes back by more than 10 s \d+ times: its times are lost"):
+        read_log(tmp_path / "log.npz", 0.05)
+
+
 def test_scans_without_beams_are_skipped_and_counted(tmp_path):
     """As some drivers send them before the lidar turns."""
     lines = [flaser(each) for each in range(SCANS)]
@@ -243,7 +282,9 @@ def test_a_full_turn_has_no_beam_twice(tmp_path):
 
 def test_scans_that_follow_too_soon_are_left_out(tmp_path):
     path = write_lines(tmp_path / "log", [flaser(number) for number in range(SCANS)])
-    assert len(read_log(path, 0.25)) == SCANS / 3
+    log = read_log(path, 0.25)
+    assert len(log) == SCANS / 3
+    assert log.skipped == {"less than 0.25 s after the one before": SCANS * 2 / 3}
 
 
 @pytest.mark.parametrize("first", [0.0, -math.pi])

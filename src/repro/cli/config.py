@@ -57,7 +57,7 @@ class Prediction:
         stride_s: time between two windows [s].
         center: center of the map: robot, start, or x, y in the frame of the log [m].
         fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
-        range_max_m: range up to which a beam shows free space [m].
+        range_max_m: maximum range of the lidar [m]; None for that of the log.
         animate: whether to write an animation of all windows.
         scan_topic: topic of the scans in a bag; None to find it.
         odometry_topic: topic of the odometry in a bag; None to find it.
@@ -72,7 +72,7 @@ class Prediction:
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
     center: Annotated[Any, AfterValidator(_is_center)]
     fov_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] | None
-    range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]
+    range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
     animate: bool
     scan_topic: str | None
     odometry_topic: str | None

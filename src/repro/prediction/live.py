@@ -8,13 +8,22 @@ from typing import Any
 import numpy as np
 
 from repro.networks.predictor import Predictor
-from repro.prediction.logs import LogScan, check_beams, in_order, shorter_range, valid_ranges, why_unusable
+from repro.prediction.logs import (
+    LogScan,
+    check_beams,
+    has_same_beams,
+    in_order,
+    shorter_range,
+    valid_ranges,
+    why_unusable,
+)
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.prediction.transforms import MAX_GAP_S, Transforms, without_transform
 
 KEEP_S = 30.0  # age up to which poses are remembered
 MAX_WAITING = 50  # scans that wait for their poses or for the network
+MOST_OTHERS = 10  # scans in a row with other beams than the first, after which the window begins again
 
 
 def two_numbers(text: str) -> tuple[float, float] | None:
@@ -70,6 +79,7 @@ class LiveMapper:
         self.reported: set[str] = set()  # messages about poses that cannot be used
         self.newest_s = -np.inf  # time of the newest message
         self.first: LogScan | None = None
+        self.others = 0  # scans in a row with other beams
         self.root: str | None = None  # frame of the poses in the stream
         self.last_s = -np.inf  # time of the last scan in the stream
         self.lock = threading.Lock()
@@ -134,6 +144,11 @@ class LiveMapper:
             if self.first is not None and scan.pose is not None and root != self.root:
                 self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")
                 self.first = None
+            if self.first is not None and not has_same_beams(scan, self.first):
+                self.others += 1
+                if self.others > MOST_OTHERS:
+                    self.warn("the beams of the lidar have changed: the window begins again")
+                    self.first = None
             if self.first is None and len(scan.ranges):
                 check_beams(scan, "scan")
             reason = why_unusable(scan, self.first, self.last_s)
@@ -162,5 +177,5 @@ class LiveMapper:
             if message := shorter_range(scan.range_max_m, self.predictor.reach_m):
                 self.warn(message)
             self.first = scan
-        self.last_s = scan.stamp
+        self.last_s, self.others = scan.stamp, 0
         return self.stream.update(ranges[0], np.array(scan.pose), scan.stamp)

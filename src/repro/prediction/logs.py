@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,8 @@ from repro.maps.validity import DEGREES, MAX_HEADING
 MAX_BEAMS = 100_000
 MIN_SCANS = 2
 NOT_LATER, MOSTLY = "not later than the one before", 10  # some logs have times of six digits, which hardly increase
+SET_BACK_S, SET_BACK = 10.0, "before or after the clock was set back"  # a time earlier than the last one by more
+HEAD = 20  # scans of which most have the beams of the log
 MILLIMETERS = 300.0  # median range [m] beyond which no 2D lidar measures; the readings are in other units
 
 
@@ -63,6 +65,10 @@ class ScanLog:
     def __len__(self) -> int:
         return len(self.stamps)
 
+    def with_range(self, range_max_m: float) -> "ScanLog":
+        """Return the log of a lidar with this maximum range [m], from which on a reading is a miss."""
+        return replace(self, ranges=readings(self.ranges, 0.0, range_max_m), range_max_m=range_max_m)
+
     def crop(self, fov_rad: float) -> "ScanLog":
         """Return the log with the beams within a field of view around straight ahead.
 
@@ -80,9 +86,9 @@ class ScanLog:
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
-    A scan is skipped if its time is not after that of the last one, it has no pose, another number of beams or other
-    angles than the first, or no valid reading. Scans that follow the last one by less than
-    `spacing_s` are left out without being counted.
+    A scan is skipped if its time is not after that of the last one, or after it by less than `spacing_s`, if it has no
+    pose, no valid reading, or other beams than most of the first ones. If the clock was set back, the longest part of
+    the log without such a jump is kept.
 
     Args:
         scans: the scans in the order of the file.
@@ -107,6 +113,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
         raise ValueError(
             f"{path}: {skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later: its times are lost"
         )
+    kept = _longest_part(kept, path, skipped)
     sample = kept["ranges"][:: max(1, len(kept) // 1000)]
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
@@ -120,17 +127,47 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
 
 
 def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
-    first: LogScan | None = None
+    scans = iter(scans)
+    head = list(islice(scans, HEAD))
+    first = _with_most_frequent_beams(head)
+    if first:
+        check_beams(first, str(path))
     last = -math.inf
-    for scan in scans:
-        if first is None and len(scan.ranges):
-            check_beams(scan, str(path))
+    for scan in chain(head, scans):
+        if scan.stamp < last - SET_BACK_S:
+            last = -math.inf
         reason = why_unusable(scan, first, last)
+        if not reason and scan.stamp - last < spacing_s:
+            reason = f"less than {spacing_s:.3g} s after the one before"
         if reason:
             skipped[reason] += 1
-        elif scan.stamp - last >= spacing_s:
-            first, last = first or scan, scan.stamp
+        else:
+            last = scan.stamp
             yield scan
+
+
+def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:
+    """Return the first of the scans that have the most frequent beams; None if none has beams."""
+    beams = [(len(each.ranges), round(each.first_angle, 3), round(each.spacing, 6)) for each in scans]
+    counts = Counter(each for each in beams if each[0])
+    return scans[beams.index(counts.most_common(1)[0][0])] if counts else None
+
+
+def _longest_part(kept: np.ndarray, path: Path, skipped: Counter[str]) -> np.ndarray:
+    """Return the longest part of the rows of a log in which time does not go back; the others are counted.
+
+    Raises:
+        ValueError: time goes back too often for a clock that is set.
+    """
+    parts = np.split(kept, np.flatnonzero(np.diff(kept["stamp"]) < 0) + 1)
+    if len(parts) > MOSTLY:
+        raise ValueError(
+            f"{path}: time goes back by more than {SET_BACK_S:g} s {len(parts) - 1} times: its times are lost"
+        )
+    longest = max(parts, key=len)
+    if len(longest) < len(kept):
+        skipped[SET_BACK] += len(kept) - len(longest)
+    return longest
 
 
 def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | None:
@@ -145,11 +182,17 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
         return "without a pose"
     if first and len(scan.ranges) != len(first.ranges):
         return f"with another number of beams than {len(first.ranges)}"
-    if first and not np.allclose((scan.first_angle, scan.spacing), (first.first_angle, first.spacing), atol=1e-4):
+    if first and not has_same_beams(scan, first):
         return "with other beam angles"
     if np.isnan(valid_ranges(scan)).all():
         return "without a valid reading"
     return None
+
+
+def has_same_beams(scan: LogScan, other: LogScan) -> bool:
+    """Return whether two scans have the same number of beams at the same angles."""
+    angles, others = ((each.first_angle, each.spacing) for each in (scan, other))
+    return len(scan.ranges) == len(other.ranges) and np.allclose(angles, others, atol=1e-4)
 
 
 def check_beams(scan: LogScan, source: str) -> None:
@@ -171,18 +214,25 @@ def check_beams(scan: LogScan, source: str) -> None:
 
 
 def valid_ranges(scan: LogScan) -> np.ndarray:
-    """Return the ranges of a scan with inf for a miss, at or beyond the maximum, and NaN for an invalid reading.
+    """Return the ranges of a scan with inf for a miss and NaN for an invalid reading, see `readings`."""
+    return readings(scan.ranges, scan.range_min_m, scan.range_max_m)
+
+
+def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
+    """Return ranges [m] with inf for a miss, at or beyond the maximum, and NaN for an invalid reading, float32.
 
     Invalid are zero, what is below the minimum, and NaN. Many lidars report a lost beam in these ways; it must not
     mark the pixels along it as free.
     """
-    ranges = np.asarray(scan.ranges, dtype=np.float32)
-    is_valid = (ranges >= scan.range_min_m) & (ranges > 0)  # false for NaN
-    return np.where(is_valid, np.where(ranges < scan.range_max_m, ranges, np.inf), np.nan).astype(np.float32)
+    ranges = np.asarray(ranges, dtype=np.float32)
+    is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
+    return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)
 
 
 def shorter_range(range_max_m: float, reach_m: float) -> str | None:
-    """Return a message about a lidar that reaches less far [m] than that of the training; None if it does not."""
+    """Return a message about a lidar that reaches less far [m] than that of the training, or how far is unknown."""
+    if reach_m and math.isinf(range_max_m):
+        return f"the maximum range of the lidar is not known: a miss shows free space up to {reach_m:.4g} m"
     if range_max_m >= reach_m:
         return None
     return (

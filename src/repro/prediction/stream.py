@@ -5,9 +5,12 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from repro.maps.validity import DEGREES, MAX_HEADING
+from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
+from repro.prediction.logs import readings
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
 
 
@@ -43,7 +46,7 @@ class PredictionStream:
 
     Args:
         predictor: network, encoding and grid.
-        angles: beam angles [rad], (N,), increasing.
+        angles: beam angles [rad], (N,), increasing and evenly spaced.
         center: center of the map: `robot` (the newest pose), or x, y in the frame of the poses [m].
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
@@ -64,6 +67,7 @@ class PredictionStream:
         range_max_m: float = math.inf,
     ) -> None:
         self.predictor, self.angles = predictor.with_range(range_max_m), np.array(angles, dtype=float)
+        self.range_max_m = range_max_m
         self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
@@ -72,6 +76,7 @@ class PredictionStream:
                 f"expected steps of at least 1 and a positive step_s [s], got {self.steps} and {self.step_s}"
             )
         predictor.check_center(center)
+        beam_spacing(torch.as_tensor(self.angles))
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
@@ -87,7 +92,7 @@ class PredictionStream:
         set back, and the stream begins again with it.
 
         Args:
-            ranges: ranges [m], (N,); a miss is inf, an invalid reading NaN.
+            ranges: ranges [m], (N,); from `range_max_m` on a miss; zero and NaN are invalid.
             pose: x, y [m] and heading [rad] of the lidar, (3,).
             stamp: time of the scan [s].
 
@@ -139,7 +144,9 @@ class PredictionStream:
             raise ValueError(
                 f"expected ranges {self.angles.shape} and a pose (3,), got {ranges.shape} and {pose.shape}"
             )
-        if np.isnan(ranges).all() or (ranges < 0).any():
+        is_negative = (ranges < 0).any()
+        ranges = readings(ranges, 0.0, self.range_max_m)
+        if is_negative or np.isnan(ranges).all():
             raise ValueError(
                 "ranges: some are negative or all are NaN: expected meters, inf for a miss, NaN for an invalid reading"
             )

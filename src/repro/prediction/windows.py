@@ -8,6 +8,7 @@ import numpy as np
 from repro.prediction.logs import ScanLog
 from repro.scans import Scans
 
+MOST_BETWEEN_S = 30.0  # between two scans of a lidar
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; a larger gap leaves out the window
 
 
@@ -62,6 +63,8 @@ def cut(
     length, longest_gap = (steps - 1) * step_s, longest_gap_s(step_s)
     gaps = np.diff(log.stamps)
     between_s = float(np.median(gaps))
+    if between_s > MOST_BETWEEN_S:
+        raise ValueError(f"the log has a scan every {between_s:.3g} s: expected times in seconds, not in ms or ns")
     if between_s > longest_gap:
         raise ValueError(
             f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "

@@ -21,6 +21,8 @@ from repro.prediction.windows import Window, cut
 from repro.system.files import replacing_directory, write_text
 
 Row = dict[str, float | str]
+JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
+COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 
 
@@ -38,7 +40,7 @@ def run(job: Job) -> None:
     log = _log(path, step_s, settings)
     if message := shorter_range(log.range_max_m, predictor.reach_m):
         print(message)
-    predictor, range_max_m = predictor.with_range(log.range_max_m), min(settings.range_max_m, log.range_max_m)
+    predictor, range_max_m = predictor.with_range(log.range_max_m), min(log.range_max_m, COMPARED_M)
     mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / name_of(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -88,6 +90,7 @@ def _log(path: Path, step_s: float, settings: Prediction) -> ScanLog:
     """Read and describe a log."""
     log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
     log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
+    log = log.with_range(settings.range_max_m) if settings.range_max_m else log
     _describe(log)
     return log
 
@@ -161,6 +164,11 @@ def _describe(log: ScanLog) -> None:
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))
     rate = (len(log) - 1) / (log.stamps[-1] - log.stamps[0])
     print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {rate:.1f} per second")
+    ways_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1)
+    jumps = np.flatnonzero(ways_m > JUMP_M_S * np.diff(log.stamps))
+    if len(jumps):
+        where = f"the first by {ways_m[jumps[0]]:.1f} m at {log.stamps[jumps[0] + 1]:.2f} s"
+        print(f"warning: the poses jump {len(jumps)} times, {where}: windows across a jump have wrong maps")
     invalid = np.isnan(log.ranges).mean()
     if invalid:
         print(f"invalid: {invalid:.1%} of the readings (NaN, zero, below the minimum): neither a hit nor free space")
