@@ -26,7 +26,7 @@ Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
 Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
 Gray = Annotated[float, Field(ge=0, le=254 / 255, allow_inf_nan=False)]  # of a hit; 0 is black, 1 the white background
-Frames = Annotated[int, Field(ge=1, le=100)]
+FrameCount = Annotated[int, Field(ge=1, le=100)]
 
 
 def choice(*allowed: str) -> AfterValidator:
@@ -95,7 +95,7 @@ class EncodingParameters(TypedDict, total=False):
     oldest_gray: Gray
     half_life: Positive
     range_max_m: Positive
-    frames: Frames
+    frames: FrameCount
 
 
 class NetworkParameters(TypedDict, total=False):

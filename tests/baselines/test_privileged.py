@@ -71,7 +71,7 @@ def test_the_newest_hits_are_those_of_the_analysis(recorded):
 
 @pytest.mark.parametrize("place", [(38.0, 25.0), (31.0, 25.0)])  # far from the zone, and beside it
 def test_drawn_motions_have_the_law_of_the_simulation(place):
-    steps, motion = 140, {"speed_m_s": 0.6, "turn_steps": (50, 100), "centre_m": (25.0, 25.0), "keep_out_m": 5.0}
+    steps, motion = 140, {"speed_m_s": 0.6, "turn_steps": (50, 100), "center_m": (25.0, 25.0), "keep_out_m": 5.0}
     ends = []
     for seed in range(1500):
         (x, y), drift = place, Drift(seed=seed, **motion)

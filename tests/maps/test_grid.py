@@ -29,7 +29,7 @@ def test_every_pixel_center_is_in_its_own_pixel():
 
 
 def test_first_column_is_the_first_center_not_left_of_x():
-    grid = Grid(5, 50.0)  # centres at 5, 15, 25, 35, 45
+    grid = Grid(5, 50.0)  # centers at 5, 15, 25, 35, 45
     x = torch.tensor([-3.0, 5.0, 5.1, 44.9, 45.1, 99.0])
     assert grid.first_column(x).tolist() == [0, 0, 1, 4, 5, 5]
 

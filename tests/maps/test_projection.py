@@ -53,7 +53,7 @@ def test_float32_changes_hardly_a_pixel(shard):
 
 
 def one_beam(hits):
-    """Scans of one beam straight ahead from the map's centre."""
+    """Scans of one beam straight ahead from the map's center."""
     ranges = torch.tensor(hits, dtype=torch.float32)[None, :, None]
     poses = torch.tensor([[25.0, 25.0, 0.0]]).expand(1, len(hits), 3)
     return Scans(ranges, torch.zeros(1), poses)
@@ -91,8 +91,8 @@ def test_misses_and_hits_off_the_map_are_not_drawn():
 def test_rotating_the_poses_rotates_the_image(shard):
     scans = shard.scans.tensors(dtype=torch.float64)
     turned = scans.poses.clone()
-    centred = scans.poses[..., :2] - 25
-    turned[..., 0], turned[..., 1] = 25 - centred[..., 1], 25 + centred[..., 0]
+    centerd = scans.poses[..., :2] - 25
+    turned[..., 0], turned[..., 1] = 25 - centerd[..., 1], 25 + centerd[..., 0]
     turned[..., 2] += math.pi / 2
     image = project(scans, Grid(64, 50.0))
     again = project(Scans(scans.ranges, scans.angles, turned), Grid(64, 50.0))

@@ -21,7 +21,7 @@ from repro.reporting.publish import doubts, publish
 from repro.reporting.readme import with_results
 from repro.reporting.results import OURS, read_published, read_results
 from repro.reporting.rows import read_rows
-from repro.reporting.tables import ENCODINGS, write_tables
+from repro.reporting.tables import TABLE_ENCODINGS, write_tables
 from repro.runs.directories import Outputs
 from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Status
@@ -51,11 +51,11 @@ def test_published_tables_follow_from_the_published_runs(directory):
         assert origin["status"] == "evaluated"
         assert any("recordings" in step for step in origin["steps"])
         assert origin["steps"][-1]["step"] == "evaluated"
-    published = {"main", *(name for name, encoding in ENCODINGS.items() if (runs["encoding"] == encoding).any())}
+    published = {"main", *(name for name, encoding in TABLE_ENCODINGS.items() if (runs["encoding"] == encoding).any())}
     assert {path.stem for path in directory.glob("*.csv")} & {"main", "ablation"} == published
     for name in published:
         table = read_rows(directory / f"{name}.csv")
-        assert set(table["encoding"]) <= {ENCODINGS[name], "", *((OURS[1],) if name == "main" else ())}
+        assert set(table["encoding"]) <= {TABLE_ENCODINGS[name], "", *((OURS[1],) if name == "main" else ())}
         means = runs.groupby(CELL)["specificity"].mean()
         for row in table[table["model"] != "average"].itertuples():
             assert row.specificity == pytest.approx(means[row.experiment, row.model, row.encoding], abs=1e-4)

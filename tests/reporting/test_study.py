@@ -3,6 +3,7 @@ from conftest import ROOT, fake_run
 
 import repro.config
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts
+from repro.reporting.names import duration
 from repro.reporting.status import describe_outputs
 from repro.reporting.study import Study
 from repro.runs.directories import Outputs
@@ -30,7 +31,7 @@ def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
     assert study.seconds_left() == pytest.approx(23)
     progress = study.progress(RunKey("4", "fpn", PROJECTION_NO_DECAY, 0))
     assert (
-        progress == "training 2 of 24: exp 4, FPN, no decay; about 0 min of training left one after the other, "
+        progress == "training 2 of 24: exp 4, FPN, no decay; about 23 s of training left one after the other, "
         "estimated from finished trainings"
     )
     assert study.progress(RunKey("3", "unet", "observed_free", 0)) is None
@@ -67,4 +68,11 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     ):
         assert row in text, text
     assert "Of the study's 20 trainings with seed 0: 16 missing" in text
-    assert "min of training remain" in text
+    assert " of training remain, estimated from finished trainings" in text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0, "0 s"), (89, "89 s"), (90, "2 min"), (7199, "120 min"), (7200, "2 h")]
+)
+def test_durations_are_readable(seconds, text):
+    assert duration(seconds) == text

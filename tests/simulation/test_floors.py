@@ -80,7 +80,7 @@ def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(task, "CONF", tmp_path)
     source = write(tmp_path, rooms())
     (tmp_path / "world").mkdir()
-    job = SimpleNamespace(floor_map=str(source))
+    job = SimpleNamespace(call=SimpleNamespace(floor_map=str(source)))
     task.run(job)
     assert "prediction.center=[7,12]" in capsys.readouterr().out
     register()

@@ -59,7 +59,7 @@ def track(obstacle: Drift, start: tuple[float, float], steps: int) -> np.ndarray
 
 
 def drift(seed: int = 0, **changes) -> Drift:
-    options = {"speed_m_s": 2.0, "turn_steps": (20, 40), "centre_m": (25.0, 25.0), "keep_out_m": 6.0}
+    options = {"speed_m_s": 2.0, "turn_steps": (20, 40), "center_m": (25.0, 25.0), "keep_out_m": 6.0}
     return Drift(seed=seed, **{**options, **changes})
 
 
@@ -114,7 +114,7 @@ def test_a_drive_backwards_passes_the_same_places():
 
 def test_an_obstacle_between_walls_stays_between_them():
     walls = [[[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0], [0.0, 0.0]], [[1.5, 0.0], [1.5, 0.8]]]
-    zone = {"centre_m": (0.0, 0.0), "keep_out_m": 0.0}
+    zone = {"center_m": (0.0, 0.0), "keep_out_m": 0.0}
     drift = Drift(seed=1, speed_m_s=1.0, turn_steps=(20, 40), **zone, walls_m=walls, radius_m=0.3)
     x, y, places = 0.5, 1.0, []
     for _ in range(2000):
@@ -130,6 +130,6 @@ def test_an_obstacle_between_walls_stays_between_them():
 
 def test_an_obstacle_without_a_free_heading_stands_still():
     box = [[[0.0, 0.0], [0.62, 0.0], [0.62, 0.62], [0.0, 0.62], [0.0, 0.0]]]
-    zone = {"centre_m": (0.0, 0.0), "keep_out_m": 0.0}
+    zone = {"center_m": (0.0, 0.0), "keep_out_m": 0.0}
     drift = Drift(seed=1, speed_m_s=1.0, turn_steps=(20, 40), **zone, walls_m=box, radius_m=0.3)
     assert {drift.velocity(0.31, 0.31, 0.1) for _ in range(50)} == {(0.0, 0.0)}

@@ -50,7 +50,7 @@ def analyze(job: Job) -> None:
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs, errors, accelerator=job.runtime.accelerator) | _written_by_other_tasks(outputs)
+    frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator) | _written_by_other_tasks(outputs)
     frames["audit"] = audits(results)
     frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(_of_papers_worlds(frames, results)))
     outputs.analysis.mkdir(parents=True, exist_ok=True)

@@ -3,7 +3,8 @@
 import sys
 
 from repro.cli.jobs import Job
-from repro.learning.cost import readable, training_seconds, trainings_at_once
+from repro.learning.cost import training_seconds, trainings_at_once
+from repro.reporting.names import duration
 
 
 def print_cost(jobs: list[Job]) -> None:
@@ -13,11 +14,11 @@ def print_cost(jobs: list[Job]) -> None:
         return
     print("measuring what paper scale costs on this machine", flush=True)
     kinds = {_kind(job): job for job in left}
-    seconds = {kind: training_seconds(job.config, job.runtime.precision) for kind, job in kinds.items()}
+    seconds = {kind: training_seconds(job.config, job.call.runtime.precision) for kind, job in kinds.items()}
     total = sum(seconds[_kind(job)] for job in left) / min(len(left), trainings_at_once(left[0].config))
     trainings = "this training takes" if len(left) == 1 else f"these {len(left)} trainings take"
     print(
-        f"warning: no CUDA GPU is visible: {trainings} about {readable(total)}. For less, use scale=laptop.",
+        f"warning: no CUDA GPU is visible: {trainings} about {duration(total)}. For less, use scale=laptop.",
         file=sys.stderr,
         flush=True,
     )
@@ -25,4 +26,4 @@ def print_cost(jobs: list[Job]) -> None:
 
 def _kind(job: Job) -> str:
     """Return what the duration of a training depends on, as text: everything but its worlds and its seed."""
-    return str((job.config.model, job.config.encoding, job.config.train, job.scale))
+    return str((job.config.model, job.config.encoding, job.config.train, job.call.scale))

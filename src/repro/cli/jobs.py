@@ -1,13 +1,12 @@
 """A call with everything resolved: the only place that turns the configuration into runs, directories and specs."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from repro.cli.config import Config, Demo, Prediction, Runtime
-from repro.config import Scale, world_spec
+from repro.cli.config import Config
+from repro.config import world_spec
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
 from repro.runs.config import Data, RunConfig
@@ -23,38 +22,16 @@ class Job:
     """A resolved call.
 
     Args:
-        task: name of the task.
+        call: the whole configuration.
         config: everything that decides the result of the run.
         outputs: the outputs directory.
         spec: what decides the worlds of the experiment, see `worlds.sample_world`.
-        experiments: all experiments of the world, by name.
-        seed: seed of the training, or of the world for task=world and task=animate.
-        scale: the scale.
-        runtime: workers, accelerator, precision, time limit.
-        force: whether published results may be replaced against the checks.
-        add: whether runs are added to published results instead of replacing them.
-        format: form of an exported network, torch or onnx.
-        scans: the log of task=predict.
-        floor_map: the map of task=floor.
-        prediction: settings of task=predict.
-        demo: settings of task=demo.
     """
 
-    task: str
+    call: Config
     config: RunConfig
     outputs: Outputs
     spec: dict[str, Any]
-    experiments: Mapping[str, Any]
-    seed: int
-    scale: Scale
-    runtime: Runtime
-    force: bool
-    add: bool
-    format: str
-    scans: str | None
-    floor_map: str | None
-    prediction: Prediction
-    demo: Demo
 
     @property
     def key(self) -> RunKey:
@@ -70,7 +47,7 @@ class Job:
 
     @property
     def pairs(self) -> dict[str, int]:
-        return asdict(self.scale.pairs)
+        return asdict(self.call.scale.pairs)
 
     @property
     def published(self) -> Path:
@@ -80,7 +57,7 @@ class Job:
     @property
     def reference(self) -> Path:
         """Directory of the published results to compare with: of the outputs directory, else of the scale."""
-        return self.published if self.published.is_dir() else RESULTS / self.scale.name
+        return self.published if self.published.is_dir() else RESULTS / self.call.scale.name
 
 
 def resolve(config: Config) -> Job:
@@ -88,23 +65,8 @@ def resolve(config: Config) -> Job:
     spec = world_spec(config.world, config.exp)
     size_m = float(spec["world"]["width"])
     data = Data(config.scale.name, config.scale.size_px, size_m, config.scale.pairs, spec_fingerprint(spec))
-    return Job(
-        task=config.task,
-        config=RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train),
-        outputs=Outputs(Path(config.outputs), Path(config.recordings)),
-        spec=spec,
-        experiments=config.world["experiments"],
-        seed=config.seed,
-        scale=config.scale,
-        runtime=config.runtime,
-        force=config.publish.force,
-        add=config.publish.add,
-        format=config.format,
-        scans=config.scans,
-        floor_map=config.floor_map,
-        prediction=config.prediction,
-        demo=config.demo,
-    )
+    run = RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
+    return Job(config, run, Outputs(Path(config.outputs), Path(config.recordings)), spec)
 
 
 @cache

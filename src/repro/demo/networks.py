@@ -17,7 +17,12 @@ from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.reporting.names import model_title, predictor_title
 from repro.runs.keys import RunKey
 
-ENCODINGS = ("projection", "negative", "stack", "series")  # that assets/encodings.js draws, with a number or without
+DRAWN_ENCODINGS = (
+    "projection",
+    "negative",
+    "stack",
+    "series",
+)  # that assets/encodings.js draws, with a number or without
 TOLERANCE = 1e-3  # largest difference of a probability to PyTorch
 SMALLEST = 256  # values of a tensor that is stored as float16
 
@@ -52,9 +57,10 @@ def load_network(directory: Path) -> DemoNetwork:
     """
     predictor = load_predictor(directory)
     encoding = {"name": predictor.encoding.name, "parameters": asdict(predictor.encoding)}  # type: ignore[call-overload]
-    if encoding["name"].rstrip("0123456789") not in ENCODINGS:
+    if encoding["name"].rstrip("0123456789") not in DRAWN_ENCODINGS:
+        expected = ", ".join(DRAWN_ENCODINGS)
         raise ValueError(
-            f"{directory} has the encoding {encoding['name']}, expected {', '.join(ENCODINGS)}: the page draws no other"
+            f"{directory} has the encoding {encoding['name']}, expected {expected}: the page draws no other"
         )
     whole = _onnx_of(directory, predictor)
     content = with_float16_weights(whole)

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import numpy as np
-import torch
 
+from repro.evaluation.recency import obstacle_masks
+from repro.maps.datasets import true_maps
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import rasterize
 from repro.recordings.reader import read_shards
 
 
@@ -24,13 +24,11 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
     """
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in read_shards(recordings, split):
-        outlines, states = torch.as_tensor(shard.outlines), torch.as_tensor(shard.states[:, -1])
-        worlds = len(shard.scans) // 2
-        covered_px += (1 - rasterize(outlines, states, torch.as_tensor(shard.world), worlds, grid)).sum().item()
-        maps_px += worlds * grid.size_px**2
-        obstacles = len(shard.world)
-        area = (1 - rasterize(outlines, states, torch.arange(obstacles), obstacles, grid)).sum((1, 2)).numpy()
-        rank = np.arange(obstacles) - np.searchsorted(shard.world, shard.world)  # index of an obstacle in its world
+        free = true_maps(shard, grid)[::2]  # a world and its twin share their map
+        covered_px += (1 - free).sum().item()
+        maps_px += free.numel()
+        area = obstacle_masks(shard, grid).sum((1, 2))
+        rank = np.arange(len(area)) - np.searchsorted(shard.world, shard.world)  # index of an obstacle in its world
         for twin in (0, 1):
             seen_px += area[shard.seen[2 * shard.world + twin, rank]].sum()
             all_px += area.sum()

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from repro.config import Frames, Positive
+from repro.config import FrameCount, Positive
 from repro.maps.grid import Grid
 from repro.maps.projection import CHECKED, hit_pixels
 from repro.maps.visibility import newest_visible
@@ -29,7 +29,7 @@ class Stack:
 
     kind: ClassVar[str] = "stack"
 
-    frames: Frames
+    frames: FrameCount
 
     @property
     def name(self) -> str:

@@ -11,16 +11,16 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.comparison_figures import baselines, curves, encodings, generalization, pairs
-from repro.reporting.figures import STYLE
+from repro.reporting.figures import STYLE, save
 from repro.reporting.names import experiment_title
-from repro.reporting.plots import LOOKS, Frames, columns, marks, one_legend
+from repro.reporting.plots import LOOKS, DataFrames, columns, marks, one_legend
 
 DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
 
 
 def write_analysis_figures(
     directory: Path,
-    frames: Frames,
+    frames: DataFrames,
     names: Collection[str] | None = None,
     suffixes: tuple[str, ...] = ("png", "pdf"),
 ) -> list[Path]:
@@ -31,14 +31,11 @@ def write_analysis_figures(
             figure = draw(frames) if names is None or name in names else None
             if figure is None:
                 continue
-            for suffix in suffixes:
-                figure.savefig(directory / f"{name}.{suffix}", bbox_inches="tight", pad_inches=0.05)
-            plt.close(figure)
-            written.append(directory / f"{name}.png")
+            written.append(save(figure, directory / name, suffixes))
     return written
 
 
-def ages(frames: Frames) -> Figure | None:
+def ages(frames: DataFrames) -> Figure | None:
     """Plot obstacle recall and entropy of U-Net by time since last seen; None without data."""
     rows = _unet(frames["ages"])
     if rows.empty:
@@ -59,7 +56,7 @@ def ages(frames: Frames) -> Figure | None:
     return figure
 
 
-def recency(frames: Frames) -> Figure | None:
+def recency(frames: DataFrames) -> Figure | None:
     """Plot obstacle recall and Brier score of U-Net by recency, with occluded and never in view; None without data."""
     rows = _unet(frames["recency"])
     names = [name for name in RECENCY if name in set(rows["recency"])]
@@ -82,7 +79,7 @@ def recency(frames: Frames) -> Figure | None:
     return figure
 
 
-def obstacles(frames: Frames) -> Figure | None:
+def obstacles(frames: DataFrames) -> Figure | None:
     """Plot the recall of single obstacles by time since last hit: U-Net, ablation, baselines; None without data."""
     table = frames["obstacles"]
     rows = table[table["metric"] == "recall"]
@@ -104,7 +101,7 @@ def obstacles(frames: Frames) -> Figure | None:
     return figure
 
 
-def reliability(frames: Frames) -> Figure | None:
+def reliability(frames: DataFrames) -> Figure | None:
     """Plot the reliability diagram of U-Net, uncalibrated; None without data."""
     rows = _unet(frames["reliability"])
     rows = rows[rows["recency"] == "all"] if len(rows) else rows
@@ -122,7 +119,7 @@ def reliability(frames: Frames) -> Figure | None:
     return figure
 
 
-FIGURES: dict[str, Callable[[Frames], Figure | None]] = {
+FIGURES: dict[str, Callable[[DataFrames], Figure | None]] = {
     "recency": recency,
     "ages": ages,
     "obstacles": obstacles,

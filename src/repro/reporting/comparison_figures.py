@@ -13,13 +13,13 @@ from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.figures import ACCENT, INK
 from repro.reporting.names import experiment_title, model_title, predictor_title, tested_titles
-from repro.reporting.plots import LOOKS, Frames, columns, one_legend
+from repro.reporting.plots import LOOKS, DataFrames, columns, one_legend
 from repro.reporting.results import OURS
 
 DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
 
 
-def baselines(frames: Frames) -> Figure | None:
+def baselines(frames: DataFrames) -> Figure | None:
     """Plot the obstacle IoU of all networks on the paper's input, our best input and the baselines, or None."""
     rows = _titled(frames["intervals"])
     shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
@@ -28,7 +28,7 @@ def baselines(frames: Frames) -> Figure | None:
     return _dots(rows, names) if len(names) > 1 else None
 
 
-def encodings(frames: Frames) -> Figure | None:
+def encodings(frames: DataFrames) -> Figure | None:
     """Plot the obstacle IoU of U-Net on every encoding, and of a sequence network, with intervals, or None."""
     rows = _titled(frames["intervals"])
     rows = rows[rows["model"].isin(["unet", *RECURRENT])]
@@ -69,7 +69,7 @@ def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
     return figure
 
 
-def generalization(frames: Frames) -> Figure | None:
+def generalization(frames: DataFrames) -> Figure | None:
     """Plot the obstacle IoU of networks under changed sensors, poses and speeds; None without data."""
     if "generalization" not in frames:
         return None
@@ -101,7 +101,7 @@ def generalization(frames: Frames) -> Figure | None:
     return figure
 
 
-def curves(frames: Frames) -> Figure | None:
+def curves(frames: DataFrames) -> Figure | None:
     """Plot the learning curves, their extrapolation to paper scale and the paper's values; None without data."""
     if "extrapolated" not in frames:
         return None
@@ -135,7 +135,7 @@ def curves(frames: Frames) -> Figure | None:
     return figure
 
 
-def pairs(frames: Frames) -> Figure | None:
+def pairs(frames: DataFrames) -> Figure | None:
     """Plot obstacle IoU against training pairs where several networks have a learning curve, else return None.
 
     The networks are compared at the lowest resolution that all of them have. Lines show the bounds, from

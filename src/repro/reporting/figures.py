@@ -1,6 +1,7 @@
 """The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +44,16 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
         if examples:
             drawn["results"] = results(examples)
         for name, figure in drawn.items():
-            for suffix in ("png", "pdf"):
-                figure.savefig(directory / f"{name}.{suffix}", bbox_inches="tight", pad_inches=0.05)
-            plt.close(figure)
-            written.append(directory / f"{name}.png")
+            written.append(save(figure, directory / name))
     return written
+
+
+def save(figure: Figure, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path:
+    """Write a figure as <stem>.<suffix> and close it; return the PNG file."""
+    for suffix in suffixes:
+        figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), bbox_inches="tight", pad_inches=0.05)
+    plt.close(figure)
+    return stem.with_name(f"{stem.name}.png")
 
 
 def write_world_figure(world: World, experiment: str, path: Path) -> None:
@@ -56,8 +62,7 @@ def write_world_figure(world: World, experiment: str, path: Path) -> None:
     twins = {f"{experiment}, there": world, f"{experiment}, back": reverse_direction(world)}
     with plt.rc_context(STYLE):
         figure = data_collection(twins, steps)
-        figure.savefig(path, bbox_inches="tight", pad_inches=0.05)
-        plt.close(figure)
+        save(figure, path.with_suffix(""), ("png",))
 
 
 def data_collection(worlds: dict[str, World], step: int = 70) -> Figure:

@@ -16,12 +16,12 @@ from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
 from repro.reporting.claims import Verdict
 from repro.reporting.names import experiment_title, predictor_title
+from repro.reporting.plots import DataFrames
 from repro.reporting.sections import sections
 from repro.reporting.tables import HEADS, Table, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
 
-Frames = dict[str, pd.DataFrame]
 LOOKS = {
     Verdict.reproduced: "reproduced",
     Verdict.in_direction: "direction",
@@ -53,7 +53,7 @@ class Report:
     command: str
     caption: str
     tables: dict[str, Table]
-    frames: Frames
+    frames: DataFrames
     claims: pd.DataFrame
     figures: dict[str, Path]
     samples: dict[str, list[Sample]]
@@ -65,7 +65,7 @@ def render(report: Report) -> str:
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     is_smoke = report.scale == "smoke"
     parts = sections(report.frames, report.figures, report.origins)
-    navigation = [("summary", "Summary"), ("tables", "Tables")]
+    navigation = [("summary", "Summary"), ("tables", "DataFrames")]
     navigation += [] if is_smoke else [("claims", "Claims")]
     navigation += [("samples", "Samples")] if report.samples else []
     navigation += [(part["id"], part["nav"]) for part in parts]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from repro.reporting.figures import ACCENT, INK
 
-Frames = dict[str, pd.DataFrame]
+DataFrames = dict[str, pd.DataFrame]
 COLORS, LINES, MARKERS = (ACCENT, "#d1711a", "#777777", INK), ("-", "--", ":", "-."), "os^vDPX*"
 LOOKS: list[dict[str, Any]] = [  # distinguishable by their markers without color
     {"color": COLORS[number % 4], "linestyle": LINES[number % 4], "marker": marker}

@@ -7,7 +7,7 @@ from repro.baselines.names import rank
 from repro.config import PairCounts
 from repro.recordings.format import recordings_in
 from repro.reporting.markdown import markdown_table
-from repro.reporting.names import model_title
+from repro.reporting.names import duration, model_title
 from repro.reporting.study import Study
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import RunKey
@@ -39,7 +39,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     lines += ["", f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
     left = study.seconds_left()
     if left:
-        lines.append(f"About {left / 60:.0f} min of training remain, estimated from finished trainings.")
+        lines.append(f"About {duration(left)} of training remain, estimated from finished trainings.")
     return "\n".join(lines)
 
 

@@ -6,7 +6,7 @@ from statistics import mean
 from typing import Any
 
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, is_moving
-from repro.reporting.names import predictor_title
+from repro.reporting.names import duration, predictor_title
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import RunKey
 
@@ -47,7 +47,7 @@ class Study:
         )
         left = self.seconds_left()
         return title + (
-            f"; about {left / 60:.0f} min of training left one after the other, estimated from finished trainings"
+            f"; about {duration(left)} of training left one after the other, estimated from finished trainings"
             if left
             else ""
         )

@@ -19,7 +19,7 @@ TITLES = {
     "main": "Prediction metrics across all four experiments for all models",
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
-ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # encoding of the networks in each table
+TABLE_ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # encoding of the networks in each table
 COSTS = {
     "model": "Model",
     "size_px": "Image [px]",
@@ -109,7 +109,7 @@ def row_title(row: pd.Series) -> str:
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:
     """Create the main table and the ablation from tidy rows; a table without rows is empty."""
     tables = {}
-    for name, encoding in ENCODINGS.items():
+    for name, encoding in TABLE_ENCODINGS.items():
         rows = select(results, encoding) if len(results) else results
         if rows.empty:
             tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}. No run evaluated yet.")

@@ -26,7 +26,7 @@ class Drift:
         seed: seed of this obstacle's own random stream.
         speed_m_s: constant speed [m/s].
         turn_steps: minimum and maximum time steps between two random turns.
-        centre_m: center of the zone (x, y) [m].
+        center_m: center of the zone (x, y) [m].
         keep_out_m: least distance between the obstacle's origin and the center [m].
         walls_m: lines of points (x, y) [m] that the obstacle does not touch.
         radius_m: least distance between the obstacle's origin and a wall [m].
@@ -38,7 +38,7 @@ class Drift:
         seed: int,
         speed_m_s: float,
         turn_steps: tuple[int, int],
-        centre_m: tuple[float, float],
+        center_m: tuple[float, float],
         keep_out_m: float,
         walls_m: list[list[list[float]]] | None = None,
         radius_m: float = 0.0,
@@ -46,7 +46,7 @@ class Drift:
         self.rng = np.random.default_rng(seed)
         self.speed_m_s = speed_m_s
         self.turn_steps = turn_steps
-        self.centre_m = centre_m
+        self.center_m = center_m
         self.keep_out_m = keep_out_m
         self.walls = shapely.multilinestrings([shapely.LineString(line) for line in walls_m]) if walls_m else None
         self.radius_m = radius_m
@@ -59,7 +59,7 @@ class Drift:
             self._head(self.rng.uniform(-math.pi, math.pi))
             self._countdown = self._interval()
         self._countdown -= 1
-        away_x, away_y = x - self.centre_m[0], y - self.centre_m[1]
+        away_x, away_y = x - self.center_m[0], y - self.center_m[1]
         if self._enters_zone(away_x, away_y, step_time):
             self._head(math.atan2(away_y, away_x) + self.rng.uniform(-math.pi / 2, math.pi / 2))
         if self.walls is None or self._is_clear(x, y, step_time):

@@ -138,7 +138,7 @@ def _moving(
             **population["behavior"],
             "seed": int(rng.integers(2**31)),
             "speed_m_s": speed,
-            "centre_m": (site.size_m / 2).tolist(),
+            "center_m": (site.size_m / 2).tolist(),
             "keep_out_m": float(site.clear_m + radius) if site.path is None else 0.0,
         }
         obstacle = {

@@ -8,5 +8,5 @@ from repro.cli.jobs import Job
 
 def run_task(job: Job, task: str | None = None) -> None:
     """Run the task of a job, or another task of the same run."""
-    job = replace(job, task=task or job.task)
-    importlib.import_module(f"repro.cli.tasks.{job.task}").run(job)
+    job = replace(job, call=replace(job.call, task=task or job.call.task))
+    importlib.import_module(f"repro.cli.tasks.{job.call.task}").run(job)

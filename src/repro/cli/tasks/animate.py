@@ -24,12 +24,12 @@ def run(job: Job) -> None:
     trained = job.outputs.run(key)
     if not trained.is_trained:
         raise ValueError(f"{trained} is not trained: train it first, with the same options and seed=0")
-    world = sample_world(job.spec, SHOWN_SEED + job.seed)
-    print(f"simulating and drawing world {job.seed} of experiment {key.experiment}", flush=True)
+    world = sample_world(job.spec, SHOWN_SEED + job.call.seed)
+    print(f"simulating and drawing world {job.call.seed} of experiment {key.experiment}", flush=True)
     recording = simulate(world)
     frames = make_frames(recording, load_predictor(trained.model))
     model = "" if key.model == "unet" else f"-{key.model}"
-    path = job.outputs.worlds / f"exp{key.experiment}-seed{job.seed}{model}{suffix_of(key)}"
+    path = job.outputs.worlds / f"exp{key.experiment}-seed{job.call.seed}{model}{suffix_of(key)}"
     path.parent.mkdir(parents=True, exist_ok=True)
     size_m, range_max_m = world["world"]["width"], world["robot"]["sensors"][0]["range_max"]
     for written in write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m):

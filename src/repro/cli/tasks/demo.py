@@ -16,10 +16,10 @@ def run(job: Job) -> None:
     Raises:
         ValueError: a network or the runtime cannot be used, or the page would be too large.
     """
-    runtime = load_runtime(Path(job.demo.runtime) if job.demo.runtime else None)
-    networks = [load_network(Path(directory)) for directory in job.demo.networks]
-    spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.experiments}
-    page = render(networks, runtime, spec, job.prediction.steps or recorded_steps(job.spec["motion"]))
+    runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
+    networks = [load_network(Path(directory)) for directory in job.call.demo.networks]
+    spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.call.world["experiments"]}
+    page = render(networks, runtime, spec, job.call.prediction.steps or recorded_steps(job.spec["motion"]))
     path = job.outputs.path / "demo.html"
     write_text(path, page)
     print(f"{path} ({len(page) / 1e6:.1f} MB)")

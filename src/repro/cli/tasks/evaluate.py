@@ -13,7 +13,7 @@ def run(job: Job) -> None:
         print(f"done already: {job.run}")
     else:
         print(f"evaluating {job.run}", flush=True)
-        row = evaluate(job.run, job.recordings, accelerator=job.runtime.accelerator)
+        row = evaluate(job.run, job.recordings, accelerator=job.call.runtime.accelerator)
         print(f"{job.run}, test: {summary_line(row)}", flush=True)
     for name in QUICK_BASELINES:
         evaluate_baseline(job.outputs, job.config, name)

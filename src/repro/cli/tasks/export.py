@@ -15,11 +15,11 @@ def suffix_of(key: RunKey) -> str:
 def run(job: Job) -> None:
     """Write the weights as float16 into reproduce/results, or with format=onnx an ONNX file into the outputs."""
     name = f"exp{job.key.experiment}-{job.key.model}"
-    if job.format == "onnx":
+    if job.call.format == "onnx":
         target = job.outputs.path / "exports" / f"{name}{suffix_of(job.key)}"
         difference = export_onnx(job.run, target)
         print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
         return
     target = job.published / name
-    export_weights(job.run, target, force=job.force)
+    export_weights(job.run, target, force=job.call.publish.force)
     print(target)

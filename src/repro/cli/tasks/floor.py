@@ -20,8 +20,8 @@ def run(job: Job) -> None:
     Raises:
         ValueError: the map cannot be converted, or a world of this name exists.
     """
-    assert job.floor_map is not None
-    source = Path(job.floor_map)
+    assert job.call.floor_map is not None
+    source = Path(job.call.floor_map)
     name = re.sub(r"[^A-Za-z0-9_-]", "_", source.stem)
     path = CONF / "world" / f"{name}.yaml"
     if path.exists():

@@ -21,22 +21,24 @@ def run(job: Job) -> None:
     """
     outputs, key = job.outputs, job.key
     experiment, title = key.experiment, predictor_title(key.model, key.encoding)
-    runs = {name: outputs.run(RunKey(name, key.model, key.encoding, job.seed)) for name in sorted(outputs.recorded())}
+    runs = {
+        name: outputs.run(RunKey(name, key.model, key.encoding, job.call.seed)) for name in sorted(outputs.recorded())
+    }
     predictors = {name: load_predictor(run.model) for name, run in runs.items() if run.is_trained}
     if not predictors:
-        raise ValueError(f"no {title} with seed {job.seed} has been trained in {outputs.path}: train some first")
+        raise ValueError(f"no {title} with seed {job.call.seed} has been trained in {outputs.path}: train some first")
     print(f"testing {title} of experiments {', '.join(predictors)} on one another's recordings", flush=True)
     rows = [across_experiments(predictors, {name: outputs.recordings(name) for name in predictors})]
     if experiment in predictors:
         print(f"testing {title} of experiment {experiment} on changed sensors, poses and speeds", flush=True)
-        spec, pairs = read_manifest(outputs.recordings(experiment)).spec, min(job.scale.pairs.test, 100)
+        spec, pairs = read_manifest(outputs.recordings(experiment)).spec, min(job.call.scale.pairs.test, 100)
         directory = outputs.path / "generalization" / f"exp{experiment}"
-        workers = job.runtime.workers
+        workers = job.call.runtime.workers
         rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))
     else:
         print(f"changed sensors, poses and speeds are left out: {title} is not trained in experiment {experiment}")
     outputs.analysis.mkdir(parents=True, exist_ok=True)
-    table = pd.concat(rows, ignore_index=True).assign(seed=job.seed, model=key.model, encoding=key.encoding)
+    table = pd.concat(rows, ignore_index=True).assign(seed=job.call.seed, model=key.model, encoding=key.encoding)
     path = outputs.analysis / f"{GENERALIZATION}.csv"
     with lock(outputs.analysis):
         if path.is_file():

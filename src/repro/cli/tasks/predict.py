@@ -32,9 +32,9 @@ def run(job: Job) -> None:
     Raises:
         ValueError: the log or the weights cannot be used, or no window of the log can.
     """
-    settings = job.prediction
-    assert job.scans, "validated"
-    path = Path(job.scans)
+    settings = job.call.prediction
+    assert job.call.scans, "validated"
+    path = Path(job.call.scans)
     predictor = load_predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
     log = _log(path, step_s, settings)

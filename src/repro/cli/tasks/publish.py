@@ -20,8 +20,8 @@ from repro.runs.provenance import Status
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
-    write = add_to_published if job.add else publish
-    target = write(job.outputs, RESULTS, job.scale.name, overrides=overrides_of(job), force=job.force)
+    write = add_to_published if job.call.publish.add else publish
+    target = write(job.outputs, RESULTS, job.call.scale.name, overrides=overrides_of(job), force=job.call.publish.force)
     print(f"published {target}")
     update_docs()
 
@@ -36,9 +36,12 @@ def overrides_of(job: Job) -> str:
     names = [path.stem for path in sorted((CONF / "world").glob("*.yaml")) if used <= worlds_of(path)]
     if used and not names:
         raise ValueError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
-    usual = plain(OmegaConf.load(CONF / "scale" / f"{job.scale.name}.yaml"))  # type: ignore[arg-type]
+    scale = job.call.scale
+    usual = plain(OmegaConf.load(CONF / "scale" / f"{scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names[:1] if "paper" not in names]
-    return "".join([*world, *changes("scale", asdict(job.scale), usual), *training_changes(job.outputs, job.scale)])
+    return "".join(
+        [*world, *changes("scale", asdict(job.call.scale), usual), *training_changes(job.outputs, job.call.scale)]
+    )
 
 
 def training_changes(outputs: Outputs, scale: Scale) -> Iterator[str]:

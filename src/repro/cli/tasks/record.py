@@ -11,7 +11,7 @@ from repro.simulation.recorder import record_experiment, record_part
 
 def run(job: Job) -> None:
     """Record an experiment or a part; compare it with what the paper's tables imply and with the published one."""
-    directory, runtime = job.recordings, job.runtime
+    directory, runtime = job.recordings, job.call.runtime
     is_new = not (directory / "manifest.json").is_file()
     print(f"{'recording' if is_new else 'checking'} {directory}", flush=True)
     if runtime.parts > 1:
@@ -20,7 +20,7 @@ def run(job: Job) -> None:
             print(f"recorded part {runtime.part} of {runtime.parts}; the last part completes {directory}")
             return
     record_experiment(directory, job.spec, job.pairs, workers=runtime.workers)
-    if is_new or job.task == "record":
+    if is_new or job.call.task == "record":
         _describe(job)
 
 

@@ -7,4 +7,4 @@ from repro.reporting.study import Study
 
 def run(job: Job) -> None:
     """Print the status of an outputs directory."""
-    print(describe_outputs(Study(job.outputs, job.experiments, job.seed), job.scale.pairs))
+    print(describe_outputs(Study(job.outputs, job.call.world["experiments"], job.call.seed), job.call.scale.pairs))

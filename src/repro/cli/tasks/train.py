@@ -15,11 +15,11 @@ def run(job: Job) -> None:
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
-        progress = Study(job.outputs, job.experiments, job.seed).progress(job.key)
+        progress = Study(job.outputs, job.call.world["experiments"], job.call.seed).progress(job.key)
         print(f"{progress}, {job.run}" if progress else f"training {job.run}", flush=True)
-    if resolve_device(job.runtime.accelerator) == "cpu":
+    if resolve_device(job.call.runtime.accelerator) == "cpu":
         use_idle_cores()
-    runtime = job.runtime
+    runtime = job.call.runtime
     status = train(
         job.run,
         job.recordings,
