@@ -90,7 +90,7 @@ def generalization(frames: DataFrames) -> Figure | None:
             spread = [line["value"] - line["low"], line["high"] - line["value"]]
             amount = line["tested"].astype(float)
             ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, label=name, **look)
-        ax.set(xlabel=shift, xlim=(0, None))
+        ax.set(xlabel=shift)
     for ax in axes[:, 0]:
         ax.set_ylabel("obstacle IoU")
     axes[0, 0].set_ylim(bottom=0)
