@@ -13,7 +13,7 @@ from repro.prediction.logs import (
     check_beams,
     has_same_beams,
     in_order,
-    shorter_range,
+    note_on_range,
     valid_ranges,
     why_unusable,
 )
@@ -144,7 +144,7 @@ class LiveMapper:
             if self.first is not None and scan.pose is not None and root != self.root:
                 self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")
                 self.first = None
-            if self.first is not None and not has_same_beams(scan, self.first):
+            if self.first is not None and len(scan.ranges) and not has_same_beams(scan, self.first):
                 self.others += 1
                 if self.others > MOST_OTHERS:
                     self.warn("the beams of the lidar have changed: the window begins again")
@@ -174,7 +174,7 @@ class LiveMapper:
                 step_s=self.step_s,
                 range_max_m=scan.range_max_m,
             )
-            if message := shorter_range(scan.range_max_m, self.predictor.reach_m):
+            if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
                 self.warn(message)
             self.first = scan
         self.last_s, self.others = scan.stamp, 0

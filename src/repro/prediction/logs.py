@@ -229,8 +229,8 @@ def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.n
     return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)
 
 
-def shorter_range(range_max_m: float, reach_m: float) -> str | None:
-    """Return a message about a lidar that reaches less far [m] than that of the training, or how far is unknown."""
+def note_on_range(range_max_m: float, reach_m: float) -> str | None:
+    """Return a note about a lidar whose range [m] is not known or below that of the training; None if it is neither."""
     if reach_m and math.isinf(range_max_m):
         return f"the maximum range of the lidar is not known: a miss shows free space up to {reach_m:.4g} m"
     if range_max_m >= reach_m:

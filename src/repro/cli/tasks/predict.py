@@ -14,7 +14,7 @@ from repro.cli.jobs import Job
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
-from repro.prediction.logs import ScanLog, shorter_range
+from repro.prediction.logs import ScanLog, note_on_range
 from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
@@ -38,7 +38,7 @@ def run(job: Job) -> None:
     predictor = load_predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
     log = _log(path, step_s, settings)
-    if message := shorter_range(log.range_max_m, predictor.reach_m):
+    if message := note_on_range(log.range_max_m, predictor.reach_m):
         print(message)
     predictor, range_max_m = predictor.with_range(log.range_max_m), min(log.range_max_m, COMPARED_M)
     mcap = _mcap(log) if settings.mcap else None
