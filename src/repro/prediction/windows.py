@@ -62,22 +62,9 @@ def cut(
     """
     length, longest_gap = (steps - 1) * step_s, longest_gap_s(step_s)
     gaps = np.diff(log.stamps)
-    between_s = float(np.median(gaps))
-    if between_s > MOST_BETWEEN_S:
-        raise ValueError(f"the log has a scan every {between_s:.3g} s: expected times in seconds, not in ms or ns")
-    if between_s > longest_gap:
-        raise ValueError(
-            f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "
-            f"use prediction.step_s={between_s:.2g}"
-        )
     begins = np.flatnonzero(gaps > longest_gap) + 1
     parts = np.split(log.stamps, begins)
-    longest = max(float(stamps[-1] - stamps[0]) for stamps in parts)
-    if longest < length - step_s / 2:
-        without = " without a gap" if len(parts) > 1 else ""
-        raise ValueError(
-            f"the log has {longest:.1f} s of scans{without}, a window of {steps} steps takes {length:.1f} s"
-        )
+    _check_times(gaps, parts, steps, step_s)
     number = 0
     for begin, stamps in zip((0, *begins), parts, strict=True):
         if begin:
@@ -98,6 +85,24 @@ def cut(
             following = _on_map(log, slice(last, last + 1), origin) if last < begin + len(stamps) else None
             corner = (float(origin[0]), float(origin[1]))
             yield Window(number, float(end), _on_map(log, index, origin), corner, following)
+
+
+def _check_times(gaps: np.ndarray, parts: list[np.ndarray], steps: int, step_s: float) -> None:
+    """Check that scans with these times between them [s], in parts (S,) without a gap, have windows."""
+    length, longest_gap, between_s = (steps - 1) * step_s, longest_gap_s(step_s), float(np.median(gaps))
+    if between_s > MOST_BETWEEN_S:
+        raise ValueError(f"the log has a scan every {between_s:.3g} s: expected times in seconds, not in ms or ns")
+    if between_s > longest_gap:
+        raise ValueError(
+            f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "
+            f"use prediction.step_s={between_s:.2g}"
+        )
+    longest = max(float(stamps[-1] - stamps[0]) for stamps in parts)
+    if longest < length - step_s / 2:
+        without = " without a gap" if len(parts) > 1 else ""
+        raise ValueError(
+            f"the log has {longest:.1f} s of scans{without}, a window of {steps} steps takes {length:.1f} s"
+        )
 
 
 def _ends(stamps: np.ndarray, length: float, stride_s: float) -> np.ndarray:

@@ -6,7 +6,9 @@ from typing import Any
 
 import pandas as pd
 
+from repro.config import PROJECTION
 from repro.reporting.names import TITLES
+from repro.reporting.results import caption, missing, read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.summaries import (
     bounds_to_markdown,
@@ -55,8 +57,8 @@ def _markdown(directory: Path, name: str) -> str:
 
 def _summary(directory: Path, name: str) -> str:
     """Return a table of methods, bounds or networks, with the scale in its caption."""
-    caption = (directory / "main.txt").read_text(encoding="utf-8").strip()
-    scale = caption[caption.index("Scale ") : caption.index(", seed")]
+    whole = caption(read_published(directory))
+    scale = whole[: whole.index(", seed")]
     intervals, recency, calibration = (
         read_rows(directory / "analysis" / f"{stem}.csv") for stem in ("intervals", "recency", "calibration")
     )
@@ -79,10 +81,10 @@ def _published(directory: Path, name: str) -> Table:
 
 def _rows_of_model(directory: Path, model: str) -> Table:
     """Select the rows of one model, or of the average, from the main table and, if published, the ablation."""
-    main = _published(directory, "main")
-    frames = [main.frame]
+    frames = [read_rows(directory / "main.csv")]
     if (directory / "ablation.csv").is_file():
         ablation = _published(directory, "ablation").frame
         frames.append(ablation.assign(experiment=ablation["experiment"] + ", no decay"))
     rows: Any = pd.concat(frames).query("model == @model")
-    return Table(rows, main.caption[main.caption.index("Scale ") :])
+    runs = read_published(directory)
+    return Table(rows, caption(runs) + missing(runs, PROJECTION))
