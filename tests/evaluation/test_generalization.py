@@ -4,13 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from conftest import prepared, world_spec
+from conftest import ROOT, prepared, world_spec
 
 from repro.evaluation import generalization
 from repro.evaluation.generalization import score, updated
 from repro.learning.training import train
 from repro.maps.datasets import load_recorded
 from repro.networks.predictor import load_predictor
+from repro.reporting.rows import read_rows
 from repro.scans import Scans
 from repro.simulation.worlds import sample_world
 
@@ -134,3 +135,20 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
     scans.ranges[0] = torch.inf
     scans.poses[1, :, 0] += 100
     assert score(predictor, scans, test).value.notna().all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("weights", "published"),
+    [("workstation-16000/exp4-convgru", "workstation-16000"), ("workstation/exp4-unet", "workstation")],
+)
+def test_the_published_rows_are_those_of_the_published_weights(weights, published, tmp_path, monkeypatch):
+    for name, amounts in (("CHANGES", {}), ("FIELDS_OF_VIEW", ()), ("RANGES_M", (15,)), ("SPEEDS", (2,))):
+        monkeypatch.setattr(generalization, name, amounts)
+    results = ROOT / "reproduce" / "results"
+    spec = world_spec("4")
+    table = generalization.under_changes(load_predictor(results / weights), "4", spec, tmp_path, 200, workers=2)
+    rows = read_rows(results / published / "analysis" / "generalization.csv")
+    both = table.merge(rows, on=["shift", "tested", "metric"], suffixes=("", "_published"))
+    assert set(both["shift"]) == {"maximum range [m]", "obstacles' speed [times]"}
+    assert both["value"].to_numpy() == pytest.approx(both["value_published"].to_numpy(), abs=2e-3)

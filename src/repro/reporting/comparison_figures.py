@@ -79,8 +79,8 @@ def generalization(frames: DataFrames) -> Figure | None:
         return None
     rows = rows.assign(title=tested_titles(rows))
     shifts, names = (list(dict.fromkeys(rows[column])) for column in ("shift", "title"))
-    across = min(4, len(shifts))
-    down = math.ceil(len(shifts) / across)
+    down = 1 if len(shifts) <= 4 else 2
+    across = math.ceil(len(shifts) / down)
     size = (0.6 + 2.2 * across, 0.4 + 2.2 * down)
     figure, axes = plt.subplots(down, across, figsize=size, layout="constrained", sharey=True, squeeze=False)
     for ax, shift in zip(axes.flat, shifts, strict=False):

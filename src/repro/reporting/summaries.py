@@ -26,10 +26,10 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     lines = [
         f"**{summary}.**",
         "",
-        "Ours and Paper are values of the test, mostly differences (for the calibration error, 0.02 minus the error), each",
-        "of the combination that is closest to failing for its own numbers (for claims about most conditions, the median",
-        "one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance. A claim that a number exceeds a",
-        "value needs a difference of at least the tolerance.",
+        "Ours and Paper are values of the test, mostly differences (for the calibration error, 0.02 minus the error),",
+        "each of the combination that is closest to failing for its own numbers (for claims about most conditions, the",
+        "median one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance. A claim that a",
+        "number exceeds a value needs a difference of at least the tolerance.",
         "",
     ]
     rows = []
