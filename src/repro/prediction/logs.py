@@ -106,6 +106,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,))])
     rows = ((scan.stamp, valid_ranges(scan), scan.pose) for scan in chain([first] if first else [], usable))
     kept = np.fromiter(rows, kind)  # grows in place: a log may be half as large as the memory
+    kept = _longest_part(kept, path, skipped)
     if first is None or len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ValueError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
@@ -113,7 +114,6 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
         raise ValueError(
             f"{path}: {skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later: its times are lost"
         )
-    kept = _longest_part(kept, path, skipped)
     sample = kept["ranges"][:: max(1, len(kept) // 1000)]
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
