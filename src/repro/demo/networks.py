@@ -17,12 +17,8 @@ from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.reporting.names import model_title, predictor_title
 from repro.runs.keys import RunKey
 
-DRAWN_ENCODINGS = (
-    "projection",
-    "negative",
-    "stack",
-    "series",
-)  # that assets/encodings.js draws, with a number or without
+# the encodings that assets/encodings.js draws, with a number or without
+DRAWN_ENCODINGS = ("projection", "negative", "stack", "series")
 TOLERANCE = 1e-3  # largest difference of a probability to PyTorch
 SMALLEST = 256  # values of a tensor that is stored as float16
 

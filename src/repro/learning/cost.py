@@ -58,7 +58,7 @@ def trainings_at_once(config: RunConfig) -> int:
 
 
 def usual_epochs(config: RunConfig) -> int:
-    """Return the epochs of a training, those after which early stopping usually ends it at most."""
+    """Return the usual number of epochs of a training: its maximum, or fewer where early stopping ends it earlier."""
     return min(_training(config).max_epochs, USUAL_EPOCHS)
 
 

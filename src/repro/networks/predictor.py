@@ -126,9 +126,8 @@ class Predictor:
         # the encoding of a single window gains little from threads of torch, which slow down those of ONNX Runtime
         single = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
         with one_thread() if single else contextlib.nullcontext():
-            return torch.cat([self.predict_images(self.encoding.encode(part, self.grid), batch) for part in parts])[
-                :, 0
-            ]
+            images = (self.encoding.encode(part, self.grid) for part in parts)
+            return torch.cat([self.predict_images(each, batch) for each in images])[:, 0]
 
     @torch.inference_mode()
     def predict_images(self, images: Tensor, batch: int = 32) -> Tensor:

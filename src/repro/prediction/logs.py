@@ -148,9 +148,8 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
 
 def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:
     """Return the first of the scans that have the most frequent beams; None if none has beams."""
-    beams = [(len(each.ranges), round(each.first_angle, 3), round(each.spacing, 6)) for each in scans]
-    counts = Counter(each for each in beams if each[0])
-    return scans[beams.index(counts.most_common(1)[0][0])] if counts else None
+    with_beams = [each for each in scans if len(each.ranges)]
+    return max(with_beams, key=lambda each: sum(has_same_beams(each, other) for other in with_beams), default=None)
 
 
 def _longest_part(kept: np.ndarray, path: Path, skipped: Counter[str]) -> np.ndarray:

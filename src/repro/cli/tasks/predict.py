@@ -164,10 +164,10 @@ def _describe(log: ScanLog) -> None:
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))
     rate = (len(log) - 1) / (log.stamps[-1] - log.stamps[0])
     print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {rate:.1f} per second")
-    ways_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1)
-    jumps = np.flatnonzero(ways_m > JUMP_M_S * np.diff(log.stamps))
+    steps_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1)
+    jumps = np.flatnonzero(steps_m > JUMP_M_S * np.diff(log.stamps))
     if len(jumps):
-        where = f"the first by {ways_m[jumps[0]]:.1f} m at {log.stamps[jumps[0] + 1]:.2f} s"
+        where = f"the first by {steps_m[jumps[0]]:.1f} m at {log.stamps[jumps[0] + 1]:.2f} s"
         print(f"warning: the poses jump {len(jumps)} times, {where}: windows across a jump have wrong maps")
     invalid = np.isnan(log.ranges).mean()
     if invalid:

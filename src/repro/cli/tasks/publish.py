@@ -39,9 +39,7 @@ def overrides_of(job: Job) -> str:
     scale = job.call.scale
     usual = plain(OmegaConf.load(CONF / "scale" / f"{scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names[:1] if "paper" not in names]
-    return "".join(
-        [*world, *changes("scale", asdict(job.call.scale), usual), *training_changes(job.outputs, job.call.scale)]
-    )
+    return "".join([*world, *changes("scale", asdict(scale), usual), *training_changes(job.outputs, scale)])
 
 
 def training_changes(outputs: Outputs, scale: Scale) -> Iterator[str]:
