@@ -211,6 +211,15 @@ def test_goals_are_reproducible_and_differ_between_worlds():
     assert min(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum() for poses in drives) > 3
 
 
+def test_ranges_of_the_speeds_are_sampled_for_each_world():
+    ranges = {"speed_m_s": [0.5, 1.5], "turn_rad_s": [1.0, 2.0]}
+    sampled = [sample_world(own_spec(motion={**GOALS, **ranges}), seed)["robot"]["behavior"] for seed in range(8)]
+    for key, (low, high) in ranges.items():
+        values = [behavior[key] for behavior in sampled]
+        assert low <= min(values) < (low + high) / 2 < max(values) <= high
+        assert len(set(values)) == 8
+
+
 @pytest.mark.parametrize(("shape", "offset"), [("concave", (0, 0.5)), ("circle", (1, 0)), ("rectangle", (0.4, 0.4))])
 def test_a_robot_in_an_obstacle_is_refused(shape, offset):
     world = sample_world(own_spec(), 0)

@@ -62,6 +62,9 @@ REFUSED = {
     "unknown motion": ({MOTION: {"name": "fly"}}, "experiments.people.motion", "'random_goals'"),
     "no speed": ({f"{MOTION}.speed_m_s": 0}, "motion.speed_m_s=0", "greater than or equal to"),
     "too fast": ({f"{MOTION}.speed_m_s": 5}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
+    "range too fast": ({f"{MOTION}.speed_m_s": [1, 5]}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
+    "reversed range": ({f"{MOTION}.speed_m_s": [2, 1]}, "motion.speed_m_s=[2, 1]", "must be ordered, low to high"),
+    "range from zero": ({f"{MOTION}.turn_rad_s": [0, 1]}, "motion.turn_rad_s.0=0", "greater than or equal to"),
     "waypoint in an obstacle": (
         {MOTION: {**DRIVE, "points_m": [[2, 10], [8.5, 4.0]]}},
         "experiments.people",

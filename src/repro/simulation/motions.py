@@ -116,7 +116,7 @@ def top_speeds(motion: dict[str, Any], step_time: float) -> np.ndarray:
         ValueError: see `robot_commands`.
     """
     if motion["name"] in DRIVES:
-        return np.array([motion["speed_m_s"], motion["turn_rad_s"]])
+        return np.array([np.max(motion["speed_m_s"]), np.max(motion["turn_rad_s"])])
     return np.abs(robot_commands({**motion, "direction": 1}, step_time)).max(axis=0)
 
 

@@ -85,6 +85,8 @@ def to_waypoints(
 ) -> Motion:
     """Draw a start and random goals on the map, each in sight of the one before, as waypoints for a whole recording.
 
+    A range of `speed_m_s` or `turn_rad_s` is drawn first, from a uniform distribution.
+
     Args:
         rng: random stream of the world.
         motion: `random_goals` with its parameters.
@@ -100,6 +102,8 @@ def to_waypoints(
     """
     size = np.array([world["width"], world["height"]])
     low, high = np.full(2, radius_m), size - radius_m
+    ranges = {key: value for key, value in motion.items() if isinstance(value, list | tuple)}
+    motion = {**motion, **{key: float(rng.uniform(*value)) for key, value in ranges.items()}}
     for _ in range(_STARTS):
         drive = {**motion, "name": "waypoints", "points_m": [rng.uniform(low, high).tolist()]}
         while goal := _goal(rng, drive["points_m"][-1], low, high, walls, radius_m):

@@ -14,12 +14,19 @@ def _ordered(pair: tuple) -> tuple:
     return pair
 
 
+def _amount(value: Any) -> str:
+    return "<several>" if isinstance(value, list) else "<one>"
+
+
 # Ranges in which IR-SIM, the recorder and float32 compute what the value says
 Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
 LengthRange = Annotated[tuple[Length, Length], AfterValidator(_ordered)]
 Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
 Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
 SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ordered)]
+SpeedOrRange = Annotated[
+    Annotated[Speed, Tag("<one>")] | Annotated[SpeedRange, Tag("<several>")], Discriminator(_amount)
+]
 Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
 Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
 RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(_ordered)]
@@ -147,20 +154,23 @@ class Square(Part):
     first_steps: Annotated[int, Field(ge=0)]
 
 
-class RandomGoals(Part):
-    """Straight drives to random goals, with turns in place."""
+class Waypoints(Part):
+    """Straight drives along given points, with turns in place."""
 
-    name: Literal["random_goals"]
+    name: Literal["waypoints"]
+    points_m: Annotated[list[Point], Field(min_length=2, max_length=1000), AfterValidator(_distinct)]
     speed_m_s: Speed
     turn_rad_s: Speed
     steps: Annotated[int, Field(ge=2, le=1_000_000)]
 
 
-class Waypoints(RandomGoals):
-    """Straight drives along given points, with turns in place."""
+class RandomGoals(Part):
+    """Straight drives to random goals, with turns in place; a range of speeds is sampled once per world."""
 
-    name: Literal["waypoints"]  # type: ignore[assignment]
-    points_m: Annotated[list[Point], Field(min_length=2, max_length=1000), AfterValidator(_distinct)]
+    name: Literal["random_goals"]
+    speed_m_s: SpeedOrRange
+    turn_rad_s: SpeedOrRange
+    steps: Annotated[int, Field(ge=2, le=1_000_000)]
 
 
 Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
@@ -192,10 +202,6 @@ class Shaped(Part):
 
 def _kind(value: Any) -> str:
     return "<shaped>" if isinstance(value, dict) and "shapes" in value else "<sized>"
-
-
-def _amount(value: Any) -> str:
-    return "<several>" if isinstance(value, list) else "<one>"
 
 
 Population = Annotated[Annotated[Sized, Tag("<sized>")] | Annotated[Shaped, Tag("<shaped>")], Discriminator(_kind)]
