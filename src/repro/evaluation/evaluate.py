@@ -155,7 +155,7 @@ def read_quantized(run: Run) -> np.ndarray:
     """
     path = run.check_file("predictions.npz")
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         fix = f"delete {run.metrics} and run the same command with task=evaluate"

@@ -74,7 +74,7 @@ def _is_carmen(head: bytes) -> bool:
 
 def _npz_scans(path: Path) -> Iterator[LogScan]:
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             missing = [name for name in ARRAYS if name not in content]
             if missing:
                 raise ValueError(f"lacks {', '.join(missing)}")

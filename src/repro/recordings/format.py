@@ -110,7 +110,7 @@ def read_shard(path: Path, fingerprint: str) -> ShardContent:
         ValueError: the shard was recorded with another configuration.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = dict(file)
         recorded = str(arrays.pop("fingerprint"))
         scans = Scans(*(arrays.pop(name) for name in ("ranges", "angles", "poses")))
