@@ -6,7 +6,7 @@ from conftest import fake_run, fake_study
 
 from repro.config import Encoding
 from repro.reporting.additions import add_to_published
-from repro.reporting.publish import publish
+from repro.reporting.publish import Recipe, publish
 from repro.reporting.results import read_published, read_results
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
@@ -22,7 +22,7 @@ def published(tmp_path, monkeypatch):
     first = tmp_path / "first" / "laptop"
     fake_study(first)
     write_intervals(first, [("3", "unet", "projection", 0.5), ("3", "all_free", "", 0.0)])
-    publish(Outputs(first), tmp_path / "results", "laptop")
+    publish(Outputs(first), tmp_path / "results", Recipe("laptop"))
     return tmp_path / "results"
 
 
@@ -47,7 +47,7 @@ def write_intervals(path, rows):
 
 def test_new_runs_are_added_and_published_ones_stay(published, later):
     before = read_published(published / "laptop")
-    target = add_to_published(later, published, "laptop")
+    target = add_to_published(later, published, Recipe("laptop"))
     after = read_published(target)
     assert len(after) == len(before) + 2
     both = before.merge(after, how="left", on=[*before.columns], indicator=True)
@@ -71,7 +71,7 @@ def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_pat
     other = Outputs(tmp_path / "other" / "laptop")
     fake_run(other.path, "3", "unet", 0.6, seed=1, **changes)
     with pytest.raises(ValueError, match=message):
-        add_to_published(other, published, "laptop")
+        add_to_published(other, published, Recipe("laptop"))
 
 
 def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch):
@@ -80,18 +80,18 @@ def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch
     text = (run.path / "provenance.json").read_text()
     (run.path / "provenance.json").write_text(text.replace("hash of recordings", "another hash"))
     with pytest.raises(ValueError, match="seed1 has other recordings than the published runs of experiment 3"):
-        add_to_published(other, published, "laptop")
+        add_to_published(other, published, Recipe("laptop"))
 
 
 def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
     for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
         run = later.run(key)
         pd.DataFrame({"epoch": [0], "val_loss": [0.1]}).to_csv(run.path / "history.csv", index=False)
-    add_to_published(later, published, "laptop")
+    add_to_published(later, published, Recipe("laptop"))
     third = Outputs(later.path.parents[1] / "third" / "laptop")
     run = fake_run(third.path, "3", "unet", 0.6, seed=2)
     pd.DataFrame({"epoch": [0], "val_loss": [0.2]}).to_csv(run.path / "history.csv", index=False)
-    rows = pd.read_csv(add_to_published(third, published, "laptop") / "history.csv")
+    rows = pd.read_csv(add_to_published(third, published, Recipe("laptop")) / "history.csv")
     assert set(zip(rows["model"], rows["seed"], rows["val_loss"], strict=True)) == {
         ("convgru", 0, 0.1),
         ("unet", 1, 0.1),
@@ -101,7 +101,7 @@ def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(publishe
 
 def test_only_new_combinations_are_added_to_the_analysis(published, later):
     """A published interval over other seeds is not replaced by that of one seed."""
-    rows = pd.read_csv(add_to_published(later, published, "laptop") / "analysis" / "intervals.csv")
+    rows = pd.read_csv(add_to_published(later, published, Recipe("laptop")) / "analysis" / "intervals.csv")
     assert rows["model"].tolist() == ["unet", "all_free", "convgru"]
     assert rows["value"].tolist() == [0.5, 0.0, 0.7]
 
@@ -128,7 +128,7 @@ def test_what_the_published_table_lacks_is_added_once(published, later):
         if before:
             pd.DataFrame(before, columns=columns).to_csv(published / "laptop" / "analysis" / f"{name}.csv", index=False)
         pd.DataFrame([*before, row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
-    analysis = add_to_published(later, published, "laptop") / "analysis"
+    analysis = add_to_published(later, published, Recipe("laptop")) / "analysis"
     assert "average" in set(pd.read_csv(analysis / "intervals.csv")["model"])
     assert pd.read_csv(analysis / "generalization.csv")["shift"].tolist() == ["range noise [m]", "odometry error"]
     assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
@@ -141,7 +141,7 @@ def test_a_difference_is_added_once(published, later):
     old = published / "laptop" / "analysis" / "differences.csv"
     pd.DataFrame([earlier], columns=columns).to_csv(old, index=False)
     pd.DataFrame([earlier, new], columns=columns).to_csv(later.analysis / "differences.csv", index=False)
-    rows = pd.read_csv(add_to_published(later, published, "laptop") / "analysis" / "differences.csv")
+    rows = pd.read_csv(add_to_published(later, published, Recipe("laptop")) / "analysis" / "differences.csv")
     assert rows["value"].tolist() == [0.1, 0.2]
 
 
@@ -153,7 +153,7 @@ def test_the_robustness_of_a_new_network_is_added(published, later):
     pd.DataFrame([old], columns=columns).to_csv(directory / "generalization.csv", index=False)
     (directory / "generalization.png").write_bytes(b"old")
     pd.DataFrame([old, new], columns=columns).to_csv(later.analysis / "generalization.csv", index=False)
-    directory = add_to_published(later, published, "laptop") / "analysis"
+    directory = add_to_published(later, published, Recipe("laptop")) / "analysis"
     assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
     assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
 
@@ -161,21 +161,21 @@ def test_the_robustness_of_a_new_network_is_added(published, later):
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):
     old = published / "laptop" / "analysis" / "baselines.png"
     old.write_bytes(b"old")
-    analysis = add_to_published(later, published, "laptop") / "analysis"
+    analysis = add_to_published(later, published, Recipe("laptop")) / "analysis"
     assert (analysis / "baselines.png").read_bytes().startswith(b"\x89PNG")
     assert {path.name for path in analysis.iterdir()} == {"intervals.csv", "baselines.png"}
 
 
 def test_a_second_addition_of_the_same_runs_is_refused(published, later):
-    add_to_published(later, published, "laptop")
+    add_to_published(later, published, Recipe("laptop"))
     with pytest.raises(ValueError, match="all evaluated runs are published"):
-        add_to_published(later, published, "laptop")
+        add_to_published(later, published, Recipe("laptop"))
 
 
 def test_runs_of_another_size_are_not_added(published, tmp_path):
     fake_run(tmp_path / "other" / "laptop", "3", "convgru", 0.7, encoding=SERIES, size_px=64)
     with pytest.raises(ValueError, match=r"the published runs have 32 px, the new runs 64"):
-        add_to_published(Outputs(tmp_path / "other" / "laptop"), published, "laptop")
+        add_to_published(Outputs(tmp_path / "other" / "laptop"), published, Recipe("laptop"))
 
 
 def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch):
@@ -187,17 +187,17 @@ def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch
     before = read_results(outputs)
     assert len(before) == 1
     with pytest.raises(ValueError, match=r"uncommitted code; publish.force=true"):
-        add_to_published(outputs, published, "laptop")
-    target = add_to_published(outputs, published, "laptop", overrides=" train.batch_size=2", force=True)
+        add_to_published(outputs, published, Recipe("laptop"))
+    target = add_to_published(outputs, published, Recipe("laptop", " scale.batch_size=2"), force=True)
     assert "abc+" in (target / "provenance.json").read_text()
-    assert "scale=laptop train.batch_size=2" in (target / "README.md").read_text()
+    assert "scale=laptop scale.batch_size=2" in (target / "README.md").read_text()
 
 
 def test_nothing_is_added_to_what_is_not_published(later, tmp_path):
     with pytest.raises(ValueError, match="no results are published in"):
-        add_to_published(later, tmp_path / "none", "laptop")
+        add_to_published(later, tmp_path / "none", Recipe("laptop"))
 
 
 def test_an_outputs_directory_without_runs_adds_nothing(tmp_path):
     with pytest.raises(ValueError, match=r"nothing to add from .*: no run is evaluated"):
-        add_to_published(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+        add_to_published(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))

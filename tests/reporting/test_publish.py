@@ -7,8 +7,8 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
-from repro.cli.tasks.publish import changes, training_changes
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts, Scale, paper_model
+from repro.cli.tasks.publish import changes, usual_training
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale, paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.grid import Grid
@@ -17,7 +17,7 @@ from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
 from repro.reporting.export import export_weights
-from repro.reporting.publish import doubts, publish
+from repro.reporting.publish import Recipe, doubts, publish
 from repro.reporting.readme import with_results
 from repro.reporting.results import OURS, read_published, read_results
 from repro.reporting.rows import read_rows
@@ -65,7 +65,7 @@ def test_publishing_copies_tables_runs_and_provenance(tmp_path):
     outputs, results = tmp_path / "laptop", tmp_path / "results"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", 0.4, decay=False)
-    target = publish(Outputs(outputs), results, "laptop")
+    target = publish(Outputs(outputs), results, Recipe("laptop"))
     assert target == results / "laptop"
     tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
     assert {path.name for path in target.iterdir()} == tables | {"runs.csv", "provenance.json", "README.md"}
@@ -80,7 +80,7 @@ def test_the_losses_of_every_epoch_are_published(tmp_path):
     run = fake_run(tmp_path / "laptop", "3", "unet", 0.4, decay=False)
     losses = pd.DataFrame({"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]})
     losses.to_csv(run.path / "history.csv", index=False)
-    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
     rows = read_rows(target / "history.csv")
     assert rows.columns.tolist() == [*KEY, *losses.columns]
     assert set(map(tuple, rows[KEY].to_numpy())) == {("3", "unet", PROJECTION_NO_DECAY, 0)}
@@ -94,9 +94,9 @@ def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_rem
     for name in ("claims.csv", "ages.png", "ages.pdf", "old.csv"):
         (outputs.analysis / name).write_text(name)
     (outputs.path / "report.html").write_text("page")
-    publish(outputs, results, "laptop")
+    publish(outputs, results, Recipe("laptop"))
     (outputs.analysis / "old.csv").unlink()
-    target = publish(outputs, results, "laptop")
+    target = publish(outputs, results, Recipe("laptop"))
     assert sorted(path.name for path in target.glob("analysis/*")) == ["ages.png", "claims.csv"]
     assert (target / "report.html").read_text() == "page"
 
@@ -118,7 +118,7 @@ def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
     results = tmp_path / "results"
     fake_study(tmp_path / "first" / "laptop")
     fake_run(tmp_path / "first" / "laptop", "3", "unet", 0.4, decay=False)
-    (target := publish(Outputs(tmp_path / "first" / "laptop"), results, "laptop") / "exp3-unet").mkdir()
+    (target := publish(Outputs(tmp_path / "first" / "laptop"), results, Recipe("laptop")) / "exp3-unet").mkdir()
     (target / "kept").write_text("weights")
     before = listing(results / "laptop")
     other = tmp_path / "other" / "laptop"
@@ -127,9 +127,9 @@ def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
         fake_run(other, "3", name, 0.7, **now)
     if words or now:
         with pytest.raises(ValueError, match=words or "1 of the 6 published runs are missing"):
-            publish(Outputs(other), results, "laptop")
+            publish(Outputs(other), results, Recipe("laptop"))
         assert listing(results / "laptop") == before
-    publish(Outputs(other), results, "laptop", force=True)
+    publish(Outputs(other), results, Recipe("laptop"), force=True)
     assert not (results / "laptop" / "ablation.csv").exists()
     assert "ablation" not in (results / "laptop" / "README.md").read_text()
     assert (target / "kept").read_text() == "weights"
@@ -150,7 +150,7 @@ def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
     monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc+")
     fake_study(tmp_path / "laptop")
     with pytest.raises(ValueError, match=r"some runs were made with uncommitted code; publish\.force=true"):
-        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
     assert not (tmp_path / "results" / "laptop").exists()
 
 
@@ -169,7 +169,7 @@ def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):
 def test_the_command_of_a_variant_has_its_overrides(tmp_path):
     outputs = tmp_path / "laptop-fp32"
     fake_run(outputs, "3", "unet", 0.4)
-    page = (publish(Outputs(outputs), tmp_path / "results", "laptop") / "README.md").read_text()
+    page = (publish(Outputs(outputs), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
     assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
 
 
@@ -180,22 +180,26 @@ def test_the_command_of_a_changed_scale_names_the_changed_values_alone():
     assert not list(changes("scale", usual, usual))
 
 
-def test_the_command_names_the_changed_training_settings(tmp_path):
+def test_the_command_of_each_network_has_its_own_training_settings(tmp_path):
     settings = run_config().train
     scale = Scale(
-        *("tiny", "a minute", 32, PairCounts(24, 8, 8), settings.learning_rate, 2 * settings.batch_size),
+        *("tiny", "a minute", 32, PairCounts(24, 8, 8), settings.learning_rate, settings.batch_size),
         *(settings.max_epochs, settings.flip_augmentation, settings.ema_decay),
     )
-    fake_run(tmp_path, "3", "all_free", 0.9)
-    assert not list(training_changes(Outputs(tmp_path), scale))
-    fake_run(tmp_path, "3", "unet", 0.5)
-    assert list(training_changes(Outputs(tmp_path), scale)) == [f" train.batch_size={settings.batch_size}"]
+    outputs = tmp_path / "tiny"
+    fake_run(outputs, "3", "unet", 0.5)
+    series = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
+    fake_run(outputs, "3", "convgru", 0.7, encoding=series, batch_size=2, ema_decay=0.9)
+    recipe = Recipe("tiny", "", usual_training(scale))
+    page = (publish(Outputs(outputs), tmp_path / "results", recipe) / "README.md").read_text()
+    assert "model=unet exp=3 seed=0 scale=tiny runtime" in page
+    assert "model=convgru exp=3 encoding=series10 seed=0 scale=tiny train.batch_size=2 train.ema_decay=0.9 run" in page
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):
     outputs = tmp_path / "laptop"
     fake_study(outputs)
-    publish(Outputs(outputs), tmp_path / "results", "laptop")
+    publish(Outputs(outputs), tmp_path / "results", Recipe("laptop"))
     text = "before\n<!-- results: laptop main -->\nold\n<!-- end -->\nafter\n"
     made = with_results(text, tmp_path / "results")
     page = write_tables(Outputs(outputs))["main"].to_markdown()
@@ -207,7 +211,7 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
     outputs, rows = tmp_path / "laptop", ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
     fake_study(outputs)
     for shown in (rows[:1], rows):
-        publish(Outputs(outputs), tmp_path / "results", "laptop")
+        publish(Outputs(outputs), tmp_path / "results", Recipe("laptop"))
         made = with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
         assert made[1].startswith("**Scale laptop: 32 x 32 px")
         assert [line.split("(")[0] for line in made[5:-1]] == shown
@@ -245,7 +249,7 @@ def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
     with pytest.raises(ValueError, match="no network is evaluated"):
-        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
 
 
 @pytest.mark.parametrize(
@@ -265,7 +269,7 @@ def test_the_published_readme_lists_the_hardware_of_each_step(tmp_path, monkeypa
     where = {"commit": "B", "hardware": {"gpu": "none at all"}, "versions": run.provenance().steps[-1]["versions"]}
     monkeypatch.setattr("repro.runs.directories.environment", lambda: where)
     run.begin_step("evaluated", Status.evaluated, test_pairs=8)
-    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop") / "README.md").read_text()
+    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
     trained, evaluated = (
         next(line for line in page.splitlines() if f"- {verb} on" in line) for verb in ("trained", "evaluated")
     )
@@ -285,7 +289,7 @@ def test_the_published_readme_lists_all_versions_and_needs_none_of_the_oldest_ru
     for name in ("commit", "hardware", "versions"):
         del trained[name]
     (run.path / "provenance.json").write_text(json.dumps(content))
-    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop") / "README.md").read_text()
+    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
     assert f"- versions: torch {versions['torch']} and 99.9, " in page
 
 
@@ -298,7 +302,7 @@ def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     metrics.to_csv(run.metrics, index=False)
     export_weights(run, tmp_path / "weights")
     assert "experiment office" in (tmp_path / "weights" / "README.md").read_text()
-    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", "laptop")
+    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
     assert pd.read_csv(target / "main.csv")["experiment"].tolist() == ["office"]
 
 

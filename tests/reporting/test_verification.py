@@ -1,7 +1,7 @@
 import pytest
 from conftest import ROOT, fake_run, fake_study
 
-from repro.reporting.publish import publish
+from repro.reporting.publish import Recipe, publish
 from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.verification import verification_to_markdown, verify
@@ -13,7 +13,7 @@ from repro.runs.keys import KEY
 def published(tmp_path, monkeypatch):
     monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
     fake_study(tmp_path / "first" / "laptop", seeds=(0, 1))
-    target = publish(Outputs(tmp_path / "first" / "laptop"), tmp_path / "results", "laptop")
+    target = publish(Outputs(tmp_path / "first" / "laptop"), tmp_path / "results", Recipe("laptop"))
     monkeypatch.setattr("repro.runs.provenance._commit", lambda: "4567def")
     return target
 

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.publish import has_uncommitted, options_of, write_histories, write_runs
+from repro.reporting.publish import Recipe, has_uncommitted, write_histories, write_runs
 from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.directories import Outputs
@@ -22,7 +22,7 @@ IDENTIFYING = (  # columns that identify what a row of the analysis is about, wh
 Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
 
 
-def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: str = "", force: bool = False) -> Path:
+def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = False) -> Path:
     """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
 
     Tables, runs, provenance and the README.md are made anew from all runs. To the tables of the analysis, the rows are
@@ -32,8 +32,7 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
     Args:
         outputs: the outputs directory with the new runs, analyzed by task=analysis.
         results: reproduce/results.
-        scale: name of the scale.
-        overrides: further overrides of the commands that repeat the trainings.
+        recipe: for the commands that repeat the trainings.
         force: whether to add runs of uncommitted code.
 
     Returns:
@@ -65,7 +64,7 @@ def add_to_published(outputs: Outputs, results: Path, scale: str, *, overrides: 
             write_histories(outputs, keys_of(new), directory)
             if outputs.analysis.is_dir() and (target / "analysis").is_dir():
                 _add_analysis(outputs.analysis, directory / "analysis")
-            write_runs(directory, target.name, options_of(target.name, scale, overrides), runs, every)
+            write_runs(directory, target.name, recipe, runs, every)
     return target
 
 

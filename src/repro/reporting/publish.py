@@ -11,15 +11,16 @@ import json
 import re
 import shutil
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY, Training
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
-from repro.reporting.results import SIZES, caption, read_published, read_results
+from repro.reporting.results import SIZES, caption, read_published, read_results, settings_text
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import make_tables
 from repro.reporting.uptodate import STAMP
@@ -29,7 +30,32 @@ from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 
-def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "", force: bool = False) -> Path:
+@dataclass(frozen=True)
+class Recipe:
+    """What the commands that repeat published trainings share.
+
+    Args:
+        scale: name of the scale.
+        overrides: overrides of world and scale, each after a space.
+        training: the training settings that need no override; None if unknown.
+    """
+
+    scale: str
+    overrides: str = ""
+    training: Training | None = None
+
+    def options(self, name: str, networks: pd.DataFrame) -> str:
+        """Return the options that repeat the trainings of one network, published in the directory of this name."""
+        changed: dict[str, None] = {}
+        if self.training:
+            usual = settings_text(self.training).split(", ")
+            settings = [each for row in networks["training"].dropna() for each in str(row).split(", ")]
+            changed = dict.fromkeys(f" train.{each}" for each in settings if each and each not in usual)
+        outputs = "" if name == self.scale else f" outputs=outputs/{name}"
+        return f"scale={self.scale}{self.overrides}{''.join(changed).replace('=None', '=null')}{outputs}"
+
+
+def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = False) -> Path:
     """Publish the results of an outputs directory; they replace the published directory of the same name.
 
     The replacement is atomic. Exported weights, costs and verification results in the published directory are kept.
@@ -37,8 +63,7 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
     Args:
         outputs: the outputs directory of one scale, named after the scale or after the property that its runs share.
         results: reproduce/results.
-        scale: name of the scale.
-        overrides: further overrides of the commands that repeat the trainings.
+        recipe: for the commands that repeat the trainings.
         force: whether to publish despite `doubts`.
 
     Returns:
@@ -63,16 +88,13 @@ def publish(outputs: Outputs, results: Path, scale: str, *, overrides: str = "",
         reasons = doubts(runs, list(origins.values()), target)
         if reasons and not force:
             raise ValueError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
-        _replace(target, outputs, runs, origins, options_of(name, scale, overrides))
+        _replace(target, outputs, runs, origins, recipe)
     return target
 
 
-def options_of(name: str, scale: str, overrides: str) -> str:
-    """Return the overrides of the commands that repeat the trainings of a published directory."""
-    return f"scale={scale}{overrides}" + ("" if name == scale else f" outputs=outputs/{name}")
-
-
-def _replace(target: Path, outputs: Outputs, runs: pd.DataFrame, origins: dict[str, Provenance], options: str) -> None:
+def _replace(
+    target: Path, outputs: Outputs, runs: pd.DataFrame, origins: dict[str, Provenance], recipe: Recipe
+) -> None:
     """Replace a published directory; see `publish`."""
     with replacing_directory(target) as new:
         for kept in target.glob("*"):
@@ -83,16 +105,16 @@ def _replace(target: Path, outputs: Outputs, runs: pd.DataFrame, origins: dict[s
             shutil.copyfile(path, new / path.name)
         if outputs.analysis.is_dir():
             shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
-        write_runs(new, target.name, options, runs, origins)
+        write_runs(new, target.name, recipe, runs, origins)
 
 
-def write_runs(directory: Path, name: str, options: str, runs: pd.DataFrame, origins: dict[str, Provenance]) -> None:
+def write_runs(directory: Path, name: str, recipe: Recipe, runs: pd.DataFrame, origins: dict[str, Provenance]) -> None:
     """Write the tables, runs.csv, provenance.json and README.md of a published directory.
 
     Args:
         directory: the directory, complete except for these files.
         name: its name.
-        options: see `options_of`.
+        recipe: for the commands that repeat the trainings.
         runs: tidy rows, see `results.read_results`.
         origins: provenance of each run by its path.
     """
@@ -103,7 +125,7 @@ def write_runs(directory: Path, name: str, options: str, runs: pd.DataFrame, ori
     write_text(directory / "runs.csv", runs.to_csv(index=False, float_format="%.6g"))
     write_json(directory / "provenance.json", {path: dataclasses.asdict(origin) for path, origin in origins.items()})
     with_analysis = (directory / "analysis").is_dir()
-    write_text(directory / "README.md", published_page(name, options, runs, origins, with_analysis=with_analysis))
+    write_text(directory / "README.md", published_page(name, recipe, runs, origins, with_analysis=with_analysis))
 
 
 def write_histories(outputs: Outputs, keys: Iterable[RunKey], directory: Path) -> None:
@@ -150,9 +172,9 @@ def doubts(runs: pd.DataFrame, origins: list[Provenance], target: Path) -> list[
 
 
 def published_page(
-    name: str, overrides: str, runs: pd.DataFrame, origins: dict[str, Provenance], *, with_analysis: bool
+    name: str, recipe: Recipe, runs: pd.DataFrame, origins: dict[str, Provenance], *, with_analysis: bool
 ) -> str:
-    """Return the README.md of a published directory: files, hardware, versions, training commands (with `overrides`).
+    """Return the README.md of a published directory: files, hardware, versions, training commands.
 
     `origins` has the provenance of each run by its path.
     """
@@ -160,7 +182,7 @@ def published_page(
     ablated = networks["encoding"].str.endswith(NO_DECAY).any()
     tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
     analysis = "; `analysis/` and `report.html` have the analysis" if with_analysis else ""
-    commands = _training_commands(networks, origins, overrides)
+    commands = _training_commands(name, networks, origins, recipe)
     lines = [
         f"# Published results, {name}\n",
         caption(runs) + "\n",
@@ -194,7 +216,7 @@ def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:
 
 
 def _training_commands(
-    networks: pd.DataFrame, origins: dict[str, Provenance], overrides: str
+    name: str, networks: pd.DataFrame, origins: dict[str, Provenance], recipe: Recipe
 ) -> list[tuple[str, int, str, str]]:
     """Return title, number of trainings, their mean time [min] and command of each network with each encoding."""
     rows = []
@@ -205,7 +227,8 @@ def _training_commands(
         options = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
         used = {origins[str(key.path)].fact("precision") for key in keys_of(own_runs) if str(key.path) in origins}
         precision = f" runtime.precision={used.pop()}" if len(used) == 1 else ""
-        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {overrides}{precision}"
+        shared = recipe.options(name, own_runs)
+        command = f"python run.py -m model={model} exp={experiments}{options} seed={seeds} {shared}{precision}"
         minutes = own_runs["training_seconds"].mean() / 60
         rows.append((predictor_title(model, encoding), len(own_runs), f"{minutes:.1f}", f"`{command}`"))
     return rows

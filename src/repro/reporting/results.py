@@ -116,11 +116,11 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         "papers_worlds": are_papers(config.data.worlds),
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
-        "training": _settings(config.train),
+        "training": settings_text(config.train),
     }
 
 
-def _settings(training: Training | None) -> str:
+def settings_text(training: Training | None) -> str:
     """Return the training settings of a network in one line; empty for a baseline."""
     return ", ".join(f"{name}={value}" for name, value in asdict(training).items()) if training else ""
 

@@ -10,24 +10,24 @@ from omegaconf import OmegaConf
 from repro.cli.composition import CONF
 from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks.docs import update_docs
-from repro.config import Scale, plain
+from repro.config import Scale, Training, plain
 from repro.reporting.additions import add_to_published
 from repro.reporting.paper import worlds_of
-from repro.reporting.publish import publish
-from repro.runs.directories import Outputs
+from repro.reporting.publish import Recipe, publish
 from repro.runs.provenance import Status
 
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
     write = add_to_published if job.call.publish.add else publish
-    target = write(job.outputs, RESULTS, job.call.scale.name, overrides=overrides_of(job), force=job.call.publish.force)
+    recipe = Recipe(job.call.scale.name, overrides_of(job), usual_training(job.call.scale))
+    target = write(job.outputs, RESULTS, recipe, force=job.call.publish.force)
     print(f"published {target}")
     update_docs()
 
 
 def overrides_of(job: Job) -> str:
-    """Return the overrides that the runs of a job need, each after a space: of world, scale and training settings.
+    """Return the overrides of world and scale that the runs of a job need, each after a space.
 
     Raises:
         ValueError: no file of conf/world has the worlds of all runs.
@@ -39,16 +39,13 @@ def overrides_of(job: Job) -> str:
     scale = job.call.scale
     usual = plain(OmegaConf.load(CONF / "scale" / f"{scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names[:1] if "paper" not in names]
-    return "".join([*world, *changes("scale", asdict(scale), usual), *training_changes(job.outputs, scale)])
+    return "".join([*world, *changes("scale", asdict(scale), usual)])
 
 
-def training_changes(outputs: Outputs, scale: Scale) -> Iterator[str]:
-    """Yield the overrides of the settings that the networks were trained with, if these are not the paper's."""
+def usual_training(scale: Scale) -> Training:
+    """Return the training settings of a scale, those of conf/train/paper.yaml."""
     conf = {"scale": asdict(scale), "train": OmegaConf.load(CONF / "train" / "paper.yaml")}
-    usual = plain(OmegaConf.create(conf))["train"]
-    trained = (run.config().train for run in outputs.runs() if run.status is Status.evaluated)
-    training = next(filter(None, trained), None)  # a baseline has none; networks that differ are doubts of `publish`
-    return changes("train", asdict(training), usual) if training else iter(())
+    return Training(**plain(OmegaConf.create(conf))["train"])
 
 
 def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
