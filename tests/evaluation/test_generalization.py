@@ -6,6 +6,7 @@ import pytest
 import torch
 from conftest import ROOT, prepared, world_spec
 
+from repro import config
 from repro.evaluation import generalization
 from repro.evaluation.generalization import score, updated
 from repro.learning.training import train
@@ -139,15 +140,22 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("weights", "published"),
-    [("workstation-16000/exp4-convgru", "workstation-16000"), ("workstation/exp4-unet", "workstation")],
+        ("weights", "published", "experiment"),
+    [
+        ("workstation-16000/exp4-convgru", "workstation-16000", "4"),
+        ("workstation/exp4-unet", "workstation", "4"),
+        ("drive-16000/expmixed-convgru", "drive-16000", "mixed"),
+    ],
 )
-def test_the_published_rows_are_those_of_the_published_weights(weights, published, tmp_path, monkeypatch):
+def test_the_published_rows_are_those_of_the_published_weights(weights, published, experiment, tmp_path, monkeypatch):
     for name, amounts in (("CHANGES", {}), ("FIELDS_OF_VIEW", ()), ("RANGES_M", (15,)), ("SPEEDS", (2,))):
         monkeypatch.setattr(generalization, name, amounts)
     results = ROOT / "reproduce" / "results"
-    spec = world_spec("4")
-    table = generalization.under_changes(load_predictor(results / weights), "4", spec, tmp_path, 200, workers=2)
+        world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
+    spec = config.world_spec(config.read_world(world), experiment)
+    predictor = load_predictor(results / weights)
+    table = generalization.under_changes(predictor, experiment, spec, tmp_path, 200, workers=2)
+
     rows = read_rows(results / published / "analysis" / "generalization.csv")
     both = table.merge(rows, on=["shift", "tested", "metric"], suffixes=("", "_published"))
     assert set(both["shift"]) == {"maximum range [m]", "obstacles' speed [times]"}

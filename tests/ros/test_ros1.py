@@ -24,7 +24,7 @@ from repro.prediction.windows import cut
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
 EXAMPLE, WEIGHTS = (
     ROOT / "examples" / "square.npz",
-    ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru",
+    ROOT / "reproduce" / "results" / "drive-16000" / "expmixed-convgru",
 )
 SCANS, STEPS = 120, 100
 SPEED = 0.5  # at which the bag is played: the tests may share their cores
