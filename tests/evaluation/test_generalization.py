@@ -140,7 +140,7 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-        ("weights", "published", "experiment"),
+    ("weights", "published", "experiment"),
     [
         ("workstation-16000/exp4-convgru", "workstation-16000", "4"),
         ("workstation/exp4-unet", "workstation", "4"),
@@ -151,7 +151,7 @@ def test_the_published_rows_are_those_of_the_published_weights(weights, publishe
     for name, amounts in (("CHANGES", {}), ("FIELDS_OF_VIEW", ()), ("RANGES_M", (15,)), ("SPEEDS", (2,))):
         monkeypatch.setattr(generalization, name, amounts)
     results = ROOT / "reproduce" / "results"
-        world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
+    world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
     spec = config.world_spec(config.read_world(world), experiment)
     predictor = load_predictor(results / weights)
     table = generalization.under_changes(predictor, experiment, spec, tmp_path, 200, workers=2)
