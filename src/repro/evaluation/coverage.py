@@ -20,7 +20,8 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
 
     Returns:
         `coverage`, the mean share of the map that obstacles cover at the last step, and `visibility`, the share of
-        the obstacle area that belongs to obstacles hit at least once, an upper bound of the specificity.
+        the obstacle area that belongs to obstacles hit at least once, which the specificity of a predictor that marks
+        only these cannot exceed.
     """
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in read_shards(recordings, split):

@@ -153,7 +153,7 @@ def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         experiment, encoding, metric, target (`paper scale` or `held-out point`), pairs, size_px, value with low and
-        high (95 %, by a parametric bootstrap with normal residuals), alpha, beta (NaN for a single resolution), and
+        high (95 % for one training, by a parametric bootstrap with normal residuals), alpha, beta (NaN for a single resolution), and
         `measured` for a held-out point.
         Empty if no curve has four points.
     """
@@ -191,8 +191,10 @@ def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str) -> pd.Da
     law = fit_law(*at, value)
     residuals = value - law(*at)
     free = max(len(value) - law.parameters(), 1)
-    noise = np.random.default_rng(0).normal(0, np.sqrt((residuals**2).sum() / free), (DRAWS, len(value)))
+    std, rng = np.sqrt((residuals**2).sum() / free), np.random.default_rng(0)
+    noise = rng.normal(0, std, (DRAWS, len(value)))
     drawn = np.stack([law(*aim), *(fit_law(*at, law(*at) + each)(*aim) for each in noise)])
+    drawn[1:] += rng.normal(0, std, (DRAWS, len(aims)))  # a training deviates from the law as the fitted ones do
     low, high = bounds(drawn)
     table = aims[[*CURVE, *POINT]].reset_index(drop=True)
     exponents = dict.fromkeys(EXPONENTS, np.nan) | dict(zip(EXPONENTS, law.exponents, strict=False))

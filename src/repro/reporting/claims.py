@@ -1,9 +1,10 @@
 """Claims: tests of the paper's statements on the paper's numbers and on ours.
 
 reproduce/claims.yaml lists every checkable statement with the expression that tests it. The `uncertainties` library
-propagates the intervals of the numbers through the expression as independent standard errors, which is conservative for
-differences on the same test worlds. A difference counts only if it exceeds the tolerance and its interval excludes
-zero.
+propagates the intervals of the numbers through the expression as independent standard errors. This is conservative for
+differences of positively correlated numbers, as of two networks on the same test worlds; for recall and specificity or
+precision, which are negatively correlated over seeds, the part due to the seeds is up to a third too small. A
+difference counts only if it exceeds the tolerance and its interval excludes zero.
 """
 
 import dataclasses

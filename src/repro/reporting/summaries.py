@@ -141,7 +141,7 @@ def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
     inside = held_out["measured"].between(held_out["low"], held_out["high"])
     lines = [
         f"**U-Net extrapolated to {pairs:,.0f} pairs and {size_px:.0f} px from its learning curves** (paper). Brackets:"
-        f" intervals of the fit, nominally 95 %; {inside.sum()} of {len(inside)} held-out measurements are inside.",
+        f" intervals of 95 % for one training; {inside.sum()} of {len(inside)} held-out measurements are inside.",
         "Held out: the largest training, extrapolated from the smaller ones, then measured.",
         "",
     ]
