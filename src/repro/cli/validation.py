@@ -107,11 +107,14 @@ def warnings_of(config: Config) -> list[str]:
     minutes = recording_seconds(world_spec(config.world, config.exp), pairs.train + pairs.val + pairs.test) / 60
     if config.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
         found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
-    if not config.world["experiments"][config.exp]["clear_radius_m"]:
+    experiment = config.world["experiments"][config.exp]
+    if not experiment["clear_radius_m"]:
         found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
-    has_fixed, trains = config.world["experiments"][config.exp].get("fixed"), config.task in TRAINING_TASKS
-    if has_fixed and trains and config.train.flip_augmentation:
-        found.append("train.flip_augmentation=true also shows the network the fixed obstacles upside down")
+    if config.task in TRAINING_TASKS and config.train.flip_augmentation:
+        if experiment.get("fixed"):
+            found.append("train.flip_augmentation=true also shows the network the fixed obstacles upside down")
+        if experiment["motion"]["name"] == "waypoints":
+            found.append("train.flip_augmentation=true also shows the network the robot's path upside down")
     return found
 
 

@@ -153,8 +153,8 @@ def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         experiment, encoding, metric, target (`paper scale` or `held-out point`), pairs, size_px, value with low and
-        high (95 % for one training, by a parametric bootstrap with normal residuals), alpha, beta (NaN for a single resolution), and
-        `measured` for a held-out point.
+        high (95 % for one training, by a parametric bootstrap with normal residuals), alpha, beta (NaN for a single
+        resolution), and `measured` for a held-out point.
         Empty if no curve has four points.
     """
     is_papers = (points["model"] == "unet") & points["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])
