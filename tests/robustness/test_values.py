@@ -173,7 +173,7 @@ def test_outputs_that_is_a_file_is_refused(tmp_path):
         ("runtime.precision=16-true", "few digits"),
         ("model.encoder_name=mit_b1", "not the paper's"),
         ("world.experiments.3.clear_radius_m=0", "no clear zone"),
-        ("world.experiments.3.motion.name=waypoints", "path upside down"),
+        ("world.motions.rotate.name=waypoints", "path upside down"),
     ],
 )
 def test_surprising_values_are_allowed_with_a_warning(override, warning):
