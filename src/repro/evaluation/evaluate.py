@@ -23,7 +23,7 @@ from repro.runs.config import RunConfig
 from repro.runs.directories import Outputs, Run
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
-from repro.system.files import read_table, replacing, sha256, write_text
+from repro.system.files import open_arrays, read_table, replacing, sha256, write_text
 
 FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
 
@@ -155,7 +155,7 @@ def read_quantized(run: Run) -> np.ndarray:
     """
     path = run.check_file("predictions.npz")
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        with open_arrays(path) as file:
             return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         fix = f"delete {run.metrics} and run the same command with task=evaluate"

@@ -17,6 +17,7 @@ from repro.maps.visibility import newest_visible
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
 from repro.scans import Scans
+from repro.system.files import open_arrays
 
 FREE_BELOW, OCCUPIED_ABOVE = 0.25, 0.65  # probabilities of an obstacle, the defaults of nav2_map_server
 
@@ -35,7 +36,7 @@ def window_number(path: Path) -> int:
 def read_maps(directory: Path) -> Iterator[StreamMap]:
     """Read the maps that `write_probabilities` wrote to a directory, in the order of time."""
     for path in sorted(directory.glob("window-*.npz"), key=window_number):
-        with np.load(path) as content:
+        with open_arrays(path) as content:
             left, bottom = content["origin"].tolist()
             yield StreamMap(content["free"], (left, bottom), float(content["resolution"]), float(content["stamp"]))
 

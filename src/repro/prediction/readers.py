@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from repro.prediction.logs import LogScan, ScanLog, collect
+from repro.system.files import open_arrays
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
 ARRAYS = ("ranges", "angles", "poses", "stamps")
@@ -74,7 +75,7 @@ def _is_carmen(head: bytes) -> bool:
 
 def _npz_scans(path: Path) -> Iterator[LogScan]:
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+        with open_arrays(path) as content:
             missing = [name for name in ARRAYS if name not in content]
             if missing:
                 raise ValueError(f"lacks {', '.join(missing)}")

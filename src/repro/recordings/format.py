@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from repro.scans import Scans
+from repro.system.files import open_arrays
 
 FORMAT = 1
 SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
@@ -110,7 +111,7 @@ def read_shard(path: Path, fingerprint: str) -> ShardContent:
         ValueError: the shard was recorded with another configuration.
     """
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        with open_arrays(path) as file:
             arrays = dict(file)
         recorded = str(arrays.pop("fingerprint"))
         scans = Scans(*(arrays.pop(name) for name in ("ranges", "angles", "poses")))
