@@ -65,7 +65,7 @@ def render(report: Report) -> str:
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     is_smoke = report.scale == "smoke"
     parts = sections(report.frames, report.figures, report.origins)
-    navigation = [("summary", "Summary"), ("tables", "DataFrames")]
+    navigation = [("summary", "Summary"), ("tables", "Tables")]
     navigation += [] if is_smoke else [("claims", "Claims")]
     navigation += [("samples", "Samples")] if report.samples else []
     navigation += [(part["id"], part["nav"]) for part in parts]
