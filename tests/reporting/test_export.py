@@ -7,7 +7,7 @@ from conftest import ROOT, fake_run, prepared
 from huggingface_hub import ModelCard
 
 from repro.cli.tasks.export import suffix_of
-from repro.config import paper_model
+from repro.config import paper_model, read_world, world_spec
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.datasets import training_statistics
@@ -17,7 +17,9 @@ from repro.maps.statistics import TITLES
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor, load_predictor
+from repro.recordings.format import spec_fingerprint
 from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, make_card, with_front_matter
+from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 
@@ -106,13 +108,22 @@ def test_the_published_card_and_statistics_are_complete():
 
 
 def test_the_card_of_altered_worlds_does_not_claim_the_papers(tmp_path):
-    for worlds, words in (("noise", "other worlds"), (None, "without noise")):
+    for worlds, words in (("noise", "worlds of no file in conf/world"), (None, "without noise")):
         changes = {} if worlds is None else {"worlds": worlds}
         run = fake_run(tmp_path / str(worlds), "3", "unet", 0.4, **changes)
         pd.DataFrame([dict.fromkeys(CARD_METRICS, 0.4)]).to_csv(run.metrics, index=False)
         card = make_card(run, "model", "float32 weights")
         assert words in card
         assert ("conf/world/paper.yaml" in card) == (worlds is None)
+
+
+def test_the_card_names_the_file_of_its_worlds(tmp_path):
+    worlds = spec_fingerprint(world_spec(read_world(WORLDS.with_name("drive.yaml")), "mixed"))
+    run = fake_run(tmp_path, "mixed", "unet", 0.4, worlds=worlds)
+    pd.DataFrame([dict.fromkeys(CARD_METRICS, 0.4)]).to_csv(run.metrics, index=False)
+    card = make_card(run, "model", "float32 weights")
+    assert "experiment mixed of conf/world/drive.yaml" in card
+    assert "simulated scans of conf/world/drive.yaml; float32 weights" in card
 
 
 def test_exports_of_other_inputs_and_seeds_have_other_names():

@@ -25,14 +25,16 @@ def test_the_study_has_the_papers_24_trainings(tmp_path):
 
 def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
     study = Study(Outputs(tmp_path), EXPERIMENTS, 0)
-    assert study.progress(RunKey("3", "fpn", PROJECTION, 0)) == "training 1 of 24: exp 3, FPN"
+    assert study.progress(RunKey("3", "fpn", PROJECTION, 0)) == (
+        "training exp 3, FPN (0 of the 24 trainings of the study are finished)"
+    )
     assert study.seconds_left() is None
     fake_run(tmp_path, "3", "unet", 0.9)  # took a second
     assert study.seconds_left() == pytest.approx(23)
     progress = study.progress(RunKey("4", "fpn", PROJECTION_NO_DECAY, 0))
-    assert (
-        progress == "training 2 of 24: exp 4, FPN, no decay; about 23 s of training left one after the other, "
-        "estimated from finished trainings"
+    assert progress == (
+        "training exp 4, FPN, no decay (1 of the 24 trainings of the study are finished, "
+        "the rest takes about 23 s one after the other)"
     )
     assert study.progress(RunKey("3", "unet", "observed_free", 0)) is None
 

@@ -8,7 +8,7 @@ from huggingface_hub import EvalResult, ModelCard, ModelCardData
 from repro.metrics.names import METRICS
 from repro.networks.predictor import ONNX, load_predictor
 from repro.reporting.names import SETUPS, model_title
-from repro.reporting.paper import are_papers
+from repro.reporting.paper import are_papers, world_files
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
@@ -84,7 +84,7 @@ def make_card(run: Run, path: str, form: str) -> str:
     measured = {name: float(metrics[name]) for name in CARD_METRICS}
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
-    setup = SETUPS[config.experiment] if _is_papers(config) else f"experiment {config.experiment} of other worlds"
+    setup = SETUPS[config.experiment] if _is_papers(config) else f"experiment {config.experiment} of {_source(config)}"
     library = "segmentation-models-pytorch" if encoder else "pytorch"
     body = f"# {title}\n\n" + _card_text(run, setup, measured, path, form)
     return with_front_matter(body, title, setup, measured, library)
@@ -100,9 +100,7 @@ def _card_text(run: Run, setup: str, measured: dict[str, float], path: str, form
     size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
     definition = "The metadata of the file define" if path.endswith(ONNX) else "`predictor.json` defines"
-    worlds = "one world and its variations, see `conf/world`"
-    if _is_papers(config):
-        worlds = "`conf/world/paper.yaml`, without noise, with its obstacles and speeds and one robot path"
+    limits = ", without noise, with its obstacles and speeds and one robot path" if _is_papers(config) else ""
     return f"""```python
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
@@ -122,12 +120,18 @@ commit {trained["commit"]}.
 
 **Test set** ({origin.fact("test_pairs")} pairs): {numbers}.
 
-**Limits**: trained on simulated scans of {worlds}; {form}.
+**Limits**: trained on simulated scans of {_source(config)}{limits}; {form}.
 """
 
 
 def _is_papers(config: RunConfig) -> bool:
     return config.experiment in SETUPS and are_papers(config.data.worlds)
+
+
+def _source(config: RunConfig) -> str:
+    """Return the file of conf/world that has the worlds of a run."""
+    names = world_files({config.data.worlds})
+    return f"conf/world/{names[0]}.yaml" if names else "worlds of no file in conf/world"
 
 
 def with_front_matter(

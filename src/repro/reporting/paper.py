@@ -16,6 +16,11 @@ TABLES = files("repro.reporting") / "paper_tables"
 WORLDS = Path(__file__).parents[3] / "conf" / "world" / "paper.yaml"
 
 
+def world_files(used: set[str]) -> list[str]:
+    """Return the names of the files of conf/world that have all of some worlds, given by their fingerprints."""
+    return [path.stem for path in sorted(WORLDS.parent.glob("*.yaml")) if used <= worlds_of(path)]
+
+
 @cache
 def worlds_of(path: Path) -> set[str]:
     """Return the fingerprints of the worlds of all experiments of a file in conf/world."""

@@ -37,20 +37,15 @@ class Study:
         return {key: self.outputs.run(key) for key in keys}
 
     def progress(self, key: RunKey) -> str | None:
-        """Describe a training as `training 7 of 24: exp 3, FPN` with the remaining time; None if the study lacks it."""
+        """Describe a training, the finished trainings of the study and the remaining time; None if not of the study."""
         runs = self.runs()
         if key not in runs:
             return None
         trained = sum(_is_trained(run) for run in runs.values())
-        title = (
-            f"training {trained + 1} of {len(runs)}: exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
-        )
+        title = f"training exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
         left = self.seconds_left()
-        return title + (
-            f"; about {duration(left)} of training left one after the other, estimated from finished trainings"
-            if left
-            else ""
-        )
+        estimate = f", the rest takes about {duration(left)} one after the other" if left else ""
+        return f"{title} ({trained} of the {len(runs)} trainings of the study are finished{estimate})"
 
     def seconds_left(self) -> float | None:
         """Estimate the duration of the remaining trainings by network [s]; None before the first one is finished."""

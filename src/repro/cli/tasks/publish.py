@@ -12,7 +12,7 @@ from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks.docs import update_docs
 from repro.config import Scale, Training, plain
 from repro.reporting.additions import add_to_published
-from repro.reporting.paper import worlds_of
+from repro.reporting.paper import world_files
 from repro.reporting.publish import Recipe, publish
 from repro.runs.provenance import Status
 
@@ -33,7 +33,7 @@ def overrides_of(job: Job) -> str:
         ValueError: no file of conf/world has the worlds of all runs.
     """
     used = {run.config().data.worlds for run in job.outputs.runs() if run.status is Status.evaluated}
-    names = [path.stem for path in sorted((CONF / "world").glob("*.yaml")) if used <= worlds_of(path)]
+    names = world_files(used)
     if used and not names:
         raise ValueError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
     scale = job.call.scale
