@@ -16,7 +16,7 @@ from hydra._internal.utils import get_args_parser
 import repro.config
 from repro.baselines.names import BASELINES
 from repro.cli import composition
-from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
+from repro.config import NETWORKS, PAPER_ENCODER, RECURRENT, Encoding, Model, PairCounts, Training
 from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
@@ -73,7 +73,7 @@ def run_config(
         model: name of a network or baseline.
         decay: whether the projection has the time decay.
         encoding: another encoding than the projection.
-        changes: values of RunConfig, Data or Training that differ from the usual ones.
+        changes: values of RunConfig, Model, Data or Training that differ from the usual ones.
     """
 
     def take(cls: type, **defaults: Any) -> Any:
@@ -90,7 +90,8 @@ def run_config(
     )
     train = take(Training, learning_rate=1e-3, min_delta=0.001, patience=5, batch_size=8, max_epochs=3, dice_eps=1e-6)
     encoding = encoding or Encoding("projection", {"decay": decay, "oldest_gray": 0.8})
-    config = RunConfig("3", 0, paper_model(model), encoding, data, train)
+    network = take(Model, name=model, encoder_name=None if model in RECURRENT else PAPER_ENCODER)
+    config = RunConfig("3", 0, network, encoding, data, train)
     config = dataclasses.replace(config, **changes)
     return config.of_baseline(model) if model in BASELINES else config
 

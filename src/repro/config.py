@@ -196,8 +196,17 @@ def plain(config: DictConfig) -> dict[str, Any]:
 
 
 def read_world(path: Path) -> dict[str, Any]:
-    """Load a file of conf/world on its own, its interpolations resolved as in the whole configuration."""
-    return plain(OmegaConf.create({"world": OmegaConf.load(path)}))["world"]
+    """Load a file of conf/world with those in its defaults, interpolations resolved as in the whole configuration."""
+    return plain(OmegaConf.create({"world": _merged(path)}))["world"]
+
+
+def _merged(path: Path) -> DictConfig:
+    """Return a file merged with the files beside it that its defaults name, in their order, as Hydra merges them."""
+    content = OmegaConf.load(path)
+    assert isinstance(content, DictConfig), f"{path} is not a mapping"
+    names = content.pop("defaults", ["_self_"])
+    parts = [content if name == "_self_" else _merged(path.with_name(f"{name}.yaml")) for name in names]
+    return OmegaConf.merge(*parts)  # type: ignore[return-value]
 
 
 def world_spec(world: dict[str, Any], experiment: str) -> dict[str, Any]:

@@ -6,7 +6,8 @@ from conftest import fake_run, fake_study
 
 from repro.config import Encoding
 from repro.reporting.additions import add_to_published
-from repro.reporting.publish import Recipe, publish
+from repro.reporting.publish import publish
+from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published, read_results
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey

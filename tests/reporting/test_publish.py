@@ -1,5 +1,6 @@
 import json
 import re
+from functools import partial
 
 import pandas as pd
 import pytest
@@ -7,7 +8,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
-from repro.cli.tasks.publish import changes, usual_training
+from repro.cli.tasks.publish import changes, usual_settings
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale, paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -17,7 +18,8 @@ from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.predictor import Predictor
 from repro.reporting.export import export_weights
-from repro.reporting.publish import Recipe, doubts, publish
+from repro.reporting.publish import doubts, publish
+from repro.reporting.published_readme import Recipe
 from repro.reporting.readme import with_results
 from repro.reporting.results import OURS, read_published, read_results
 from repro.reporting.rows import read_rows
@@ -180,7 +182,7 @@ def test_the_command_of_a_changed_scale_names_the_changed_values_alone():
     assert not list(changes("scale", usual, usual))
 
 
-def test_the_command_of_each_network_has_its_own_training_settings(tmp_path):
+def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
     settings = run_config().train
     scale = Scale(
         *("tiny", "a minute", 32, PairCounts(24, 8, 8), settings.learning_rate, settings.batch_size),
@@ -188,12 +190,18 @@ def test_the_command_of_each_network_has_its_own_training_settings(tmp_path):
     )
     outputs = tmp_path / "tiny"
     fake_run(outputs, "3", "unet", 0.5)
-    series = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
-    fake_run(outputs, "3", "convgru", 0.7, encoding=series, batch_size=2, ema_decay=0.9)
-    recipe = Recipe("tiny", "", usual_training(scale))
+    own = {"encoding": Encoding("series10", {"frames": 10, "range_max_m": 15.0}), "parameters": {"hidden": 64}}
+    for experiment, seed in (("1", 0), ("2", 0), ("2", 1)):
+        fake_run(outputs, experiment, "convgru", 0.7, seed=seed, **own)
+    fake_run(outputs, "3", "convgru", 0.7, **own, batch_size=2, ema_decay=0.9)
+    world = {"robot": {"sensors": [{"range_max": 30.0}]}}
+    recipe = Recipe("tiny", "", partial(usual_settings, scale, world))
     page = (publish(Outputs(outputs), tmp_path / "results", recipe) / "README.md").read_text()
     assert "model=unet exp=3 seed=0 scale=tiny runtime" in page
-    assert "model=convgru exp=3 encoding=series10 seed=0 scale=tiny train.batch_size=2 train.ema_decay=0.9 run" in page
+    shared = "scale=tiny model.parameters.hidden=64 encoding.parameters.range_max_m=15.0"
+    assert f"model=convgru exp=1 encoding=series10 seed=0 {shared} run" in page
+    assert f"model=convgru exp=2 encoding=series10 seed=0,1 {shared} run" in page
+    assert f"exp=3 encoding=series10 seed=0 {shared} train.batch_size=2 train.ema_decay=0.9 run" in page
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):

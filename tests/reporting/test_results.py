@@ -6,8 +6,9 @@ from conftest import fake_run, fake_study, run_config
 
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS
+from repro.reporting.captions import caption, missing
 from repro.reporting.paper import read_paper
-from repro.reporting.results import caption, compare, missing, read_results
+from repro.reporting.results import compare, read_results
 from repro.runs.directories import Outputs
 from repro.runs.provenance import Status
 
@@ -117,7 +118,19 @@ def test_a_network_that_was_trained_differently_is_marked(tmp_path):
     assert "Not trained like the others" not in caption(read_results(Outputs(tmp_path)))
     fake_run(tmp_path, "4", "fpn", 0.5, train=dataclasses.replace(run_config().train, learning_rate=0.5))
     text = caption(read_results(Outputs(tmp_path)))
-    assert text.endswith("Not trained like the others: FPN in exp 4 (learning_rate=0.5).")
+    assert text.endswith("Not trained like the others: FPN in exp 4 (train.learning_rate=0.5).")
+
+
+def test_seeds_with_different_settings_are_not_averaged(tmp_path):
+    """The main table would show their mean as that of one network."""
+    fake_run(tmp_path, "3", "convgru", 0.5, parameters={"hidden": 48})
+    other = run_config(experiment="3", model="convgru", seed=1, parameters={"hidden": 16})
+    message = "model.parameters.hidden is 48, requested 16"
+    with pytest.raises(ValueError, match=rf"seed0, another seed, has other settings \({message}\)"):
+        Outputs(tmp_path).check_data(other)
+    fake_run(tmp_path, "3", "convgru", 0.7, seed=1, parameters={"hidden": 16})
+    with pytest.raises(ValueError, match=r"settings \(model.parameters.hidden is 48 and 16\): move or delete"):
+        read_results(Outputs(tmp_path))
 
 
 def test_runs_of_altered_worlds_are_not_compared_with_the_paper(tmp_path):

@@ -1,7 +1,8 @@
 import pytest
 from conftest import ROOT, fake_run, fake_study
 
-from repro.reporting.publish import Recipe, publish
+from repro.reporting.publish import publish
+from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.verification import verification_to_markdown, verify

@@ -1,5 +1,6 @@
 """Floors from maps of map_server: which cells the polygons cover, where they lie, and what is refused."""
 
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +14,7 @@ from PIL import Image
 
 from repro.cli.composition import register
 from repro.cli.tasks import floor as task
-from repro.config import plain, world_spec
+from repro.config import plain, read_world, world_spec
 from repro.simulation.floors import read_floor
 from repro.simulation.schema import world_errors
 from repro.simulation.worlds import sample_world
@@ -95,6 +96,8 @@ def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
     assert not covered(experiment["fixed"], 80)[int(start[1] / CELL), int(start[0] / CELL)]
     with pytest.raises(ValueError, match=r"my_map.yaml exists: rename"):
         task.run(job)
+    shutil.copy(ROOT / "conf" / "world" / "office.yaml", tmp_path / "world")
+    assert read_world(tmp_path / "world" / "my_map.yaml") == world  # exports and publications read all worlds
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,11 @@ from repro.evaluation.evaluate import evaluate_baseline
 from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
+from repro.reporting.captions import caption
 from repro.reporting.claims import judge, read_claims
 from repro.reporting.numbers import analysis_rows
 from repro.reporting.page import Report, render
-from repro.reporting.results import audits, caption, read_results
+from repro.reporting.results import audits, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import write_tables
 from repro.reporting.uptodate import mark_up_to_date

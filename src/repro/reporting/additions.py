@@ -7,9 +7,11 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.publish import Recipe, has_uncommitted, write_histories, write_runs
+from repro.reporting.publish import has_uncommitted, write_histories, write_runs
+from repro.reporting.published_readme import Recipe
 from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.settings import conflicts
 from repro.runs.directories import Outputs
 from repro.runs.keys import KEY, RunKey
 from repro.runs.provenance import Provenance
@@ -83,11 +85,10 @@ def _problem(
         others = recordings_of(earlier, experiment)
         if others and origin.fact("recordings") not in others:
             return f"{path} has other recordings than the published runs of experiment {experiment}"
-    if "training" in published:
-        for _, rows in pd.concat([published, new]).dropna(subset="training").groupby(["model", "encoding"]):
-            settings = " and ".join(rows["training"].unique())
-            if rows["training"].nunique() > 1:
-                return f"{rows['model'].iloc[0]} was trained with different settings: {settings}"
+    for _, rows in pd.concat([published, new]).groupby(["model", "encoding"]):
+        listing = conflicts(rows["settings"])
+        if listing:
+            return f"{rows['model'].iloc[0]} was trained with different settings: {listing}"
     if not force and has_uncommitted(origins.values()):
         return "some runs were made with uncommitted code; publish.force=true adds them anyway"
     return None

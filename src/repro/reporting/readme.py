@@ -7,8 +7,9 @@ from typing import Any
 import pandas as pd
 
 from repro.config import PROJECTION
+from repro.reporting.captions import caption, missing
 from repro.reporting.names import TITLES
-from repro.reporting.results import caption, missing, read_published
+from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.summaries import (
     bounds_to_markdown,

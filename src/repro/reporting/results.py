@@ -1,18 +1,17 @@
 """Tidy rows of all evaluated runs, and the paper's two tables from them with the differences to the paper."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Training
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
-from repro.reporting.names import model_title
 from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.settings import conflicts, settings_cell
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.provenance import Provenance, Status
@@ -36,12 +35,12 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
 
     Returns:
         experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
-        training_seconds, training, the settings in one line, and papers_worlds, whether the worlds are those of
-        conf/world/paper.yaml. Empty if no run is evaluated.
+        training_seconds, papers_worlds, whether the worlds are those of conf/world/paper.yaml, and settings, see
+        `reporting.settings`. Empty if no run is evaluated.
 
     Raises:
-        ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs
-            and cannot share a table.
+        ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs,
+            or seeds of one network different settings, and cannot share a table.
     """
     rows = []
     for run in outputs.runs():
@@ -60,7 +59,10 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
 
 
 def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
-    """Check that runs can share a table: one scale, resolution and number of pairs, and one world per experiment."""
+    """Check that runs can share a table: one scale, resolution and number of pairs, and one world per experiment.
+
+    The seeds of a network must have the same settings.
+    """
     groups = [(fact, table) for fact in ("scale", "size_px", "train_pairs", "test_pairs")]
     groups += [("worlds", rows) for _, rows in table.groupby("experiment")]
     for fact, rows in groups:
@@ -72,6 +74,11 @@ def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
                 f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot "
                 f"share a table: move or delete {paths}" + (f" and {len(rare) - 3} more" if len(rare) > 3 else "")
             )
+    for _, rows in table.groupby(CELL):
+        listing = conflicts(rows["settings"])
+        if listing:
+            paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rows))
+            raise ValueError(f"seeds of one network have different settings ({listing}): move or delete one of {paths}")
 
 
 def read_published(directory: Path) -> pd.DataFrame:
@@ -116,13 +123,8 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
         "papers_worlds": are_papers(config.data.worlds),
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
-        "training": settings_text(config.train),
+        "settings": settings_cell(config),
     }
-
-
-def settings_text(training: Training | None) -> str:
-    """Return the training settings of a network in one line; empty for a baseline."""
-    return ", ".join(f"{name}={value}" for name, value in asdict(training).items()) if training else ""
 
 
 def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
@@ -189,60 +191,3 @@ def audits(results: pd.DataFrame) -> pd.DataFrame:
     ours = rows.groupby(CELL, as_index=False)[list(METRICS)].mean()
     tables = {"paper": _papers(results), "ours": pd.concat([ours, averages_of(ours)])}
     return pd.concat([audit(table[[*CELL, *METRICS]]).assign(source=source) for source, table in tables.items()])
-
-
-def caption(results: pd.DataFrame) -> str:
-    """Return the data of a table as one sentence: scale, resolution, pairs, epochs and seeds."""
-    networks = results[results["encoding"] != ""]
-    if networks.empty:
-        return "No network evaluated yet."
-    of_paper = networks[networks["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
-    networks = of_paper if len(of_paper) else networks
-    first = networks.iloc[0]
-    seeds = sorted(networks["seed"].unique())
-    cells = networks.groupby(CELL).size()
-    uneven = f" ({cells.min()} to {cells.max()} per cell)" if cells.min() < cells.max() else ""
-    epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
-    warning = " This is a smoke test; its numbers mean nothing." if first["scale"] == "smoke" else ""
-    return (
-        f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
-        f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
-        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}{_unlike(networks)}"
-    )
-
-
-def missing(results: pd.DataFrame, encoding: str) -> str:
-    """Name the cells of a table of the paper that have no run; empty if it has none of the paper's or all of them.
-
-    Args:
-        results: tidy rows of the table, see `select`.
-        encoding: label of the encoding of the table.
-    """
-    paper = read_paper()
-    wanted = paper[(paper["encoding"] == encoding) & paper["model"].isin(NETWORKS)]
-    found = set(zip(results["experiment"], results["model"], results["encoding"], strict=True))
-    lacking = wanted[[cell not in found for cell in wanted[CELL].itertuples(index=False, name=None)]]
-    if len(lacking) in (0, len(wanted)):
-        return ""
-    names: dict[str, list[str]] = {}  # networks by the experiments that they lack
-    for model in NETWORKS:
-        experiments = sorted(lacking.loc[lacking["model"] == model, "experiment"])
-        in_all = len(experiments) == wanted["experiment"].nunique()
-        where = "" if in_all else f" in exp {', '.join(experiments)}"
-        if experiments:
-            names.setdefault(where, []).append(model_title(model))
-    parts = [", ".join(models) + where for where, models in names.items()]
-    return f" Not trained: {'; '.join(parts)}."
-
-
-def _unlike(networks: pd.DataFrame) -> str:
-    """Name the networks of a table that were trained with other settings than most; published rows lack them."""
-    if "training" not in networks or networks["training"].nunique() < 2:
-        return ""
-    usual = networks["training"].mode()[0]
-    unlike = []
-    for (training, model), rows in networks[networks["training"] != usual].groupby(["training", "model"]):
-        changed = sorted(set(str(training).split(", ")) - set(usual.split(", ")))
-        experiments = ", ".join(sorted(rows["experiment"].unique()))
-        unlike.append(f"{model_title(str(model))} in exp {experiments} ({', '.join(changed)})")
-    return f" Not trained like the others: {'; '.join(unlike)}."

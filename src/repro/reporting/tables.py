@@ -8,9 +8,10 @@ import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import HEADINGS, TABLE_METRICS
+from repro.reporting.captions import caption, missing
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import experiment_title, model_title, predictor_title
-from repro.reporting.results import OURS, caption, compare, missing, read_results, select
+from repro.reporting.results import OURS, compare, read_results, select
 from repro.runs.directories import Outputs
 from repro.system.files import write_text
 

@@ -7,6 +7,8 @@ from typing import Any
 from repro.config import Encoding, Model, PairCounts, Training
 from repro.runs.keys import RunKey
 
+IN_KEY = ("model.name", "encoding.name", "encoding.parameters.decay")  # settings that the key of a run names
+
 
 @dataclass(frozen=True)
 class Data:
@@ -35,9 +37,21 @@ class RunConfig:
         """The identity of the run."""
         return RunKey(self.experiment, self.model.name, self.encoding.label if self.encoding else "", self.seed)
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All settings that the key does not name, by their keys on the command line; empty for a baseline."""
+        return settings_of(self.model, self.encoding, self.train) if self.encoding and self.train else {}
+
     def of_baseline(self, name: str) -> "RunConfig":
         """Return the configuration of a baseline on the same worlds and grid."""
         return RunConfig(self.experiment, None, Model(name), None, self.data)
+
+
+def settings_of(model: Model, encoding: Encoding, train: Training) -> dict[str, Any]:
+    """Return the settings of a network by their keys on the command line, such as train.batch_size."""
+    parts: dict[str, Model | Encoding | Training] = {"model": model, "encoding": encoding, "train": train}
+    flat = _flatten({name: dataclasses.asdict(part) for name, part in parts.items()})
+    return {key: value for key, value in flat.items() if key not in IN_KEY}
 
 
 def differences(existing: RunConfig | Data, requested: RunConfig | Data, ignored: frozenset[str] = frozenset()) -> str:

@@ -19,7 +19,7 @@ outputs/<scale>/
 import dataclasses
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -228,10 +228,11 @@ class Outputs:
     def check_data(self, config: RunConfig) -> None:
         """Check that a run belongs beside the others: same scale, grid and pairs, and per experiment the same worlds.
 
-        Runs that cannot be read are passed over; the tables name them.
+        Runs that differ in the seed alone must have the same settings, because tables average them. Runs that cannot be
+        read are passed over; the tables name them.
 
         Raises:
-            ValueError: another run has other data; the message names it and the differences.
+            ValueError: another run has other data, or another seed other settings; the message names the differences.
         """
         others: list[tuple[Run, RunConfig]] = []
         for run in self.runs():
@@ -242,6 +243,10 @@ class Outputs:
             listing = differences(other.data, config.data, ignored)
             if listing:
                 raise ValueError(f"{run} has other data ({listing}): delete it, or set outputs=")
+            if replace(other.key, seed=config.seed) == config.key and other.key != config.key:
+                listing = differences(replace(other, seed=config.seed), config)
+                if listing:
+                    raise ValueError(f"{run}, another seed, has other settings ({listing}): delete it, or set outputs=")
 
     def runs(self) -> Iterator[Run]:
         """Yield every run directory, of networks and of baselines."""

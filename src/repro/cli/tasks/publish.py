@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -10,17 +11,20 @@ from omegaconf import OmegaConf
 from repro.cli.composition import CONF
 from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks.docs import update_docs
-from repro.config import Scale, Training, plain
+from repro.config import OLDEST_GRAY, Encoding, Model, Scale, Training, plain
 from repro.reporting.additions import add_to_published
 from repro.reporting.paper import world_files
-from repro.reporting.publish import Recipe, publish
+from repro.reporting.publish import publish
+from repro.reporting.published_readme import Recipe
+from repro.runs.config import settings_of
 from repro.runs.provenance import Status
 
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
     write = add_to_published if job.call.publish.add else publish
-    recipe = Recipe(job.call.scale.name, overrides_of(job), usual_training(job.call.scale))
+    usual = partial(usual_settings, job.call.scale, job.call.world)
+    recipe = Recipe(job.call.scale.name, overrides_of(job), usual)
     target = write(job.outputs, RESULTS, recipe, force=job.call.publish.force)
     print(f"published {target}")
     update_docs()
@@ -42,10 +46,13 @@ def overrides_of(job: Job) -> str:
     return "".join([*world, *changes("scale", asdict(scale), usual)])
 
 
-def usual_training(scale: Scale) -> Training:
-    """Return the training settings of a scale, those of conf/train/paper.yaml."""
-    conf = {"scale": asdict(scale), "train": OmegaConf.load(CONF / "train" / "paper.yaml")}
-    return Training(**plain(OmegaConf.create(conf))["train"])
+def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: str) -> dict[str, Any]:
+    """Return the settings of a network and an encoding at a scale without overrides, see `reporting.settings`."""
+    names = {"model": model, "encoding": encoding, "train": "paper"}
+    parts = {group: OmegaConf.load(CONF / group / f"{name}.yaml") for group, name in names.items()}
+    shared = {"scale": asdict(scale), "world": world, "decay": True, "oldest_gray": OLDEST_GRAY}
+    values = plain(OmegaConf.create({**shared, **parts}))
+    return settings_of(Model(**values["model"]), Encoding(**values["encoding"]), Training(**values["train"]))
 
 
 def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
