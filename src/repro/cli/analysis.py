@@ -25,6 +25,7 @@ from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import write_tables
 from repro.reporting.uptodate import mark_up_to_date
 from repro.runs.directories import Outputs, Run
+from repro.system.errors import is_about_input
 from repro.system.files import write_text
 
 
@@ -47,6 +48,8 @@ def analyze(job: Job) -> None:
         try:
             evaluate_baseline(outputs, configs[experiment], name)
         except ValueError as error:
+            if not is_about_input(error):
+                raise
             errors.append(str(error))
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)

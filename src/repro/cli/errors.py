@@ -2,11 +2,10 @@
 
 import errno
 import os
-import traceback
-from pathlib import Path
+
+from repro.system.errors import is_about_input
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
-SOURCE = str(Path(__file__).parents[1])
 _ROOM = "free some space; complete files stay complete, and the same command resumes"
 _WRITABLE = "choose a directory that can be written with outputs="
 _FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choose another outputs="
@@ -39,15 +38,6 @@ def explain(error: BaseException) -> str | None:
         return f"{file}: {_FIXES[error.errno]}"
     if type(error).__name__ in ("TerminatedWorkerError", "BrokenProcessPool"):
         return "a worker process was killed, perhaps for lack of memory: repeat the command with runtime.workers=1"
-    if isinstance(error, (ValueError, FloatingPointError)) and _is_raised_by_us(error):
+    if isinstance(error, (ValueError, FloatingPointError)) and is_about_input(error):
         return str(error)
     return None
-
-
-def _is_raised_by_us(error: BaseException) -> bool:
-    """Return whether the innermost frame of an error, of a worker process if it came from one, is in this package."""
-    if type(error.__cause__).__name__ == "_RemoteTraceback":
-        frames = [line for line in str(error.__cause__).splitlines() if line.strip().startswith("File ")]
-        return bool(frames) and SOURCE in frames[-1]
-    extracted = traceback.extract_tb(error.__traceback__)
-    return bool(extracted) and extracted[-1].filename.startswith(SOURCE)

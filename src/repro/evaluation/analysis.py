@@ -28,6 +28,7 @@ from repro.metrics.names import SUMMARY
 from repro.networks.predictor import load_predictor
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL
+from repro.system.errors import is_about_input
 
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
@@ -84,7 +85,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
                     own, _columns(cell), runs, measured, recordings, test, weights, accelerator
                 )
             except ValueError as error:
-                if errors is None:
+                if errors is None or not is_about_input(error):
                     raise
                 errors.append(str(error))
                 continue

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from repro.prediction.logs import LogScan
 from repro.prediction.ros import add_odometry, add_transforms, log_scan
 from repro.prediction.transforms import Transforms, without_transform
+from repro.system.errors import is_about_input
 
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -49,9 +50,9 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
                         reported.add(frame)
                         print(f"{path}: {without_transform(frame, transforms.base_of(frame))}", flush=True)
                     yield log_scan(message, transforms)
-        except ValueError:
-            raise
         except Exception as error:  # rosbags and its storages raise many types for damaged files
+            if is_about_input(error):
+                raise
             raise ValueError(f"{path}: the bag cannot be read ({type(error).__name__}: {error})") from error
 
 

@@ -18,6 +18,7 @@ from repro.prediction.logs import ScanLog, note_on_range
 from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.windows import Window, cut
+from repro.system.errors import is_about_input
 from repro.system.files import replacing_directory, write_text
 
 Row = dict[str, float | str]
@@ -56,6 +57,8 @@ def run(job: Job) -> None:
                     raise ValueError(window)
                 rows.append(_predict(window, predictor, new, range_max_m))
             except ValueError as error:
+                if not is_about_input(error):
+                    raise
                 left_out += 1
                 print(f"left out: {error}", flush=True)
         if not rows:
