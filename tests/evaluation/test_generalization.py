@@ -1,4 +1,5 @@
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,9 @@ from repro.evaluation import generalization
 from repro.evaluation.generalization import score, updated
 from repro.learning.training import train
 from repro.maps.datasets import load_recorded
-from repro.networks.predictor import load_predictor
+from repro.maps.encodings import create_encoding
+from repro.maps.grid import Grid
+from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.rows import read_rows
 from repro.scans import Scans
 from repro.simulation.worlds import sample_world
@@ -116,6 +119,26 @@ def test_a_network_is_tested_under_every_change(predictor, tmp_path, monkeypatch
         "maximum range [m]",
         "obstacles' speed [times]",
     }
+
+
+@pytest.mark.parametrize(("range_max_m", "reach_m"), [(12, 12), (30, 30), (40, 30)])
+def test_every_row_has_the_range_of_the_tested_lidar(tmp_path, monkeypatch, range_max_m, reach_m):
+    spec, tested = generalization.with_range(world_spec("4"), range_max_m), []
+    predictor = Predictor(None, create_encoding("series4", {"frames": 4, "range_max_m": 30.0}), Grid(32, 50.0))
+    scans = Scans(torch.full((2, 5, 3), 5.0), torch.zeros(3), torch.zeros((2, 5, 3)))
+
+    def keep(predictor, *_):
+        tested.append(predictor.reach_m)
+        return pd.DataFrame({"metric": ["accuracy"], "value": [1.0]})
+
+    monkeypatch.setattr(generalization, "record_experiment", lambda *_, **__: None)
+    monkeypatch.setattr(generalization, "load_recorded", lambda *_: SimpleNamespace(scans=scans))
+    monkeypatch.setattr(generalization, "score", keep)
+    rows = generalization.under_changes(predictor, "4", spec, tmp_path, 2, workers=1).assign(reach_m=tested)
+    is_range = rows["shift"] == "maximum range [m]"
+    assert set(rows[~is_range]["reach_m"]) == {reach_m}
+    assert rows[is_range]["reach_m"].tolist() == [10, 15, 20, 30]
+    assert len(rows) == 31
 
 
 def test_a_test_replaces_its_own_rows_only():
