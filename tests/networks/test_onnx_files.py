@@ -160,6 +160,14 @@ def unknown_encoding(_, description) -> None:
     description["encoding"]["name"] = "os.system"
 
 
+def not_finite_size(_, description) -> None:
+    description["grid"]["size_m"] = float("nan")
+
+
+def no_channels(_, description) -> None:
+    del description["channels"]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -173,6 +181,8 @@ def unknown_encoding(_, description) -> None:
         (other_grid, r"its metadata say 2 images of 64 px"),
         (other_encoding, "its encoding has 1 images, not 2"),
         (unknown_encoding, "encoding must be one of"),
+        (not_finite_size, "grid.size_m=nan: must be a finite number"),
+        (no_channels, "channels: is missing"),
     ],
 )
 def test_what_the_exporter_does_not_write_is_refused(exported, tmp_path, change, message):

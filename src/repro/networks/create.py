@@ -58,10 +58,12 @@ def load_network(directory: Path, architecture: str) -> Network:
         architecture: see `architecture_of`.
 
     Raises:
-        ValueError: the network does not end in logits.
+        ValueError: the architecture is unknown, or the network does not end in logits.
     """
     if architecture == "smp":
         return _smp_networks().load_smp_network(directory).float()
+    if architecture not in OWN_ARCHITECTURES:
+        raise ValueError(f"architecture={architecture}: must be one of smp, {', '.join(OWN_ARCHITECTURES)}")
     return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 

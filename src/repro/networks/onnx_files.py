@@ -18,6 +18,7 @@ import torch
 from onnx import AttributeProto, ModelProto, NodeProto, TensorProto
 from torch import Tensor, nn
 
+from repro.networks.description import Description, checked
 from repro.system.files import first_line, replacing
 
 DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
@@ -107,7 +108,7 @@ def write_onnx(path: Path, network: nn.Module, description: dict[str, Any], card
     return difference
 
 
-def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
+def read_onnx(path: Path) -> tuple[OnnxNetwork, Description]:
     """Read an ONNX file that `write_onnx` wrote.
 
     Only plain graphs of standard operators are accepted: no custom operators, functions, subgraphs (loops and
@@ -124,13 +125,13 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
             raise ValueError(f"it is larger than {MAX_BYTES / 1e9:.1f} GB")
         content = path.read_bytes()
         model = onnx.load_model_from_string(content)
-        description = _description(model)
+        metadata = _metadata(model)
         _check_structure(model)
         onnx.checker.check_model(model, full_check=True)
-        if _checksum(model, {key: value for key, value in description.items() if key != "sha256"}) != description.get(
-            "sha256"
-        ):
+        checksum = metadata.pop("sha256", None)
+        if _checksum(model, metadata) != checksum:
             raise ValueError("it differs from its checksum")
+        description = checked(metadata, "channels")
         network = OnnxNetwork(content)
         _check_output(network, description)
     except Exception as error:  # of protobuf, onnx, ONNX Runtime or ours
@@ -138,13 +139,13 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
     return network, description
 
 
-def _description(model: ModelProto) -> dict[str, Any]:
+def _metadata(model: ModelProto) -> dict[str, Any]:
     properties = {each.key: each.value for each in model.metadata_props}
     if DESCRIPTION not in properties:
         raise ValueError(f"its metadata lack {DESCRIPTION}")
     description = json.loads(properties[DESCRIPTION])
-    if not isinstance(description, dict) or not {"encoding", "grid", "channels"} <= set(description):
-        raise ValueError(f"its metadata {DESCRIPTION} lack encoding, grid or channels")
+    if not isinstance(description, dict):
+        raise ValueError(f"its metadata {DESCRIPTION} are no mapping: {type(description).__name__}")
     return description
 
 
@@ -176,7 +177,7 @@ def _tensors(nodes: Iterator[NodeProto]) -> Iterator[TensorProto]:
             yield from (attribute.t, *attribute.tensors)
 
 
-def _check_output(network: OnnxNetwork, description: dict[str, Any]) -> None:
+def _check_output(network: OnnxNetwork, description: Description) -> None:
     size, channels = description["grid"]["size_px"], description["channels"]
     given = network.session.get_inputs()[0]
     if given.type != "tensor(float)" or len(given.shape) != 4 or given.shape[1:] != [channels, size, size]:

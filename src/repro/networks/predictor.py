@@ -17,29 +17,20 @@ from types import ModuleType
 from typing import Any
 
 import torch
-from pydantic import TypeAdapter
 from torch import Tensor
 from tqdm import tqdm
-from typing_extensions import TypedDict
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
 from repro.networks.create import Network
+from repro.networks.description import Description
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
 from repro.scans import Scans
 from repro.system.devices import one_thread
 
 ONNX = "model.onnx"
-
-
-class WindowOfTraining(TypedDict, total=False):
-    """The window in predictor.json; files that are older than it have the defaults of `Predictor`."""
-
-    steps: int
-    step_s: float
-    has_fixed: bool
 
 
 @dataclass(frozen=True)
@@ -212,7 +203,7 @@ def _load_torch(directory: Path) -> Predictor:
     try:
         predictor = _predictor(network, content)
         check_network(network, predictor.encoding.channels)
-    except Exception as error:  # of pydantic or ours: the files are complete, and describe no predictor
+    except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
         raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
     return predictor
 
@@ -223,19 +214,19 @@ def _load_onnx(path: Path) -> Predictor:
         predictor = _predictor(network, content)
         if predictor.encoding.channels != content["channels"]:
             raise ValueError(f"its encoding has {predictor.encoding.channels} images, not {content['channels']}")
-    except Exception as error:  # of pydantic or ours
+    except ValueError as error:
         raise ValueError(f"{path} cannot be used ({error}): export it with task=export") from error
     return predictor
 
 
-def _predictor(network: Network, content: dict[str, Any]) -> Predictor:
+def _predictor(network: Network, content: Description) -> Predictor:
     statistics = content.get("statistics")
     return Predictor(
         network,
         create_encoding(**content["encoding"]),
         Grid(**content["grid"]),
-        statistics and TypeAdapter(Statistics).validate_python(statistics),
-        **TypeAdapter(WindowOfTraining).validate_python(content.get("window", {})),
+        Statistics(**statistics) if statistics else None,
+        **content.get("window", {}),
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import torch
 
 from repro.networks.create import Network, architecture_of, load_network
+from repro.networks.description import Description, checked
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
 DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
@@ -36,21 +37,26 @@ def write_torch(directory: Path, network: Network, description: dict[str, Any]) 
         return sha256(new / WEIGHTS)
 
 
-def read_torch(directory: Path) -> tuple[Network, dict[str, Any]]:
+def read_torch(directory: Path) -> tuple[Network, Description]:
     """Read the network and the description that `write_torch` wrote.
 
     Raises:
-        ValueError: files are missing, differ from the checksum, or hold no network.
+        ValueError: files are missing, differ from the checksum, describe no predictor, or hold no network.
     """
-    content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
+    fix = f"{directory} must be written by task=train or task=export"
+    try:
+        content = read_mapping(directory / DESCRIPTION, fix)
+    except RecursionError as error:
+        raise ValueError(f"{directory / DESCRIPTION} cannot be read (it is nested too deeply): {fix}") from error
     expected = content.pop("sha256", None)
     missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
     if missing or _checksum(content, directory) != expected:
         problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
         raise ValueError(f"{directory} {problem}: restore its files, or train or export it again")
     try:
+        description = checked(content, "architecture")
         with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
-            return load_network(directory, content["architecture"]), content
+            return load_network(directory, description["architecture"]), description
     except Exception as error:  # of smp, safetensors or ours: the files are complete, and hold no network
         raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
 
