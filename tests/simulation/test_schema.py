@@ -31,7 +31,11 @@ def office(changes: dict[str, Any]) -> dict[str, Any]:
 
 MOTION, FIXED, PEOPLE = "experiments.people.motion", "experiments.people.fixed", "obstacles.people"
 LIDAR = "robot.sensors.0"
+MOVING = "experiments.people.obstacles.1"
 SHORT = {"name": "linestring", "vertices": [[0, 0], [0.3, 0.2]]}
+SHAPES = {f"{MOVING}.shapes": [SHORT]} | {f"{MOVING}.{key}": None for key in ("radius_m", "aspect", "disc_share")}
+BRIEF = {f"{MOTION}.steps": 20}
+FAST = {"name": "drift", "speed_m_s": [1.0, 2.0], "turn_steps": [5, 10]}
 BOW = [[0, 0], [2, 2], [2, 0], [0, 2]]
 REFUSED = {
     "negative radius": ({f"{FIXED}.13.shape.radius": -0.3}, "fixed.13.shape.radius=-0.3", "greater than or equal to"),
@@ -101,6 +105,21 @@ REFUSED = {
         "experiments.people",
         "less than the robot's radius of 0.3 m",
     ),
+    "steps through walls": (
+        {f"{MOVING}.radius_m": [0.15, 0.35], f"{MOVING}.behavior.speed_m_s": [0.3, 5.0], **BRIEF},
+        "experiments.people",
+        "move 0.5 m in a step and may pass through walls: expected less than 0.3 m, twice their smallest radius",
+    ),
+    "steps through furniture": (
+        {FIXED: None, f"{MOVING}.radius_m": [0.15, 0.35], f"{MOVING}.behavior.speed_m_s": [0.3, 3.0], **BRIEF},
+        "experiments.people",
+        "obstacles of 3 m/s and a radius of 0.15 m move 0.3 m in a step and may pass through walls",
+    ),
+    "shapes through walls": (
+        {**SHAPES, f"{MOVING}.behavior.speed_m_s": [8.0, 8.0], **BRIEF},
+        "experiments.people",
+        "move 0.8 m in a step and may pass through walls: expected less than 0.72111 m",
+    ),
     "no free place": (
         {"robot.shape.radius": 4.3, "experiments.people.clear_radius_m": 5.0},
         "experiments.people",
@@ -123,10 +142,11 @@ ALLOWED = {
     "walls alone": {"experiments.people.obstacles": []},
     "waypoints": {MOTION: DRIVE},
     "a rotation": {MOTION: {"name": "rotate", "steps": 60}},
-    "moving shapes": {
-        "experiments.people.obstacles.1.shapes": [{"name": "linestring", "vertices": [[0, 0], [0.3, 0.2]]}]
-    }
-    | {f"experiments.people.obstacles.1.{key}": None for key in ("radius_m", "aspect", "disc_share")},
+    "moving shapes": SHAPES,
+    "fast among one another": {
+        FIXED: None,
+        "experiments.people.obstacles": [{**OFFICE["obstacles"]["people"], "radius_m": [0.05, 0.1], "behavior": FAST}],
+    },
     "another step and window": {"world.step_time": 0.05, f"{MOTION}.steps": 333},
 }
 

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 from repro.config import ConfigError, config_errors_of, populations, world_spec
 from repro.simulation.motions import recorded_steps, top_speeds
 from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Name, Part, Populations, Robot, World
-from repro.simulation.shapes import geometry
+from repro.simulation.shapes import geometry, shape_radius
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
@@ -117,6 +117,8 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
         fastest = max((behavior["speed_m_s"][1] for behavior in moving), default=0.0)
         if fastest * step_time * steps > width:
             return f"obstacles of {fastest} m/s would cross the whole map in a recording: make them slower"
+        if message := _error_of_steps(spec):
+            return message
         if (speeds > spec["robot"]["vel_max"]).any() or (-speeds < spec["robot"]["vel_min"]).any():
             limits = f"vel_min {spec['robot']['vel_min']}, vel_max {spec['robot']['vel_max']}"
             return f"the robot needs {speeds.round(3).tolist()} m/s, rad/s both ways, beyond its {limits}"
@@ -125,3 +127,32 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
     except ValueError as error:
         return str(error)
     return None
+
+
+def _error_of_steps(spec: dict[str, Any]) -> str | None:
+    """Return an error if moving obstacles may pass through thin standing ones within a step; None without one.
+
+    Obstacles stop short of walls by their radius at the end of every step, so a step of less than twice the radius
+    cannot cross a wall.
+    """
+    all_populations = populations(spec)
+    if not spec.get("fixed") and all(population.get("behavior") for population in all_populations):
+        return None
+    for population in all_populations:
+        if behavior := population.get("behavior"):
+            fastest, smallest_m = behavior["speed_m_s"][1], _smallest_radius(population)
+            step_m = fastest * spec["world"]["step_time"]
+            if step_m >= 2 * smallest_m:
+                return (
+                    f"obstacles of {fastest:g} m/s and a radius of {smallest_m:g} m move {step_m:g} m in a step and "
+                    f"may pass through walls: expected less than {2 * smallest_m:g} m, twice their smallest radius: "
+                    "make them slower or larger, or step_time shorter"
+                )
+    return None
+
+
+def _smallest_radius(population: dict[str, Any]) -> float:
+    """Return the least radius of a circle around an obstacle of a population [m]."""
+    if "shapes" in population:
+        return min(shape_radius(shape) for shape in population["shapes"])
+    return population["radius_m"][0]
