@@ -10,6 +10,7 @@ import shapely
 import yaml
 from conftest import ROOT
 from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from PIL import Image
 
 from repro.cli.composition import register
@@ -104,7 +105,9 @@ def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
     ("keys", "message"),
     [
         ({"image": "none.pgm"}, "none.pgm cannot be read as an image"),
-        ({"image": "my map.yaml"}, "my map.yaml cannot be read as an image"),
+        ({"image": "my map.yaml"}, "my map.yaml cannot be read as an image, expected one of PNG, PPM, "),
+        ({"image": "a\0b"}, "cannot be read as an image, .*embedded null byte"),
+        ({"image": "drawing.eps"}, "drawing.eps cannot be read as an image"),
         ({"origin": [0.0, 0.0, 0.1]}, r"expected an origin with heading 0, got 0.1"),
         ({"origin": [0.0, float("nan"), 0.0]}, "origin.1: Input should be a finite number"),
         ({"mode": "raw"}, "mode: Input should be 'trinary' or 'scale'"),
@@ -114,6 +117,7 @@ def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
 )
 def test_a_map_that_cannot_be_converted_is_refused(tmp_path, keys, message):
     path = write(tmp_path, np.full((10, 10), FREE, dtype=np.uint8), **keys)
+    Image.new("L", (10, 10), FREE).save(tmp_path / "drawing.eps")  # Pillow reads it with Ghostscript
     with pytest.raises(ValueError, match=message):
         read_floor(path)
 
@@ -123,3 +127,90 @@ def test_a_map_with_noise_is_refused(tmp_path):
     cells[1::3, 1::3] = OCCUPIED
     with pytest.raises(ValueError, match=r"expected at most 1000 polygons, got 10\d\d: remove specks of noise"):
         read_floor(write(tmp_path, cells))
+
+
+def test_a_deeply_nested_map_file_is_refused(tmp_path):
+    (tmp_path / "map.yaml").write_text("[" * 3000 + "]" * 3000)
+    with pytest.raises(ValueError, match=r"map.yaml cannot be read \(it is nested too deeply\): floor_map= takes"):
+        read_floor(tmp_path / "map.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "mode"),
+    [("map.png", "uint16", "I;16"), ("map.pgm", "uint16", "I"), ("map.tif", "int32", "I"), ("map.tif", "float32", "F")],
+)
+def test_an_image_of_more_than_8_bits_is_refused(tmp_path, name, kind, mode):
+    path = write(tmp_path, rooms(), image=name)
+    Image.fromarray(rooms().astype(kind) * 257).save(tmp_path / name)  # Pillow would make all cells from 1 on white
+    with pytest.raises(ValueError, match=rf"{name}: expected an image of 8 bits per color, got Pillow's mode {mode}:"):
+        read_floor(path)
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+@pytest.mark.parametrize("kind", ["LA", "RGBA", "P"])
+def test_cells_that_are_not_opaque_are_not_free(tmp_path, kind, mode):
+    cells = rooms()
+    cells[cells == UNKNOWN] = OCCUPIED
+    expected = read_floor(write(tmp_path, cells, mode=mode))
+    if kind == "P":
+        image = Image.fromarray((cells == FREE).astype(np.uint8), "P")
+        image.putpalette([FREE] * 6)
+        image.save(tmp_path / "map.png", transparency=0)
+    else:
+        gray = Image.new("L", cells.shape[::-1], FREE)
+        bands = [gray] * (len(kind) - 1) + [Image.fromarray(np.where(cells == FREE, 255, 254).astype(np.uint8))]
+        Image.merge(kind, bands).save(tmp_path / "map.png")
+    assert read_floor(write(tmp_path, cells, image="map.png", mode=mode)) == expected
+
+
+def run_task(source: Path) -> None:
+    task.run(SimpleNamespace(call=SimpleNamespace(floor_map=str(source))))
+
+
+@pytest.fixture
+def worlds(tmp_path, monkeypatch) -> Path:
+    """Return an empty directory of worlds."""
+    monkeypatch.setattr(task, "CONF", tmp_path)
+    (tmp_path / "world").mkdir()
+    return tmp_path / "world"
+
+
+@pytest.mark.parametrize(
+    ("cells", "resolution", "message"),
+    [
+        (np.full((1, 1), FREE, dtype=np.uint8), CELL, "my map.yaml: its floor of 0.25 x 0.25 m makes no world"),
+        (rooms(), 1e-9, r"my map.yaml: its floor of 0 x 0 m makes no world: world.world.width=0.0: must be greater"),
+    ],
+)
+def test_a_floor_that_makes_no_world_is_not_written(tmp_path, worlds, cells, resolution, message):
+    with pytest.raises(ValueError, match=message):
+        run_task(write(tmp_path, cells, resolution=resolution))
+    assert not list(worlds.iterdir())
+
+
+def test_a_floor_too_small_for_the_obstacles_of_the_office_is_written_with_a_note(tmp_path, worlds, capsys):
+    run_task(write(tmp_path, rooms(), resolution=0.05))
+    assert "edit its robot, populations or experiments" in capsys.readouterr().out
+    assert [path.name for path in worlds.iterdir()] == ["my_map.yaml"]
+
+
+def test_a_file_name_stays_in_the_comment(tmp_path, worlds, capsys):
+    source = write(tmp_path, rooms()).rename(tmp_path / "a\nrobot: {}\x85\x1b[1m\u2028b.yaml")
+    run_task(source)
+    (path,) = worlds.iterdir()
+    assert path.name == "a_robot_______1m_b.yaml"
+    lines = path.read_text().splitlines()
+    assert lines[0].startswith("# The floor of a?robot: {}??[1m?b.yaml; its center")
+    assert set(yaml.safe_load(path.read_text())) == {"defaults", "world", "fixed"}
+    assert "\x1b" not in capsys.readouterr().out
+
+
+NUMBERS = ("20240513", "2024_05", "null", "True", "nan", "-inf", "-5", "1e5", "1E-5", "1_0e1_0")  # to Hydra
+STRINGS = ("2024-05-13", "map", "1st floor", "-a", "_5", "e5", "on", "yes", "a.b", "Ü", "infinity", "0x1F")
+
+
+@pytest.mark.parametrize("stem", [*NUMBERS, *STRINGS])
+def test_the_name_of_a_world_is_read_as_a_string(stem):
+    name = task.world_name(stem)
+    assert OverridesParser.create().parse_override(f"world={name}").value() == name
+    assert name.startswith("floor_") == (stem in NUMBERS)
