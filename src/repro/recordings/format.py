@@ -54,7 +54,9 @@ class ShardContent:
         outlines: outlines in their own frame [m], (K, V, 2).
         states: obstacle poses x, y [m], heading [rad], (K, T, 3).
         world: index in the shard of the world that each obstacle belongs to, (K,).
-        seen: whether any beam of a recording hit each obstacle of its world, (R, O).
+        seen: whether any beam of a recording hit each obstacle of its world, (R, O), without the noise of the lidar.
+            With noise, this includes the scan before the first step, which is not in `scans`, and hits that noise
+            carried out of range: visibility is then an upper bound. Published recordings contain these values.
     """
 
     scans: Scans

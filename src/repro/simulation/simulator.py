@@ -42,7 +42,7 @@ class Recording:
         outlines: obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex. A line
             string goes there and back, so that its outline encloses no area.
         states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
-        seen: whether any beam hit each obstacle, (O,); None if unknown.
+        seen: whether any beam hit each obstacle, (O,), before noise, see `format.ShardContent`; None if unknown.
         is_plain: whether the ranges are those of plain IR-SIM.
     """
 
