@@ -72,6 +72,7 @@ def compared(tmp_path_factory):
         pytest.skip("no Node.js on this machine (Debian: apt install nodejs)")
     recorded = [record("1", 5, False), record("2", 6, True), record("3", 7, True), *[record("4", 8, r) for r in (0, 1)]]
     free = torch.rand(len(recorded), 128, 128, generator=torch.Generator().manual_seed(0))
+    free[:, :20] = 0.5  # at the threshold
     path = tmp_path_factory.mktemp("demo") / "recordings.json"
     path.write_text(json.dumps([plain(*each, free[i]) for i, each in enumerate(recorded)]))
     command = [node, str(Path(__file__).with_name("check_modules.mjs")), str(ASSETS), str(path)]

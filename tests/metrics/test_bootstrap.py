@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from repro.metrics.bootstrap import Measured, by_world, difference, draw_weights, interval, resample
+from repro.metrics.bootstrap import Measured, bounds, by_world, difference, draw_weights, interval, resample
 
 
 def measured(shares, worlds=200, pixels=400, seed=0):
@@ -67,3 +67,12 @@ def test_differing_seeds_widen_the_interval():
 def test_a_world_and_its_twin_are_summed():
     values = np.arange(12).reshape(6, 2)
     assert by_world(values).tolist() == [[2, 4], [10, 12], [18, 20]]
+
+
+@pytest.mark.parametrize(("undefined", "high"), [(0, 0.975), (49, 0.975), (50, np.inf), (51, np.nan)])
+def test_undefined_draws_are_above_all_others(undefined, high):
+    drawn = np.linspace(0, 1, 2001)
+    drawn[2001 - undefined :] = np.nan
+    found = bounds(drawn)
+    assert found[0] == pytest.approx(0.025, abs=1e-3)
+    assert found[1] == pytest.approx(high, abs=1e-3, nan_ok=True)

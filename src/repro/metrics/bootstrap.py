@@ -61,7 +61,8 @@ def interval(drawn: pd.DataFrame) -> pd.DataFrame:
 def bounds(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return low and high, each (...), the percentiles of draws (draws + 1, ...) without row 0, the measured value.
 
-    Undefined draws (nan) count as infinity, so that the interval ends at infinity if there are too many of them.
+    Undefined draws (nan) count as infinity. A percentile between a finite and an infinite draw is infinity, and one
+    between two infinite draws is nan, as `np.quantile` interpolates.
     """
     tail = (1 - LEVEL) / 2
     with np.errstate(invalid="ignore"):

@@ -2,7 +2,7 @@
 
 export const FREE = 0, FOUND = 1, MISSED = 2, FALSE = 3; // pixels: free in both, obstacle in both, in truth, predicted
 
-const EPS = 1e-5, THRESHOLD = 0.5; // a pixel above the threshold is predicted free
+const EPS = 1e-5, THRESHOLD = 0.5; // a pixel at or above the threshold is predicted free
 
 /**
  * Compare a predicted map with the true one.
@@ -14,7 +14,7 @@ const EPS = 1e-5, THRESHOLD = 0.5; // a pixel above the threshold is predicted f
 export function compare(probability, truth) {
   const counts = [0, 0, 0, 0], classes = new Uint8Array(truth.length);
   for (let i = 0; i < truth.length; i++) {
-    const free = probability[i] > THRESHOLD;
+    const free = probability[i] >= THRESHOLD;
     classes[i] = truth[i] ? (free ? FREE : FALSE) : free ? MISSED : FOUND;
     counts[classes[i]]++;
   }
