@@ -11,6 +11,7 @@ from repro.learning.callbacks import CPUContention
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
 from repro.maps.datasets import Batches, load_pairs_of_run
+from repro.networks.create import OWN_ARCHITECTURES
 from repro.networks.predictor import load_predictor
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
@@ -210,3 +211,66 @@ def test_worlds_without_a_hit_are_refused_before_the_training(recorded, tmp_path
         begin(tmp_path, recorded)
     assert not (tmp_path / "history.csv").exists()
     assert Run(tmp_path).status is not Status.training
+
+
+class TwoMaps(torch.nn.Module):
+    """A network with an output of two channels."""
+
+    def __init__(self, in_channels):
+        super().__init__()
+        self.layer = torch.nn.Conv2d(in_channels, 2, 1)
+
+    def forward(self, images):
+        return self.layer(images)
+
+
+def test_a_network_with_another_output_than_one_map_is_refused_before_the_training(recorded, tmp_path, monkeypatch):
+    monkeypatch.setitem(OWN_ARCHITECTURES, "two_maps", TwoMaps)
+    run = prepared(tmp_path, model="two_maps", encoder_name=None)
+    with pytest.raises(ValueError, match=r"expected \(2, 1, 64, 64\) of \(2, 1, 64, 64\), got \(2, 2, 64, 64\)"):
+        train(run, recorded, accelerator="cpu")
+    assert run.status is Status.prepared
+
+
+class Refused(RuntimeError):
+    """A failure of a compiler."""
+
+
+def refuse_channels_last(graph, inputs):
+    if any(each.ndim == 4 and each.stride(1) == 1 and each.shape[1] > 1 for each in inputs):
+        raise Refused
+    return graph
+
+
+def refuse_bfloat16(graph, _):
+    if torch.is_autocast_enabled("cpu"):
+        raise Refused
+    return graph
+
+
+def refuse_kernels(graph, inputs):
+    if "pad" in graph.code:  # of `kernels.DepthwiseConv2d`
+        raise Refused
+    return graph
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("backend", "precision"),
+    [(refuse_channels_last, "32-true"), (refuse_bfloat16, "bf16-mixed"), (refuse_kernels, "32-true")],
+)
+def test_a_network_that_cannot_be_compiled_as_it_is_trained_is_trained_without(
+    recorded, tmp_path, monkeypatch, capsys, backend, precision
+):
+    torch.compiler.reset()
+    monkeypatch.setattr(torch.nn.Module, "compile", lambda self: compile_with(self, backend))
+    run = prepared(tmp_path / "run", max_epochs=1)
+    assert train(run, recorded, accelerator="cpu", precision=precision, compile=True) is Status.trained
+    assert "torch.compile failed (" in capsys.readouterr().out
+    assert run.provenance().fact("compiled") is False
+    train(prepared(tmp_path / "plain", max_epochs=1), recorded, accelerator="cpu", precision=precision)
+    assert same_weights(tmp_path / "plain", run.path)
+
+
+def compile_with(network: torch.nn.Module, backend) -> None:
+    network._compiled_call_impl = torch.compile(network._call_impl, backend=backend)

@@ -5,7 +5,7 @@ import segmentation_models_pytorch as smp
 import torch
 
 from repro.config import NETWORKS, Model, paper_model
-from repro.networks.create import OWN_ARCHITECTURES, create_network, load_network
+from repro.networks.create import OWN_ARCHITECTURES, check_output, create_network, load_network
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
@@ -29,6 +29,34 @@ def test_a_network_has_the_channels_of_its_encoding(channels):
             64,
             64,
         )
+
+
+@pytest.mark.parametrize(
+    ("output", "got"),
+    [
+        (lambda x: torch.cat([x, x], dim=1), r"\(2, 2, 64, 64\)"),
+        (lambda x: x[:, 0], r"\(2, 64, 64\)"),
+        (lambda x: x[..., ::2, ::2], r"\(2, 1, 32, 32\)"),
+        (lambda x: [x], "list"),
+    ],
+)
+def test_another_output_than_one_map_is_refused(output, got):
+    class Own(torch.nn.Module):
+        def forward(self, images):
+            return output(images[:, :1])
+
+    expected = r"images \(B, 3, H, W\) to logits \(B, 1, H, W\): expected \(2, 1, 64, 64\) of \(2, 3, 64, 64\), got "
+    with pytest.raises(ValueError, match=expected + got):
+        check_output(Own(), 3)
+
+
+def test_a_checked_network_is_unchanged():
+    network = create_network(paper_model("unet")).train()
+    before, state = {name: value.clone() for name, value in network.state_dict().items()}, torch.get_rng_state()
+    check_output(network, 1)
+    assert network.training
+    assert torch.equal(torch.get_rng_state(), state)
+    assert all(torch.equal(value, before[name]) for name, value in network.state_dict().items())
 
 
 def test_weights_are_saved_and_loaded(tmp_path):

@@ -8,7 +8,7 @@ from repro.config import Model, Training
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.maps.datasets import encoding_of
-from repro.networks.create import create_network
+from repro.networks.create import check_output, create_network
 from repro.runs.config import RunConfig
 from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
 from repro.system.resources import parallel_trainings
@@ -19,9 +19,15 @@ USUAL_EPOCHS = 20  # early stopping usually ends a training by then
 def seconds_per_image(
     model: Model, size_px: int, batch_size: int, precision: str, steps: int = 2, channels: int = 1, frames: int = 1
 ) -> float:
-    """Measure forward pass, backward pass and optimizer step per image on this machine [s]."""
+    """Measure forward pass, backward pass and optimizer step per image on this machine [s].
+
+    Raises:
+        ValueError: the network does not map images to logits of one map.
+    """
     device = resolve_device()
-    network = create_network(model, channels, frames).to(device)
+    network = create_network(model, channels, frames)
+    check_output(network, channels)
+    network.to(device)
     accelerate(network, device)
     optimizer, loss = torch.optim.Adam(network.parameters()), MapLoss()
     image = torch.rand(batch_size, channels, size_px, size_px, device=device)

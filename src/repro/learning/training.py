@@ -25,18 +25,19 @@ from repro.config import Training
 from repro.learning.budget import Budget
 from repro.learning.callbacks import Checkpoint, CPUContention, History, Stop, exponential_moving_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
+from repro.learning.compilation import compile_network
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.maps.statistics import Statistics
-from repro.networks.create import Network, create_network
+from repro.networks.create import Network, check_output, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.simulation.motions import recorded_steps
-from repro.system.devices import compiles, forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
+from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.resources import keep_freed_memory
 
 Facts = dict[str, Any]  # of a training, for its provenance
@@ -124,7 +125,8 @@ def train(
         `trained` (`evaluated` if the run already is) or `paused`.
 
     Raises:
-        ValueError: the recordings are missing, damaged or differ from those the run started with.
+        ValueError: the recordings are missing, damaged or differ from those the run started with, or the network does
+            not map images to logits of one map.
         FloatingPointError: the loss is not finite; the run is marked failed.
     """
     with run.exclusive():
@@ -140,7 +142,7 @@ def train(
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)
-        compiled = compile and _compile(module, config, device)
+        compiled = compile and _compile(module, device, precision)
         run.begin_step("trained", Status.training, precision=precision, compiled=compiled)
         try:
             paused, facts = _fit(run, module, device, precision, budget)
@@ -164,20 +166,16 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     torch.manual_seed(config.seed)
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
+    check_output(network, encoding.channels)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 
-def _compile(module: TrainingModule, config: RunConfig, device: str) -> bool:
-    """Compile the network if a network like it can be compiled; return whether it is."""
-    print("compiling the network, which takes a minute or two", flush=True)
-    size_px, encoding = config.data.size_px, encoding_of(config)
-    spare = create_network(config.model, encoding.channels, encoding.frames).to(device)
-    if not compiles(spare, torch.zeros(2, encoding.channels, size_px, size_px, device=device)):
-        return False
-    module.network.compile()
-    return True
+def _compile(module: TrainingModule, device: str, precision: str) -> bool:
+    """Compile the network if it can be compiled for the batches and the precision of the training; return whether."""
+    batch = (module.settings.batch_size, *module.pairs["train"].images.shape[1:])
+    return compile_network(module.network, batch, device, create_trainer(1, device, precision, []).precision_plugin)
 
 
 def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: Budget | None) -> tuple[bool, Facts]:

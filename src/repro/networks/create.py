@@ -4,10 +4,14 @@ The paper uses four architectures of smp. Another one needs a file in conf/model
 smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
 """
 
+import copy
 from inspect import signature
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeAlias
+
+import torch
+from torch import Tensor
 
 from repro.config import RECURRENT, ConfigError, Model
 from repro.networks.convgru import ConvGRU
@@ -43,6 +47,27 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     if architecture not in smp_networks.ARCHITECTURES:
         raise ValueError(f"model.architecture={architecture}: must be one of {_known(smp_networks)}")
     return smp_networks.create_smp_network(architecture, model, in_channels)
+
+
+def check_output(network: Network, in_channels: int) -> None:
+    """Check that a network on the CPU maps images (B, C, H, W) to logits (B, 1, H, W), with two images of 64 px.
+
+    Args:
+        network: the network, which stays unchanged.
+        in_channels: channels of the images, C.
+
+    Raises:
+        ValueError: its output is of another kind or shape.
+    """
+    images = torch.zeros(2, in_channels, 64, 64)
+    with torch.inference_mode(), torch.random.fork_rng(devices=[]):
+        output = copy.deepcopy(network).eval()(images)
+    got = tuple(output.shape) if isinstance(output, Tensor) else type(output).__name__
+    if got != (2, 1, 64, 64):
+        raise ValueError(
+            f"the network must map images (B, {in_channels}, H, W) to logits (B, 1, H, W): expected (2, 1, 64, 64) of "
+            f"{tuple(images.shape)}, got {got}"
+        )
 
 
 def architecture_of(network: Network) -> str:

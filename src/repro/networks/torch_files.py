@@ -12,7 +12,7 @@ from typing import Any
 
 import torch
 
-from repro.networks.create import Network, architecture_of, load_network
+from repro.networks.create import Network, architecture_of, check_output, load_network
 from repro.networks.description import Description, checked
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
@@ -70,10 +70,7 @@ def check_network(network: Network, channels: int) -> None:
     broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
     if broken:
         raise ValueError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
-    with torch.inference_mode():
-        shape = tuple(network.eval()(torch.zeros(1, channels, 64, 64)).shape)
-    if shape != (1, 1, 64, 64):
-        raise ValueError(f"the network must map {channels} images to one map, its output is {shape}")
+    check_output(network.eval(), channels)
 
 
 def _checksum(content: dict[str, Any], directory: Path) -> str:

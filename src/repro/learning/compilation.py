@@ -1,0 +1,31 @@
+"""Compilation of a network with torch.compile for its training."""
+
+import copy
+
+import torch
+from lightning.pytorch.plugins import Precision
+
+from repro.networks.create import Network
+from repro.system.devices import compiles
+
+
+def compile_network(network: Network, batch: tuple[int, ...], device: str, precision: Precision) -> bool:
+    """Compile a network in place, after a copy of it has been compiled and run forward and backward as in training.
+
+    Args:
+        network: the network as it is trained, with its kernels and memory format.
+        batch: shape of a training batch, (B, C, H, W).
+        device: cpu or cuda.
+        precision: the precision of the training.
+
+    Returns:
+        whether it is compiled; if not, the reason has been printed and the network is unchanged.
+    """
+    print("compiling the network, which takes a minute or two", flush=True)
+    spare = precision.convert_module(copy.deepcopy(network).to(device))
+    images = precision.convert_input(torch.zeros(batch, device=device)).to(memory_format=torch.channels_last)
+    with precision.forward_context():
+        if not compiles(spare, images):
+            return False
+    network.compile()
+    return True
