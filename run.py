@@ -27,10 +27,10 @@ from repro.cli.errors import WANTS_TRACEBACKS, explain
 from repro.cli.jobs import resolve
 from repro.cli.streams import complete_standard_streams, discard_output
 from repro.cli.tasks import run_task
-from repro.cli.validation import has_gpu, warnings_of
+from repro.cli.validation import warnings_of
 from repro.config import plain
 from repro.runs.directories import Outputs
-from repro.system.resources import use_one_thread
+from repro.system.resources import has_gpu, use_one_thread
 
 register()
 FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a call, in whatever process, note their failures

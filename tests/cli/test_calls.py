@@ -58,6 +58,21 @@ def test_an_invalid_call_is_refused_with_its_reason(call, expected):
     assert all(part in reasons for part in expected), reasons
 
 
+@pytest.mark.parametrize(
+    "content", ["callbacks: {x: {_target_: numpy.savetxt, X: [1], fname: F}}", "job: {env_set: {A: b}}"]
+)
+def test_a_file_of_conf_cannot_configure_hydra(tmp_path, content):
+    """Hydra calls what its configuration names, and a world may come from somebody else."""
+    (tmp_path / "world").mkdir()
+    written = content.replace("F}", f"{tmp_path / 'written'}}}")
+    (tmp_path / "world" / "planted.yaml").write_text(
+        f"# @package _global_\ndefaults: [office@world]\nhydra: {{{written}}}\n"
+    )
+    (reason,) = refuse("--config-dir", str(tmp_path), "task=world", "world=planted", "exp=people")
+    assert f"world=planted: a file sets hydra.{content.split(':')[0]}" in reason
+    assert not (tmp_path / "written").exists()
+
+
 def test_every_job_of_a_sweep_is_composed():
     arguments = get_args_parser().parse_args(["-m", "model=unet,fpn", "exp=3,4", "seed=0"])
     jobs = [(job.model.name, job.exp, job.seed) for job in composition.compose_jobs(arguments)]

@@ -2,8 +2,8 @@
 
 import argparse
 import os
-import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,8 @@ from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, QuotedString
 from hydra.errors import HydraException, OverrideParseException
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
@@ -22,13 +21,14 @@ from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
 from repro.cli.errors import WANTS_TRACEBACKS
 from repro.cli.jobs import ROOT
 from repro.cli.limits import most_channels
-from repro.cli.validation import all_errors, has_gpu, one_of, unknown_key
+from repro.cli.overrides import GROUPS, override_errors
+from repro.cli.suggestions import one_of, unknown_key
+from repro.cli.validation import all_errors
 from repro.config import NO_DECAY, plain
 from repro.runs.keys import RunKey
-from repro.system.resources import parallel_trainings
+from repro.system.resources import has_gpu, parallel_trainings
 
 CONF = ROOT / "conf"
-GROUPS = ("world", "encoding", "model", "scale", "train")
 MANY_JOBS = 40  # composing them takes ten seconds
 
 
@@ -104,34 +104,49 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
                 raise Refused("the sweep has no jobs: a pattern matches nothing")
             if len(jobs) > MANY_JOBS:
                 print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
-            return [plain(hydra.compose("config", overrides=job)) for job in jobs]
+            return list(_composed(jobs))
     except (HydraException, OmegaConfBaseException, YAMLError, UnicodeDecodeError, RecursionError) as error:
         if WANTS_TRACEBACKS:
             raise
         raise Refused(*composition_errors(error)) from error
-    except (TypeError, ValueError) as error:  # OmegaConf's own for the name of an entry of a list
-        name = str(error).rpartition(": ")[2]
-        raise Refused(f"{name}: an entry of a list is named by its number, as in world.robot.sensors.0") from error
+    except (TypeError, ValueError) as error:
+        if WANTS_TRACEBACKS:
+            raise
+        message = str(error)
+        if message.startswith(("Index '", "invalid literal for int")):  # OmegaConf's own for an entry of a list
+            name = message.split("'")[1]
+            message = f"{name}: an entry of a list is named by its number, as in world.robot.sensors.0"
+        raise Refused(" ".join(message.split())) from error
 
 
-def override_errors(override: Override, multirun: bool) -> list[str]:
-    """Return what is wrong with an override as far as it shows without composing."""
-    key, written = override.key_or_group, override.input_line or ""
-    if not key:
-        return [f"{written}: an override is key=value"]
-    if override.is_delete() and "." not in key:
-        return [f"{written}: {key} cannot be left out"]
-    if override.is_sweep_override() and not multirun:
-        return [f"{written}: takes one value; for a sweep, add -m"]
-    if key == "hydra/launcher" and "slurm" in written and not shutil.which("srun"):
-        return [f"{written}: no Slurm on this machine: srun is not found"]
-    if key not in GROUPS or override.is_sweep_override():
-        return []
-    if not isinstance(override.value(), str | QuotedString):
-        return [f"{written}: takes one name; for a sweep over several, use -m {key}=a,b"]
-    if override.is_add():
-        return [f"{written}: {key} is set already; write it without +"]
-    return []
+def _composed(jobs: list[list[str]]) -> Iterator[dict[str, Any]]:
+    """Yield the values of every job.
+
+    Only conf/config.yaml and the command line may configure Hydra, which calls what its configuration names; a file of
+    conf/world, for example, may come from somebody else.
+
+    Raises:
+        Refused: a file of a group changes the configuration of Hydra.
+    """
+    expected: dict[tuple[str, ...], dict[str, Any]] = {}
+    for job in jobs:
+        composed = hydra.compose("config", overrides=job, return_hydra_config=True)
+        own = tuple(each for each in job if each.lstrip("+~").startswith("hydra"))
+        if own not in expected:
+            expected[own] = _hydra_part(hydra.compose("config", overrides=list(own), return_hydra_config=True))
+        found = _hydra_part(composed)
+        changed = [key for key in found | expected[own] if found.get(key) != expected[own].get(key)]
+        if changed:
+            chosen = ", ".join(each for each in job if each.partition("=")[0] in GROUPS)
+            raise Refused(f"{chosen}: a file sets hydra.{changed[0]}; only the command line configures Hydra")
+        yield plain(OmegaConf.masked_copy(composed, [str(key) for key in composed if key != "hydra"]))
+
+
+def _hydra_part(composed: DictConfig) -> dict[str, Any]:
+    """Return the configuration of Hydra itself without what names the job, interpolations not resolved."""
+    part: Any = OmegaConf.to_container(composed.hydra, resolve=False)
+    part["job"] = {key: value for key, value in part["job"].items() if key.startswith("env_")}
+    return {key: value for key, value in part.items() if key not in ("overrides", "runtime")}
 
 
 def composition_errors(error: Exception) -> list[str]:

@@ -1,9 +1,7 @@
 """Validation of a configuration as a whole, before anything slow is imported and anything is written."""
 
-import difflib
 import os
 import stat
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +9,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from repro.cli.config import TRAINING_TASKS, Config, to_typed
 from repro.cli.limits import cpu_errors, recording_seconds
+from repro.cli.suggestions import with_suggestion
 from repro.config import (
     NETWORKS,
     OLDEST_GRAY,
     PAPER_ENCODER,
     RECURRENT,
-    UNKNOWN_KEY,
     ConfigError,
     Encoding,
     EncodingParameters,
@@ -26,11 +24,11 @@ from repro.config import (
     world_spec,
 )
 from repro.simulation.schema import world_errors
+from repro.system.resources import has_gpu
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them
 LONG_RECORDING_MINUTES = 30
-OPTIONAL = ("noise", "std", "angle_std", "fixed", "parameters")  # keys that the files of conf/ may leave out
 
 
 def all_errors(values: dict[str, Any]) -> list[ConfigError]:
@@ -42,7 +40,7 @@ def all_errors(values: dict[str, Any]) -> list[ConfigError]:
     Returns:
         the errors. Checks that need a slow import are made for unusual values only, when everything else is right.
     """
-    errors = config_errors(values) + [_with_suggestion(error, values) for error in world_errors(values["world"])]
+    errors = config_errors(values) + [with_suggestion(error, values) for error in world_errors(values["world"])]
     if errors:
         return errors
     config = to_typed(values)
@@ -62,7 +60,7 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
     try:
         config = to_typed(values)
     except ValidationError as error:
-        errors = [_with_suggestion(found, values) for found in config_errors_of(error)]
+        errors = [with_suggestion(found, values) for found in config_errors_of(error)]
         keys = {found.key for found in errors}  # conf/train takes some of its values from the scale
         return [e for e in errors if not (e.key.startswith("train.") and e.key.replace("train", "scale") in keys)]
     errors = []
@@ -116,63 +114,6 @@ def warnings_of(config: Config) -> list[str]:
         if experiment["motion"]["name"] == "waypoints":
             found.append("train.flip_augmentation=true also shows the network the robot's path upside down")
     return found
-
-
-def has_gpu() -> bool:
-    """Return whether a CUDA GPU is visible, without importing torch where there is no driver."""
-    if sys.platform == "linux" and not any(Path(path).exists() for path in ("/dev/nvidiactl", "/dev/dxg")):
-        return False
-    import torch
-
-    return torch.cuda.is_available()
-
-
-def unknown_key(key: str, value: Any, values: dict[str, Any]) -> ConfigError:
-    """Return the error of a key that does not exist, with the nearest key beside it, or one of the same name.
-
-    Args:
-        key: the unknown key, as written on the command line.
-        value: its value, if it has one.
-        values: the whole configuration as plain values.
-    """
-    *parents, name = key.split(".")
-    if name in OPTIONAL and parents:
-        return ConfigError(key, value, f"is not set in the files of conf/: add it with +{key}=")
-    siblings: Any = values
-    for number, parent in enumerate(parents):
-        found = (
-            siblings.get(parent)
-            if isinstance(siblings, dict)
-            else {str(index): each for index, each in enumerate(siblings)}.get(parent)
-        )
-        if not isinstance(found, dict | list):
-            return unknown_key(".".join(parents[: number + 1]), None, values)
-        siblings = found
-    known = [each for each in siblings if each != name] if isinstance(siblings, dict) else []
-    near = [".".join([*parents, each]) for each in difflib.get_close_matches(name, known, 1)]
-    near = near or [each for each in _keys(values) if each.split(".")[-1] == name and each != key]
-    hint = f"; did you mean {' or '.join(near)}?" if near else f"; known are {', '.join(known)}" if known else ""
-    return ConfigError(key, value, f"{UNKNOWN_KEY}{hint}")
-
-
-def one_of(name: str, options: list[str]) -> str:
-    """Say that a name must be one of several, and which one is near."""
-    close = difflib.get_close_matches(name, options, 1)
-    return f"must be one of {', '.join(options)}" + (f"; did you mean {close[0]}?" if close else "")
-
-
-def _with_suggestion(error: ConfigError, values: dict[str, Any]) -> ConfigError:
-    """Add the nearest known key to the error of an unknown one."""
-    return unknown_key(error.key, error.value, values) if error.expected == UNKNOWN_KEY else error
-
-
-def _keys(values: dict[str, Any], prefix: str = "") -> list[str]:
-    """Return all keys of a nested mapping, with dots."""
-    return [
-        name
-        for key, value in values.items()
-        for name in [f"{prefix}{key}", *(_keys(value, f"{prefix}{key}.") if isinstance(value, dict) else [])]
-    ]
 
 
 def _path_errors(outputs_path: str, recordings_path: str) -> list[ConfigError]:

@@ -117,3 +117,12 @@ def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int 
     """Return how many trainings run at the same time: one per core, as many as the memory can hold, at least one."""
     fitting = int(available_memory_gb() / training_memory_gb(size_px, batch_size, pairs, channels))
     return max(1, min(count_cores(), fitting))
+
+
+def has_gpu() -> bool:
+    """Return whether a CUDA GPU is visible, without importing torch where there is no driver."""
+    if sys.platform == "linux" and not any(Path(path).exists() for path in ("/dev/nvidiactl", "/dev/dxg")):
+        return False
+    import torch
+
+    return torch.cuda.is_available()

@@ -1,0 +1,49 @@
+"""What is wrong with the overrides of a call, as far as it shows without composing the configuration."""
+
+import shutil
+
+from hydra.core.override_parser.types import ChoiceSweep, Override, QuotedString
+
+GROUPS = ("world", "encoding", "model", "scale", "train")
+TEXTS = (  # keys whose values are names and paths
+    *("exp", "outputs", "recordings", "scans", "floor_map", "demo.runtime"),
+    *("prediction.weights", "prediction.scan_topic", "prediction.odometry_topic"),
+)
+
+
+def override_errors(override: Override, multirun: bool) -> list[str]:
+    """Return what is wrong with an override."""
+    key, written = override.key_or_group, override.input_line or ""
+    if not key:
+        return [f"{written}: an override is key=value"]
+    if override.is_delete() and "." not in key:
+        return [f"{written}: {key} cannot be left out"]
+    if override.is_sweep_override() and not multirun:
+        return [f"{written}: takes one value; for a sweep, add -m"]
+    if key == "hydra/launcher" and "slurm" in written and not shutil.which("srun"):
+        return [f"{written}: no Slurm on this machine: srun is not found"]
+    if key in TEXTS or key in GROUPS:
+        changed = _changed_texts(override, written.partition("=")[2])
+        if changed:
+            text = f"'{key}=\"...\"'"
+            return [f"{written}: Hydra reads this as {', '.join(changed)}; for a name, quote it: {text}"]
+    return _group_errors(override, written) if key in GROUPS and not override.is_sweep_override() else []
+
+
+def _group_errors(override: Override, written: str) -> list[str]:
+    """Return what is wrong with the choice of a file in conf/."""
+    if isinstance(override.value(), bool | int | float):
+        return [f"{written}: Hydra reads this as a number; for a name, quote it: '{override.key_or_group}=\"...\"'"]
+    if not isinstance(override.value(), str | QuotedString):
+        return [f"{written}: takes one name; for a sweep over several, use -m {override.key_or_group}=a,b"]
+    if override.is_add():
+        return [f"{written}: {override.key_or_group} is set already; write it without +"]
+    return []
+
+
+def _changed_texts(override: Override, written: str) -> list[str]:
+    """Return the values that differ from what was written because Hydra takes them for numbers, such as 10 from 1_0."""
+    value = override.value()
+    values = value.list if isinstance(value, ChoiceSweep) else [value]
+    numbers = [str(each) for each in values if isinstance(each, bool | int | float)]
+    return [number for number in numbers if number not in written.split(",")]
