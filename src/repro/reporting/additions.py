@@ -54,7 +54,7 @@ def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: 
         published = read_published(target)
         known = set(keys_of(published))
         new = found[[key not in known for key in keys_of(found)]]
-        earlier = read_origins(target)
+        earlier = read_origins(target, known)
         origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
         problem = _problem(new, published, origins, earlier, force=force)
         if problem:

@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from repro.config import PROJECTION
+from repro.metrics.names import METRICS
 from repro.reporting.captions import caption, missing
 from repro.reporting.names import TITLES
 from repro.reporting.results import read_published
@@ -19,8 +20,24 @@ from repro.reporting.summaries import (
     networks_to_markdown,
 )
 from repro.reporting.tables import Table, costs_to_markdown
+from repro.runs.keys import CELL
 
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+INTERVAL = ("metric", "value", "low", "high")
+COLUMNS = {  # what the Markdown needs of each published table
+    "main": (*CELL, *METRICS),
+    "ablation": (*CELL, *METRICS),
+    "costs": ("model", "encoding", "size_px", "parameters_m", "training_min", "cpu_eager_ms", "cpu_onnx_ms"),
+    "claims": (
+        *("quote", "means", "reason", "verdict", "ours", "paper", "paper_value"),
+        *("value", "low", "high", "claimed", "tolerance"),
+    ),
+    "extrapolated": ("experiment", "encoding", "pairs", "size_px", *INTERVAL, "target", "measured", "paper"),
+    "intervals": (*CELL, *INTERVAL, "seeds"),
+    "recency": (*CELL, "recency", *INTERVAL),
+    "calibration": (*CELL, "method", "recency", "log_loss"),
+}
 
 
 def with_results(text: str, results: Path) -> str:
@@ -43,14 +60,19 @@ def with_results(text: str, results: Path) -> str:
     return MARKS.sub(table, text)
 
 
+def _read(path: Path) -> pd.DataFrame:
+    """Load a published table with the columns that its Markdown needs."""
+    return read_rows(path, COLUMNS[path.stem])
+
+
 def _markdown(directory: Path, name: str) -> str:
     """Return the table that a mark names, from a published directory."""
     if name == "costs":
         return costs_to_markdown(_published(directory, name))
     if name == "claims":
-        return claims_to_markdown(pd.read_csv(directory / "analysis" / "claims.csv"))
+        return claims_to_markdown(_read(directory / "analysis" / "claims.csv"))
     if name == "curves":
-        return extrapolated_to_markdown(read_rows(directory / "analysis" / "extrapolated.csv"))
+        return extrapolated_to_markdown(_read(directory / "analysis" / "extrapolated.csv"))
     if name in ("methods", "bounds", "networks"):
         return _summary(directory, name)
     return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
@@ -61,7 +83,7 @@ def _summary(directory: Path, name: str) -> str:
     whole = caption(read_published(directory))
     scale = whole[: whole.index(", seed")]
     intervals, recency, calibration = (
-        read_rows(directory / "analysis" / f"{stem}.csv") for stem in ("intervals", "recency", "calibration")
+        _read(directory / "analysis" / f"{stem}.csv") for stem in ("intervals", "recency", "calibration")
     )
     if name == "methods":
         title = "Networks, other inputs, baselines and the upper bound, with 95 % intervals"
@@ -70,19 +92,19 @@ def _summary(directory: Path, name: str) -> str:
         title = "The upper bound with more and less knowledge, with 95 % intervals"
         return bounds_to_markdown(intervals, recency, f"{title}. {scale}.")
     title = "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two"
-    costs = read_rows(directory / "costs.csv")
+    costs = _read(directory / "costs.csv")
     return networks_to_markdown(intervals, calibration, costs, f"{title}. {scale}.", ("3", "4"))
 
 
 def _published(directory: Path, name: str) -> Table:
     """Load a published table."""
-    frame = read_rows(directory / f"{name}.csv")
+    frame = _read(directory / f"{name}.csv")
     return Table(frame, (directory / f"{name}.txt").read_text(encoding="utf-8").strip())
 
 
 def _rows_of_model(directory: Path, model: str) -> Table:
     """Select the rows of one model, or of the average, from the main table and, if published, the ablation."""
-    frames = [read_rows(directory / "main.csv")]
+    frames = [_read(directory / "main.csv")]
     if (directory / "ablation.csv").is_file():
         ablation = _published(directory, "ablation").frame
         frames.append(ablation.assign(experiment=ablation["experiment"] + ", no decay"))

@@ -1,5 +1,6 @@
 """Tidy rows of all evaluated runs, and the paper's two tables from them with the differences to the paper."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
 from repro.reporting.paper import are_papers, read_paper
-from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.rows import MEASURED, check_runs, keys_of, read_rows
 from repro.reporting.settings import conflicts, settings_cell
 from repro.runs.directories import Outputs, Run
 from repro.runs.keys import CELL, KEY, RunKey
@@ -85,23 +86,42 @@ def read_published(directory: Path) -> pd.DataFrame:
     """Load the runs.csv of a published directory, with the columns of `read_results`.
 
     Raises:
-        ValueError: the directory has no runs.csv.
+        ValueError: the directory has no runs.csv, or it cannot be read, see `rows.check_runs`.
     """
-    if not (directory / "runs.csv").is_file():
+    path = directory / "runs.csv"
+    if not path.is_file():
         published = sorted(path.parent.name for path in directory.parent.glob("*/runs.csv"))
         raise ValueError(
             f"no results are published in {directory}; published results: {', '.join(published) or 'none'}"
         )
-    return read_rows(directory / "runs.csv")
+    rows = read_rows(path, (*KEY, *MEASURED, "scale", "size_px", *FACTS))
+    check_runs(rows, path)
+    return rows
 
 
-def read_origins(directory: Path) -> dict[str, Provenance]:
+def read_origins(directory: Path, keys: Iterable[RunKey] = ()) -> dict[str, Provenance]:
     """Load the provenance of the runs of a published directory, by their paths.
 
+    Args:
+        directory: the published directory.
+        keys: the runs that must have an entry.
+
     Raises:
-        ValueError: provenance.json cannot be read.
+        ValueError: provenance.json cannot be read, lacks one of the runs, or has a run without steps.
     """
-    return read_typed(dict[str, Provenance], directory / "provenance.json", "restore it from git")
+    path, fix = directory / "provenance.json", "restore it from git"
+    origins = read_typed(dict[str, Provenance], path, fix)
+    for name, origin in origins.items():
+        try:
+            RunKey.parse(name)
+        except ValueError as error:
+            raise ValueError(f"{path} cannot be read ({error}): {fix}") from error
+        if not origin.steps or not all("step" in step for step in origin.steps):
+            raise ValueError(f"{path} cannot be read ({name}: expected steps with names, got {origin.steps}): {fix}")
+    missing = [str(key.path) for key in keys if str(key.path) not in origins]
+    if missing:
+        raise ValueError(f"{path} cannot be read (it lacks {len(missing)} runs of runs.csv, {missing[0]} first): {fix}")
+    return origins
 
 
 def recordings_of(origins: dict[str, Provenance], experiment: str) -> set[object]:

@@ -4,16 +4,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.metrics.names import METRICS, SUMMARY
+from repro.metrics.names import SUMMARY
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, read_origins, read_published, read_results
-from repro.reporting.rows import keys_of
+from repro.reporting.rows import MEASURED, keys_of
 from repro.runs.directories import Outputs
 from repro.runs.keys import KEY, RunKey
 from repro.runs.provenance import Provenance
-
-COMPARED = (*METRICS, "obstacle_iou")
 
 
 def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
@@ -41,7 +39,7 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
             raise ValueError(
                 f"the published runs have {other.max():.0f} {unit}, the runs in {outputs.path} have {own.max():.0f}"
             )
-    origins = read_origins(published)
+    origins = read_origins(published, keys_of(both))
     rows = zip(keys_of(both), both.to_dict("records"), strict=True)
     compared = pd.DataFrame([_compare(outputs, key, row, origins) for key, row in rows])
     return compared.astype({"seed": "Int64"})  # baselines have no seed
@@ -54,7 +52,7 @@ def _compare(outputs: Outputs, key: RunKey, row: dict, origins: dict[str, Proven
         is_known = own.fact(fact) is not None
         compared[name] = ("same" if own.fact(fact) == other.fact(fact) else "other") if is_known else ""
     compared |= {"commit": _commit(own), "published_commit": _commit(other)}
-    for metric in COMPARED:
+    for metric in MEASURED:
         value, published = round(row[metric], 6), round(row[f"{metric}_published"], 6)
         compared |= {metric: value, f"published_{metric}": published, f"delta_{metric}": value - published}
     return compared

@@ -1,0 +1,114 @@
+import json
+from collections.abc import Callable
+
+import pandas as pd
+import pytest
+from conftest import ROOT, fake_study
+
+from repro.reporting.publish import publish
+from repro.reporting.published_readme import Recipe
+from repro.reporting.readme import with_results
+from repro.reporting.results import read_origins, read_published
+from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.verification import verify
+from repro.runs.directories import Outputs
+
+
+@pytest.fixture
+def published(tmp_path, monkeypatch):
+    """Publish a small study beside the outputs that it comes from, outputs/laptop."""
+    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
+    fake_study(tmp_path / "outputs" / "laptop")
+    return publish(Outputs(tmp_path / "outputs" / "laptop"), tmp_path / "results", Recipe("laptop"))
+
+
+def edited(name: str, value: str, line: int = 2) -> Callable[[str], bytes]:
+    """Return a function that replaces one value of the text of a CSV file, in a line from 1."""
+
+    def edit(text: str) -> bytes:
+        lines = text.splitlines()
+        cells = lines[line - 1].split(",")
+        cells[lines[0].split(",").index(name)] = value
+        return "\n".join([*lines[: line - 1], ",".join(cells), *lines[line:]]).encode()
+
+    return edit
+
+
+DAMAGES = {
+    "blank metric": (edited("accuracy", ""), "line 2, accuracy: expected a number from -1 to 1, got nan"),
+    "infinite metric": (edited("dice", "inf", 4), "line 4, dice: expected a number from -1 to 1, got inf"),
+    "text in a number": (edited("accuracy", "abc"), "accuracy: expected a number, got abc"),
+    "quoted decimal comma": (edited("accuracy", '"0,895"', 3), "accuracy: expected a number, got 0,895"),
+    "decimal comma": (edited("accuracy", "0,895", 4), "Error tokenizing data"),
+    "decimal comma in the first row": (
+        edited("accuracy", "0,895"),
+        "more values than its header",
+    ),
+    "text as seed": (edited("seed", "x", 3), "seed: expected an integer, got x"),
+    "half a seed": (edited("seed", "0.5", 3), "seed: expected an integer, got 0.5"),
+    "no model": (edited("model", ""), "line 2, model: expected a value, got nan"),
+    "column renamed": (edited("accuracy", "acc", 1), "lacks the columns accuracy"),
+    "no header": (lambda text: text.split("\n", 1)[1].encode(), "lacks the columns experiment, model"),
+    "no rows": (lambda text: text.split("\n")[0].encode(), "expected one row per run, got none"),
+    "a row twice": (lambda text: (text + text.splitlines()[2]).encode(), "got runs/exp3/.* more than once"),
+    "empty": (lambda text: b"", "No columns to parse"),
+    "UTF-16": (lambda text: text.encode("utf-16"), "codec can't decode"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_published_runs_that_are_damaged_are_refused(name, published):
+    damage, message = DAMAGES[name]
+    path = published / "runs.csv"
+    path.write_bytes(damage(path.read_text()))
+    with pytest.raises(ValueError, match=rf"runs\.csv cannot be read \(.*({message}).*\): restore or delete it"):
+        read_published(published)
+
+
+@pytest.mark.parametrize("directory", sorted((ROOT / "reproduce" / "results").glob("*/runs.csv")), ids=str)
+def test_the_published_runs_are_read_with_their_provenance(directory):
+    runs = read_published(directory.parent)
+    assert len(read_origins(directory.parent, keys_of(runs))) == len(runs)
+
+
+def test_a_run_without_provenance_is_named(tmp_path, published):
+    path, name = published / "provenance.json", "runs/exp3/unet/projection/seed0"
+    whole = json.loads(path.read_text())
+    outputs = Outputs(tmp_path / "outputs" / "laptop")
+    path.write_text(json.dumps({key: value for key, value in whole.items() if key != name}))
+    with pytest.raises(ValueError, match=rf"provenance\.json cannot be read \(it lacks 1 runs .*{name}"):
+        verify(outputs, published)
+    for steps in ([], [{}]):
+        path.write_text(json.dumps({**whole, name: {**whole[name], "steps": steps}}))
+        with pytest.raises(ValueError, match=rf"provenance\.json cannot be read \({name}: expected steps with names"):
+            verify(outputs, published)
+    path.write_text(json.dumps({**whole, "unet": whole[name]}))
+    with pytest.raises(ValueError, match=r"provenance\.json cannot be read \(expected runs/exp<name>.*got unet\)"):
+        verify(outputs, published)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (edited("accuracy", "abc"), "accuracy: expected a number, got abc"),
+        (edited("delta_accuracy", "abc"), "delta_accuracy: expected a number, got abc"),
+        (edited("accuracy", "acc", 1), "lacks the columns accuracy"),
+        (lambda text: b"", "No columns to parse"),
+    ],
+)
+def test_a_document_is_refused_with_the_name_of_the_damaged_table(damage, message, published):
+    text = "<!-- results: laptop main -->\n<!-- end -->"
+    assert "| 3 | U-Net | 0.500" in with_results(text, published.parent)
+    path = published / "main.csv"
+    path.write_bytes(damage(path.read_text()))
+    with pytest.raises(ValueError, match=rf"laptop/main\.csv cannot be read \(.*{message}"):
+        with_results(text, published.parent)
+
+
+def test_rows_keep_the_names_of_experiments_and_baselines(tmp_path):
+    path = tmp_path / "rows.csv"
+    path.write_text("experiment,model,encoding,seed,value\n01,unet,projection,0,0.5\n3,all_free,,,inf\n")
+    rows = read_rows(path)
+    assert rows["experiment"].tolist() == ["01", "3"]
+    assert rows["encoding"].tolist() == ["projection", ""]
+    assert rows["seed"].tolist() == [0, pd.NA]
