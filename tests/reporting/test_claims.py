@@ -7,10 +7,13 @@ from conftest import ROOT
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.reporting.audit import audit
-from repro.reporting.claims import Verdict, judge, read_claims
+from repro.reporting.claims import COLUMNS, Verdict, count_verdicts, judge, read_claims
 from repro.reporting.expressions import Names, evaluate
-from repro.reporting.numbers import Numbers, paper_rows
+from repro.reporting.names import TITLES
+from repro.reporting.numbers import METRICS_OF, Numbers, analysis_rows, paper_rows
+from repro.reporting.page import Report, render
 from repro.reporting.paper import read_paper
+from repro.reporting.rows import read_rows
 from repro.reporting.summaries import claims_to_markdown
 
 LEDGER = ROOT / "reproduce" / "claims.yaml"
@@ -80,6 +83,51 @@ def test_a_claim_that_the_papers_own_numbers_fail_contradicts_itself(tmp_path):
     row = verdict(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.95, e4=0.90), rows_of(e3=0.9, e4=0.95))
     assert row["verdict"] is Verdict.contradicts
     assert row["ours"] is Verdict.reproduced
+
+
+@pytest.mark.parametrize(
+    ("test", "message"),
+    [
+        ("m('specifcity', '3')", "expected a metric of tables: .*, specificity, ssim.*; got 'specifcity'"),
+        ("m('entropy', '3')", "expected a metric of tables: .*; got 'entropy'"),
+        ("m('accuracy', '3', model='unett')", "expected a model: .*unet, .*; got 'unett'"),
+        ("m('entropy', '3', of='age')", "expected a table: calibration, cost, .*; got 'age'"),
+        ("m('entropy', '3', recency='1-5', of='recency')", "expected a recency: 1-10, .*; got '1-5'"),
+    ],
+)
+def test_a_misspelled_name_is_an_error_and_no_number_that_is_not_measured(tmp_path, test, message):
+    with pytest.raises(ValueError, match=rf"claims\.yaml: the test of one, .* fails: {message}"):
+        judge(ledger_of(tmp_path, test=test), rows_of(e3=0.9))
+
+
+def test_names_of_what_is_not_measured_are_known(tmp_path):
+    ours = pd.concat([rows_of(e3=0.9), rows_of(e3=0.8).assign(model="mynet")])
+    for test in ("m('detected', '3', model='convlstm', recency='never', of='obstacles')", "m('accuracy', 'people')"):
+        assert verdict(ledger_of(tmp_path, test=test), ours)["verdict"] is Verdict.untested
+    assert verdict(ledger_of(tmp_path, test="m('accuracy', '3', model='mynet')"), ours)["ours"] is Verdict.reproduced
+
+
+def test_every_published_metric_and_model_is_known():
+    names = ("intervals", "recency", "obstacles", "calibration", "cost")
+    analysis = ROOT / "reproduce" / "results" / "laptop" / "analysis"
+    rows = analysis_rows({name: read_rows(analysis / f"{name}.csv") for name in names})
+    for of, metrics in rows.groupby("of")["metric"].unique().items():
+        assert set(metrics) <= METRICS_OF[of], of
+    assert set(rows["model"]) <= set(TITLES)
+
+
+def test_nothing_is_judged_on_worlds_that_are_not_the_papers():
+    claims = judge(read_claims(LEDGER), rows_of(e3=0.9).iloc[:0])
+    assert claims.empty
+    assert list(claims.columns) == list(COLUMNS) == list(judge(read_claims(LEDGER), paper_rows())[list(COLUMNS)])
+    assert count_verdicts(claims) == ""
+
+
+def test_verdicts_are_counted_in_the_order_from_reproduced_to_untested():
+    counts = {Verdict.untested: 3, Verdict.contradicts: 7, Verdict.in_direction: 1, Verdict.reproduced: 17}
+    verdicts = [verdict for verdict, count in counts.items() for _ in range(count)]
+    expected = "17 reproduced, 1 reproduced in direction, 7 fail on the paper's own tables, 3 cannot be tested"
+    assert count_verdicts(pd.DataFrame({"verdict": verdicts})) == expected
 
 
 def test_a_level_has_no_direction_but_a_difference_does(tmp_path):
@@ -178,3 +226,12 @@ def test_the_papers_rows_include_the_scores_of_all_free():
     with pytest.raises(KeyError):
         rows.m("accuracy", "7")
     assert set(paper_rows()["metric"]) == set(METRICS)
+
+
+def test_the_page_of_worlds_that_are_not_the_papers_has_no_claims():
+    analysis = ROOT / "reproduce" / "results" / "laptop" / "analysis"
+    frames = {path.stem: read_rows(path) for path in analysis.glob("*.csv")}
+    for claims, number in ((frames["claims"], 1), (frames["claims"].iloc[:0], 0)):
+        page = render(Report("laptop", "", "", "", {}, frames, claims, {}, {}, {}))
+        assert page.count('<section id="claims">') == page.count('<ul class="cards">') == number
+        assert page.count('href="#claims"') == number

@@ -20,7 +20,7 @@ def test_every_claim_has_its_row_and_every_verdict_its_count():
         ]
     )  # fmt: skip
     text = claims_to_markdown(claims)
-    assert "1 paper contradicts itself, 1 cannot be tested" in text
+    assert "**1 fails on the paper's own tables, 1 cannot be tested.**" in text
     own = "paper contradicts itself | reproduced | 0.051 [0.040, 0.060] (0 ± 0.01) | fails, 0.070 |"
     assert f"| exp 3 is higher | accuracy | {own}" in text
     assert "| hallucinations | no test | cannot be tested | cannot be tested |  |  |" in text

@@ -10,6 +10,7 @@ difference counts only if it exceeds the tolerance and its interval excludes zer
 import dataclasses
 import enum
 import itertools
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +24,10 @@ from repro.reporting.expressions import Names, evaluate
 from repro.reporting.numbers import Number, Numbers, Z, paper_rows
 from repro.system.files import read_typed
 
+COLUMNS = (
+    *("id", "quote", "place", "means", "verdict", "ours", "paper", "value", "low", "high", "claimed", "margin", "held"),
+    *("combinations", "paper_value", "tolerance", "at_half", "at_double", "tolerance_from", "reason"),
+)
 ROUNDING = 1e-4  # rounding error of a difference of two numbers with four decimals
 
 
@@ -90,11 +95,25 @@ def judge(ledger: Ledger, ours: pd.DataFrame, paper: pd.DataFrame | None = None)
         fails or no number), value of the decisive combination (the one closest to failing) with low and high, claimed,
         margin (its distance from failing), held and combinations (numbers of combinations that pass and of all),
         paper_value, tolerance, at_half and at_double (the verdict on our numbers at half and double the tolerance),
-        tolerance_from.
+        tolerance_from; reason, why a claim is untestable. Without any number of ours no row: nothing is judged.
+
+    Raises:
+        ValueError: a test is no expression, or names an unknown table, metric, model or recency.
     """
-    our_numbers, paper_numbers = Numbers(ours), Numbers(paper_rows() if paper is None else paper)
+    if ours.empty:
+        return pd.DataFrame(columns=COLUMNS)
+    papers = paper_rows() if paper is None else paper
+    our_numbers, paper_numbers = (Numbers(rows, {*ours["model"], *papers["model"]}) for rows in (ours, papers))
     rows = [_judge_one(claim, ledger.tolerances, our_numbers, paper_numbers) for claim in ledger.claims]
     return pd.DataFrame(rows)
+
+
+def count_verdicts(claims: pd.DataFrame) -> str:
+    """Return the number of claims of each verdict as text, `17 reproduced, 4 not reproduced`; see `judge`."""
+    counts = Counter(claims["verdict"])
+    words = {str(verdict): str(verdict) for verdict in Verdict}
+    words[Verdict.contradicts] = f"{'fails' if counts[Verdict.contradicts] == 1 else 'fail'} on the paper's own tables"
+    return ", ".join(f"{counts[verdict]} {text}" for verdict, text in words.items() if counts[verdict])
 
 
 @dataclass(frozen=True)

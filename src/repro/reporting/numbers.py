@@ -1,19 +1,34 @@
 """The paper's numbers and ours with their intervals, looked up by name in the tests of the claims."""
 
+from collections.abc import Collection, Iterable
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from uncertainties import ufloat
 
 from repro.baselines.names import BASELINES
 from repro.config import NETWORKS, PROJECTION
-from repro.metrics.names import METRICS
+from repro.evaluation.breakdown import HITS, measures
+from repro.evaluation.recency import RECENCY
+from repro.metrics.calibration import summary
+from repro.metrics.counts import LEVELS, pooled_scores
+from repro.metrics.names import METRICS, SUMMARY
 from repro.reporting.audit import free_share
+from repro.reporting.names import TITLES
 from repro.reporting.paper import read_paper
 from repro.runs.keys import CELL
 
 Z = 1.96  # half-width of a 95 % interval in standard errors
 Number = Any  # a float, or a number of `uncertainties` with its standard error
+_COUNTS = np.ones((2, LEVELS))  # of which only the names of the metrics are used
+METRICS_OF = {  # the metrics of each table of numbers
+    "tables": {"ssim", "ssim_binary", *pooled_scores(_COUNTS)},
+    "recency": {"pixel_share", *measures(_COUNTS)},
+    "obstacles": {"obstacles", "recall", "detected"},
+    "calibration": {*summary(_COUNTS), "temperature", *SUMMARY},
+    "cost": {"parameters", "channels", "training_seconds", "peak_memory_gb"},
+}
 
 
 class Numbers:
@@ -21,9 +36,11 @@ class Numbers:
 
     Args:
         rows: of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
+        models: further models than those of the rows that a test may name.
     """
 
-    def __init__(self, rows: pd.DataFrame) -> None:
+    def __init__(self, rows: pd.DataFrame, models: Iterable[str] = ()) -> None:
+        self.models = {*TITLES, *rows["model"], *models}
         keys = ["of", "metric", *CELL, "recency"]
         rows = rows.dropna(subset=["value"]).drop_duplicates(keys, keep="last")
         error = ((rows["high"] - rows["low"]) / (2 * Z)).fillna(0.0)
@@ -45,11 +62,26 @@ class Numbers:
         """Return a number of an experiment, or its mean over a list of experiments.
 
         Raises:
-            KeyError: the number does not exist.
+            KeyError: the number has not been measured.
+            ValueError: there is no such table, metric, model or recency.
         """
+        _check("table", of, METRICS_OF)
+        _check(f"metric of {of}", metric, METRICS_OF[of])
+        _check("model", model, self.models)
+        _check("recency", recency, {"all", *RECENCY, *HITS})
         experiments = [exp] if isinstance(exp, str) else exp
         encoding = "" if model in BASELINES else encoding
         return sum(self.numbers[of, metric, e, model, encoding, recency] for e in experiments) / len(experiments)
+
+
+def _check(kind: str, name: str, known: Collection[str]) -> None:
+    """Check that a name is known.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if name not in known:
+        raise ValueError(f"expected a {kind}: {', '.join(sorted(known))}; got {name!r}")
 
 
 def paper_rows() -> pd.DataFrame:

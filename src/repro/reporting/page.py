@@ -61,12 +61,13 @@ class Report:
 
 
 def render(report: Report) -> str:
-    """Return the report as one string of HTML; the smoke test has no claims."""
+    """Return the report as one string of HTML; the smoke test and worlds that are not the paper's have no claims."""
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     is_smoke = report.scale == "smoke"
+    has_claims = not is_smoke and not report.claims.empty
     parts = sections(report.frames, report.figures, report.origins)
     navigation = [("summary", "Summary"), ("tables", "Tables")]
-    navigation += [] if is_smoke else [("claims", "Claims")]
+    navigation += [("claims", "Claims")] if has_claims else []
     navigation += [("samples", "Samples")] if report.samples else []
     navigation += [(part["id"], part["nav"]) for part in parts]
     audit = report.frames["audit"].query("model == 'average'")
@@ -76,6 +77,7 @@ def render(report: Report) -> str:
         scale=report.scale,
         outputs=report.outputs,
         is_smoke=is_smoke,
+        has_claims=has_claims,
         command=report.command,
         caption=report.caption,
         sections=navigation,

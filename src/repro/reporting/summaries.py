@@ -8,6 +8,7 @@ import pandas as pd
 from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
+from repro.reporting.claims import count_verdicts
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
 
@@ -21,10 +22,8 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     Args:
         claims: see `claims.judge`.
     """
-    counts = claims["verdict"].value_counts()
-    summary = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     lines = [
-        f"**{summary}.**",
+        f"**{count_verdicts(claims)}.**",
         "",
         "Ours and Paper are values of the test, mostly differences (for the calibration error, 0.02 minus the error),",
         "each of the combination that is closest to failing for its own numbers (for claims about most conditions, the",
