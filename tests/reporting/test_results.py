@@ -9,6 +9,7 @@ from repro.metrics.names import METRICS
 from repro.reporting.captions import caption, missing
 from repro.reporting.paper import read_paper
 from repro.reporting.results import compare, read_results
+from repro.reporting.tables import make_tables
 from repro.runs.directories import Outputs
 from repro.runs.provenance import Status
 
@@ -146,3 +147,32 @@ def test_the_ablation_shows_the_quick_baselines_of_its_experiments(tmp_path):
         fake_run(tmp_path, experiment, "all_free", 0.9)
     ablation = compare(read_results(Outputs(tmp_path)), PROJECTION_NO_DECAY)
     assert ablation[["experiment", "model"]].to_numpy().tolist() == [["3", "unet"], ["3", "all_free"]]
+
+
+def test_a_network_of_the_user_has_a_row_for_every_input_but_those_without_decay(tmp_path):
+    fake_run(tmp_path, "3", "unet", 0.5)
+    series = Encoding("series10", {"frames": 10})
+    for changes in ({}, {"encoding": series}, {"encoding": Encoding("stack4", {"frames": 4, "decay": False})}):
+        fake_run(tmp_path, "3", "mynet", 0.6, **changes)
+    fake_run(tmp_path, "3", "convlstm", 0.6, encoding=series)
+    tables = make_tables(read_results(Outputs(tmp_path)))
+    rows = [line.split(" | ")[1] for line in tables["main"].to_markdown().splitlines() if line.startswith("| 3")]
+    assert rows == ["U-Net", "mynet", "mynet, series10"]
+    others = "in analysis/intervals.csv of task=analysis: ConvLSTM, series10; mynet, stack4, no decay."
+    assert tables["main"].caption.endswith(f"Not in the tables but {others}")
+    assert "Not in the tables" not in tables["ablation"].caption
+
+
+def test_an_empty_main_table_names_what_is_evaluated_with_other_inputs(tmp_path):
+    fake_run(tmp_path, "3", "unet", 0.6, encoding=Encoding("series10", {"frames": 10}))
+    table = make_tables(read_results(Outputs(tmp_path)))["main"]
+    assert table.frame.empty
+    assert "No run evaluated yet" not in table.caption
+    assert table.caption.endswith("task=analysis: U-Net, series10.")
+
+
+def test_what_the_tables_have_is_not_named_again(tmp_path):
+    fake_study(tmp_path)
+    fake_run(tmp_path, "3", "unet", 0.5, decay=False)
+    fake_run(tmp_path, "3", "convgru", 0.7, encoding=Encoding("series10", {"frames": 10}))
+    assert "Not in the tables" not in make_tables(read_results(Outputs(tmp_path)))["main"].caption

@@ -7,9 +7,10 @@ from typing import Any
 import pandas as pd
 
 from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import NETWORKS, NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
+from repro.reporting.names import TITLES
 from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import MEASURED, check_runs, keys_of, read_rows
 from repro.reporting.settings import conflicts, settings_cell
@@ -152,7 +153,7 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
 
     Args:
         results: tidy rows, see `read_results`.
-        encoding: label of the encoding; the main table also includes the baselines and `OURS`.
+        encoding: label of the encoding; for other rows of the table see `select`.
 
     Returns:
         experiment, model, encoding, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
@@ -186,11 +187,17 @@ def _papers(results: pd.DataFrame) -> pd.DataFrame:
 
 
 def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
-    """Select the runs of a table: one encoding and the quick baselines; in the main table all baselines and `OURS`."""
+    """Select the runs of a table: one encoding and the quick baselines.
+
+    The main table has all baselines, `OURS`, and the networks of the user, which are not in `names.TITLES`, with any
+    input.
+    """
     chosen = results["encoding"] == encoding
     if encoding == PROJECTION:
         is_ours = (results["model"] == OURS[0]) & (results["encoding"] == OURS[1])
-        chosen |= is_ours | ((results["encoding"] == "") & ~results["model"].isin(list(OTHER_BOUNDS)))
+        is_users = ~results["model"].isin(list(TITLES)) & ~results["encoding"].str.endswith(NO_DECAY)
+        is_baseline = (results["encoding"] == "") & ~results["model"].isin(list(OTHER_BOUNDS))
+        chosen |= is_ours | is_users | is_baseline
     elif chosen.any():
         is_there = results["experiment"].isin(results.loc[chosen, "experiment"])
         chosen |= is_there & results["model"].isin(QUICK_BASELINES)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import HEADINGS, TABLE_METRICS
 from repro.reporting.captions import caption, missing
 from repro.reporting.markdown import markdown_table
-from repro.reporting.names import experiment_title, model_title, predictor_title
+from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.results import OURS, compare, read_results, select
 from repro.runs.directories import Outputs
 from repro.system.files import write_text
@@ -98,13 +98,10 @@ class Table:
 
 
 def row_title(row: pd.Series) -> str:
-    """Return the title of a row: its model, and its encoding if they are `OURS`."""
+    """Return the title of a row: its model, and its encoding unless it is that of the table."""
     encoding = str(row["encoding"])
-    return (
-        f"{predictor_title(row['model'], encoding)} (ours)"
-        if (row["model"], encoding) == OURS
-        else model_title(row["model"])
-    )
+    mark = " (ours)" if (row["model"], encoding) == OURS else ""
+    return predictor_title(row["model"], encoding.removesuffix(NO_DECAY)) + mark
 
 
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:
@@ -112,13 +109,23 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
     tables = {}
     for name, encoding in TABLE_ENCODINGS.items():
         rows = select(results, encoding) if len(results) else results
+        others = _elsewhere(results, name)
         if rows.empty:
-            tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}. No run evaluated yet.")
+            tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}.{others or ' No run evaluated yet.'}")
         else:
-            tables[name] = Table(
-                compare(results, encoding), f"{TITLES[name]}. {caption(rows)}{missing(rows, encoding)}"
-            )
+            facts = caption(rows) + missing(rows, encoding) + others
+            tables[name] = Table(compare(results, encoding), f"{TITLES[name]}. {facts}")
     return tables
+
+
+def _elsewhere(results: pd.DataFrame, table: str) -> str:
+    """Name the networks and inputs that are in neither table, for the caption of the main table; empty if none."""
+    if table != "main" or results.empty:
+        return ""
+    shown = pd.concat([select(results, encoding) for encoding in TABLE_ENCODINGS.values()]).index
+    others = results[(results["encoding"] != "") & ~results.index.isin(shown)]
+    titles = dict.fromkeys(predictor_title(*cell) for cell in zip(others["model"], others["encoding"], strict=True))
+    return f" Not in the tables but in analysis/intervals.csv of task=analysis: {'; '.join(titles)}." if titles else ""
 
 
 def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str, Table]:
