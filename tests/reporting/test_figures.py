@@ -1,3 +1,5 @@
+import dataclasses
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -21,6 +23,7 @@ from repro.reporting.figures import (
 )
 from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -30,8 +33,8 @@ from repro.simulation.worlds import sample_world
 def example():
     scans = simulate(sample_world(world_spec("3"), 0)).scans
     image = np.full((32, 32), 255, dtype=np.uint8)
-    image[4:8, 4:8] = 0
-    return Example("3", PROJECTION, image, image / 255, image // 255, scans, 0.8)
+    image[4:8, 10:14] = 0
+    return Example("3", PROJECTION, image, image / 510, image.T // 255, scans, 0.8)
 
 
 @pytest.fixture(autouse=True)
@@ -65,10 +68,40 @@ def test_results_show_input_prediction_and_truth(example):
         assert np.array_equal(image, scale * getattr(example, name)), name
 
 
-def test_representation_and_overview_are_drawn(example, tmp_path):
-    for figure in (data_representation([example]), method_overview(example)):
-        figure.savefig(tmp_path / "figure.png")
-    assert (tmp_path / "figure.png").stat().st_size > 10_000
+def test_the_representation_shows_one_projection_per_experiment_with_the_meaning_of_the_grays(example):
+    figure = data_representation([example, dataclasses.replace(example, experiment="4")])
+    *panels, bar = figure.axes
+    assert [ax.get_title() for ax in panels] == ["Experiment 3\nDynamic, rotation", "Experiment 4\nDynamic, square"]
+    assert all(np.array_equal(ax.images[0].get_array(), example.projection) for ax in panels)
+    assert bar.get_yticks().tolist() == [0, 204, 255]
+    assert [label.get_text() for label in bar.get_yticklabels()] == ["last step", "first step", "no hit"]
+
+
+def test_the_overview_shows_scans_poses_projection_prediction_and_truth(example):
+    figure = method_overview(example)
+    panels = {ax.get_title(): ax for ax in figure.axes}
+    images = {
+        "Lidar ranges": np.where(np.isinf(example.scans.ranges), np.nan, example.scans.ranges),
+        "Cumulative dynamic\nsensor projection": example.projection,
+        "Predicted map": 255 * example.prediction,
+        "Ground truth": 255 * example.truth,
+    }
+    for title, image in images.items():
+        shown = np.ma.filled(panels[title].images[0].get_array().astype(float), np.nan)
+        assert np.array_equal(shown, image, equal_nan=True), title
+    (arrows,) = panels["Robot poses"].collections
+    assert np.allclose(arrows.get_offsets(), example.scans.poses[::4, :2])
+    texts = [text.get_text() for ax in figure.axes for text in ax.texts] + [text.get_text() for text in figure.texts]
+    assert texts == ["image-to-image\nnetwork\n(U-Net, mit_b0)", "loss,\nmetrics"]
+
+
+@pytest.mark.parametrize(("steps", "beams"), [(100, 100), (40, 30)])
+def test_the_ticks_of_the_ranges_are_the_first_and_last_beam_and_step(example, steps, beams):
+    scans = example.scans
+    fewer = Scans(scans.ranges[:steps, :beams], scans.angles[:beams], scans.poses[:steps])
+    axes = method_overview(dataclasses.replace(example, scans=fewer)).axes[0]
+    assert axes.get_xticks().tolist() == [0, beams - 1]
+    assert axes.get_yticks().tolist() == [0, steps - 1]
 
 
 def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):

@@ -150,10 +150,11 @@ def method_overview(example: Example) -> Figure:
 
 def _show_scans(ax: Axes, example: Example) -> None:
     """Plot all scans of a recording as one image, one row per step; misses are white."""
+    steps, beams = example.scans.ranges.shape
     ax.imshow(
         np.where(np.isfinite(example.scans.ranges), example.scans.ranges, np.nan), aspect="auto", cmap="viridis_r"
     )
-    ax.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, 99), yticks=(0, 99))
+    ax.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, beams - 1), yticks=(0, steps - 1))
 
 
 def _show_poses(ax: Axes, example: Example) -> None:
