@@ -6,6 +6,7 @@ frames out.
 """
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,13 +46,40 @@ class Analysis:
             pd.DataFrame({**{name: [value] * len(frame) for name, value in columns.items()}, **frame})
         )
 
-    def take(self, other: "Analysis") -> None:
-        """Add all rows of another analysis."""
-        for name, rows in other.rows.items():
-            self.rows[name].extend(rows)
-
     def frames(self) -> dict[str, pd.DataFrame]:
         return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """What all cells of an experiment share.
+
+    Args:
+        recordings: directory of the recordings.
+        test: the test recordings.
+        weights: weights of the bootstrap, see `metrics.bootstrap.draw_weights`.
+        accelerator: auto, cpu or gpu, for the predictions of the validation set.
+    """
+
+    recordings: Path
+    test: TestSet
+    weights: np.ndarray
+    accelerator: str
+
+
+@dataclass(frozen=True)
+class _Measurement:
+    """The measurement of a cell.
+
+    Args:
+        measured: counts and SSIM of its seeds.
+        draws: its metrics in every draw of the bootstrap.
+        frames: its rows by the name of the CSV file they are written to.
+    """
+
+    measured: Measured
+    draws: pd.DataFrame
+    frames: dict[str, pd.DataFrame]
 
 
 def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: str = "auto") -> dict[str, pd.DataFrame]:
@@ -74,25 +102,22 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
         recordings, config = outputs.recordings(experiment), next(iter(own_cells.values()))[0].config()
         test = load_test_set(recordings, grid_of(config))
-        weights = draw_weights(len(test.truth) // 2)
-        draws: dict[Cell, pd.DataFrame] = {}
-        counted: dict[Cell, Measured] = {}
+        shared = _Shared(recordings, test, draw_weights(len(test.truth) // 2), accelerator)
+        measurements: dict[Cell, _Measurement] = {}
         for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
             try:
-                measured = [_read_run(run, test) for run in runs]
-                own = Analysis()  # its rows are taken once the whole cell is measured
-                measures, drawn = _measure_cell(
-                    own, _columns(cell), runs, measured, recordings, test, weights, accelerator
-                )
+                measurements[cell] = _measure_cell(runs, shared)
             except ValueError as error:
                 if errors is None or not is_about_input(error):
                     raise
                 errors.append(str(error))
-                continue
-            analysis.take(own)
-            counted[cell], draws[cell] = measures, drawn
+        for cell, measurement in measurements.items():
+            for name, frame in measurement.frames.items():
+                analysis.add(name, frame, _columns(cell))
+        draws = {cell: measurement.draws for cell, measurement in measurements.items()}
+        counted = {cell: measurement.measured for cell, measurement in measurements.items()}
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
-        for cell, table in averages(counted, seeds, weights):
+        for cell, table in averages(counted, seeds, shared.weights):
             draws[cell] = table
             analysis.add("intervals", interval(table), _columns(cell))
         for rows, columns in differences(draws):
@@ -133,35 +158,26 @@ def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, np.ndarray]:
     return free, ssim
 
 
-def _measure_cell(
-    analysis: Analysis,
-    columns: dict[str, Any],
-    runs: list[Run],
-    measured: list[tuple[np.ndarray, np.ndarray]],
-    recordings: Path,
-    test: TestSet,
-    weights: np.ndarray,
-    accelerator: str,
-) -> tuple[Measured, pd.DataFrame]:
-    """Measure all seeds of a cell; return its counts and SSIM, and its metrics in every draw of the bootstrap."""
-    predictions = [free for free, _ in measured]
+def _measure_cell(runs: list[Run], shared: _Shared) -> _Measurement:
+    """Measure all seeds of a cell."""
+    test, few_weights = shared.test, shared.weights[:FEWER_DRAWS]
+    predictions, ssim = zip(*(_read_run(run, test) for run in runs), strict=True)
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
-    ssim = np.stack([by_world(values) / 2 for _, values in measured])
-    measures = Measured(counts.sum(2), ssim)
-    drawn = resample(measures, weights)
-    analysis.add("intervals", interval(drawn).assign(seeds=len(runs)), columns)
-    pooled = counts.sum((0, 1))  # (G, 2, 256)
-    recency = {name: pooled[list(groups)].sum(0) for name, groups in RECENCY.items()}
-    analysis.add("recency", by_recency(counts.sum(0), weights[:FEWER_DRAWS]), columns)
-    analysis.add("ages", by_age(pooled), columns)
+    measured = Measured(counts.sum(2), np.stack([by_world(values) / 2 for values in ssim]))
+    draws = resample(measured, shared.weights)
+    frames = {
+        "intervals": interval(draws).assign(seeds=len(runs)),
+        "recency": by_recency(counts.sum(0), few_weights),
+        "ages": by_age(counts.sum((0, 1))),
+        "obstacles": by_last_hit(predictions, test, few_weights),
+    }
     if len(runs) > 1:
-        analysis.add("uncertainty", uncertainty(predictions, test.groups), columns)
-    analysis.add("obstacles", by_last_hit(predictions, test, weights[:FEWER_DRAWS]), columns)
+        frames["uncertainty"] = uncertainty(predictions, test.groups)
     if runs[0].model.is_dir():
-        analysis.add("cost", _cost(runs), columns)
-        validation = [validation_quantized(run, recordings, accelerator=accelerator) for run in runs]
-        _calibrate(analysis, columns, validation, counts.sum((1, 2)), recency, predictions, test.truth)
-    return measures, drawn
+        frames["cost"] = _cost(runs)
+        frames["calibration"] = _calibration(counts.sum(1), _temperatures(runs, shared), predictions, test.truth)
+        frames["reliability"] = _reliability(counts.sum((0, 1)))
+    return _Measurement(measured, draws, frames)
 
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
@@ -176,37 +192,49 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
     return pd.DataFrame([row])
 
 
-def _calibrate(
-    analysis: Analysis,
-    columns: dict[str, Any],
-    validation: list[tuple[np.ndarray, np.ndarray]],
-    each: np.ndarray,
-    recency: dict[str, np.ndarray],
-    predictions: list[np.ndarray],
-    truth: np.ndarray,
-) -> None:
-    """Measure calibration: uncalibrated, temperature-scaled (fitted on validation data), and of the mean over seeds.
+def _temperatures(runs: list[Run], shared: _Shared) -> list[float]:
+    """Fit the temperature of each run to its predictions of the validation set."""
+    validation = (validation_quantized(run, shared.recordings, accelerator=shared.accelerator) for run in runs)
+    return [fit_temperature(count_quantized(free, true)[:, 0].sum(0)) for free, true in validation]
 
-    `validation` has the quantized predictions and the true maps of the validation set for each seed, `each` the counts
-    of each seed, (S, 2, 256), and `recency` those of all seeds together, (2, 256).
+
+def _calibration(
+    counts: np.ndarray, temperatures: list[float], predictions: Sequence[np.ndarray], truth: np.ndarray
+) -> pd.DataFrame:
+    """Measure calibration: uncalibrated, temperature-scaled, and of the mean over seeds.
+
+    Args:
+        counts: counts of each seed by recency group, (S, G, 2, 256).
+        temperatures: temperature of each seed.
+        predictions: quantized predictions of each seed, (M, H, W).
+        truth: true maps, (M, H, W).
     """
-    temperatures = [fit_temperature(count_quantized(free, true)[:, 0].sum(0)) for free, true in validation]
-    rows = [{"method": "uncalibrated", "recency": "all", **_mean([summary(counts) for counts in each])}]
-    scaled = [summary(c, temperature_scaled(t)) for c, t in zip(each, temperatures, strict=True)]
+    each = counts.sum(1)
+    rows = [{"method": "uncalibrated", "recency": "all", **_mean([summary(own) for own in each])}]
+    scaled = [summary(own, temperature_scaled(t)) for own, t in zip(each, temperatures, strict=True)]
     rows.append(
         {"method": "temperature-scaled", "recency": "all", **_mean(scaled), "temperature": float(np.mean(temperatures))}
     )
     if len(predictions) > 1:
         mean = np.mean(predictions, axis=0).round().astype(np.uint8)
-        counts = count_quantized(mean, truth)[:, 0].sum(0)
-        score = {name: float(value) for name, value in pooled_scores(counts).items()}
+        of_mean = count_quantized(mean, truth)[:, 0].sum(0)
+        score = {name: float(value) for name, value in pooled_scores(of_mean).items()}
         kept = {name: score[name] for name in SUMMARY}
-        rows.append({"method": f"mean of {len(predictions)} seeds", "recency": "all", **summary(counts), **kept})
-    rows += [{"method": "uncalibrated", "recency": n, **summary(c)} for n, c in recency.items() if c[0].sum()]
-    analysis.add("calibration", pd.DataFrame(rows), columns)
-    pooled = {"all": each.sum(0), **{name: counts for name, counts in recency.items() if counts.sum()}}
-    for name, counts in pooled.items():
-        analysis.add("reliability", reliability(counts).assign(recency=name), columns)
+        rows.append({"method": f"mean of {len(predictions)} seeds", "recency": "all", **summary(of_mean), **kept})
+    by_name = _by_recency(counts.sum(0))
+    rows += [{"method": "uncalibrated", "recency": n, **summary(c)} for n, c in by_name.items() if c[0].sum()]
+    return pd.DataFrame(rows)
+
+
+def _reliability(counts: np.ndarray) -> pd.DataFrame:
+    """Return the reliability diagram of all pixels and of each recency that has some, from counts (G, 2, 256)."""
+    pooled = {"all": counts.sum(0), **{name: own for name, own in _by_recency(counts).items() if own.sum()}}
+    return pd.concat([reliability(own).assign(recency=name) for name, own in pooled.items()], ignore_index=True)
+
+
+def _by_recency(counts: np.ndarray) -> dict[str, np.ndarray]:
+    """Sum the counts of the groups of pixels, (G, 2, 256), over each recency, (2, 256)."""
+    return {name: counts[list(groups)].sum(0) for name, groups in RECENCY.items()}
 
 
 def _mean(rows: list[dict[str, float]]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 import itertools
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -126,7 +127,7 @@ def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def uncertainty(predictions: list[np.ndarray], groups: np.ndarray) -> pd.DataFrame:
+def uncertainty(predictions: Sequence[np.ndarray], groups: np.ndarray) -> pd.DataFrame:
     """Split the uncertainty of the seeds of a cell, by recency, into that of the data and that of the network.
 
     Source: Depeweg et al. (2018): the entropy of the mean prediction is the mean entropy of the predictions (aleatoric)
@@ -153,7 +154,7 @@ def uncertainty(predictions: list[np.ndarray], groups: np.ndarray) -> pd.DataFra
     return pd.DataFrame(rows)
 
 
-def by_last_hit(predictions: list[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:
+def by_last_hit(predictions: Sequence[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:
     """Measure the predicted share of each obstacle and the share of detected obstacles, by time since the last hit.
 
     Args:
