@@ -24,7 +24,7 @@ from repro.simulation.simulator import Recording
 
 MOST_FRAMES = 200
 BATCH = 16  # windows that are in memory at the same time
-TITLES = ("World, robot, {:.0f}° lidar", "Scans, dark is recent", "Prediction", "Ground truth")
+PANEL_TITLES = ("World, robot, {:.0f}° lidar", "Scans, dark is recent", "Prediction", "Ground truth")
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def write_animation(
     """
     with plt.rc_context({**STYLE, "savefig.dpi": 90}):
         figure, axes = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
-        for ax, title in zip(axes, TITLES, strict=True):
+        for ax, title in zip(axes, PANEL_TITLES, strict=True):
             ax.set(xticks=(), yticks=(), title=title.format(np.degrees(np.ptp(recording.scans.angles))))
         panels = [
             ax.imshow(np.zeros_like(frames.images[0]), cmap="gray", vmin=0, vmax=255, interpolation="nearest")

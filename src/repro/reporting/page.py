@@ -22,7 +22,7 @@ from repro.reporting.tables import HEADS, Table, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
 
-LOOKS = {
+VERDICT_CLASSES = {
     Verdict.reproduced: "reproduced",
     Verdict.in_direction: "direction",
     Verdict.not_reproduced: "not",
@@ -81,7 +81,7 @@ def render(report: Report) -> str:
         command=report.command,
         caption=report.caption,
         sections=navigation,
-        verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in LOOKS.items()],
+        verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in VERDICT_CLASSES.items()],
         all_free=_all_free(report.frames["intervals"]),
         seeds=int(report.frames["intervals"]["seeds"].max()),
         heads=list(HEADS.values()),
@@ -149,7 +149,12 @@ def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
         facts.append(("Not tested", "a number that the test needs is not measured at this scale"))
     if row.get("paper") in ("holds", "fails"):
         facts.append(("The paper's tables", f"{row['paper']}, {row['paper_value']:.4g}"))
-    return {"quote": row["quote"], "verdict": str(row["verdict"]), "look": LOOKS[row["verdict"]], "facts": facts}
+    return {
+        "quote": row["quote"],
+        "verdict": str(row["verdict"]),
+        "look": VERDICT_CLASSES[row["verdict"]],
+        "facts": facts,
+    }
 
 
 def _browser(samples: dict[str, list[Sample]]) -> str:

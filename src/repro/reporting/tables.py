@@ -16,7 +16,7 @@ from repro.runs.directories import Outputs
 from repro.system.files import write_text
 
 HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}
-TITLES = {
+TABLE_TITLES = {
     "main": "Prediction metrics across all four experiments for all models",
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
@@ -111,10 +111,10 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
         rows = select(results, encoding) if len(results) else results
         others = _elsewhere(results, name)
         if rows.empty:
-            tables[name] = Table(pd.DataFrame(), f"{TITLES[name]}.{others or ' No run evaluated yet.'}")
+            tables[name] = Table(pd.DataFrame(), f"{TABLE_TITLES[name]}.{others or ' No run evaluated yet.'}")
         else:
             facts = caption(rows) + missing(rows, encoding) + others
-            tables[name] = Table(compare(results, encoding), f"{TITLES[name]}. {facts}")
+            tables[name] = Table(compare(results, encoding), f"{TABLE_TITLES[name]}. {facts}")
     return tables
 
 
