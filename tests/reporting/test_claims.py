@@ -79,9 +79,9 @@ def test_verdicts_at_half_and_double_the_tolerance_are_listed(tmp_path):
     assert row["margin"] == pytest.approx(0.01)
 
 
-def test_a_claim_that_the_papers_own_numbers_fail_contradicts_itself(tmp_path):
+def test_a_claim_that_the_papers_own_numbers_fail_has_a_verdict_of_its_own(tmp_path):
     row = verdict(ledger_of(tmp_path, **ABOVE), rows_of(e3=0.95, e4=0.90), rows_of(e3=0.9, e4=0.95))
-    assert row["verdict"] is Verdict.contradicts
+    assert row["verdict"] is Verdict.fails_in_paper
     assert row["ours"] is Verdict.reproduced
 
 
@@ -124,7 +124,7 @@ def test_nothing_is_judged_on_worlds_that_are_not_the_papers():
 
 
 def test_verdicts_are_counted_in_the_order_from_reproduced_to_untested():
-    counts = {Verdict.untested: 3, Verdict.contradicts: 7, Verdict.in_direction: 1, Verdict.reproduced: 17}
+    counts = {Verdict.untested: 3, Verdict.fails_in_paper: 7, Verdict.in_direction: 1, Verdict.reproduced: 17}
     verdicts = [verdict for verdict, count in counts.items() for _ in range(count)]
     expected = "17 reproduced, 1 reproduced in direction, 7 fail on the paper's own tables, 3 cannot be tested"
     assert count_verdicts(pd.DataFrame({"verdict": verdicts})) == expected

@@ -13,7 +13,7 @@ from repro.reporting.summaries import (
 def test_every_claim_has_its_row_and_every_verdict_its_count():
     claims = pd.DataFrame(
         [
-            {"quote": "exp 3 is higher", "means": "accuracy", "verdict": "paper contradicts itself",
+            {"quote": "exp 3 is higher", "means": "accuracy", "verdict": "fails on the paper's tables",
              "ours": "reproduced", "value": 0.0512, "low": 0.04, "high": 0.06, "claimed": 0.0, "tolerance": 0.01,
              "paper": "fails", "paper_value": 0.07},
             {"quote": "hallucinations", "reason": "no test", "verdict": "cannot be tested", "ours": "cannot be tested"},
@@ -21,7 +21,7 @@ def test_every_claim_has_its_row_and_every_verdict_its_count():
     )  # fmt: skip
     text = claims_to_markdown(claims)
     assert "**1 fails on the paper's own tables, 1 cannot be tested.**" in text
-    own = "paper contradicts itself | reproduced | 0.051 [0.040, 0.060] (0 ± 0.01) | fails, 0.070 |"
+    own = "fails on the paper's tables | reproduced | 0.051 [0.040, 0.060] (0 ± 0.01) | fails, 0.070 |"
     assert f"| exp 3 is higher | accuracy | {own}" in text
     assert "| hallucinations | no test | cannot be tested | cannot be tested |  |  |" in text
 

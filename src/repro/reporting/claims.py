@@ -37,7 +37,7 @@ class Verdict(enum.StrEnum):
     reproduced = "reproduced"
     in_direction = "reproduced in direction"
     not_reproduced = "not reproduced"
-    contradicts = "paper contradicts itself"
+    fails_in_paper = "fails on the paper's tables"
     untested = "cannot be tested"
 
 
@@ -112,7 +112,9 @@ def count_verdicts(claims: pd.DataFrame) -> str:
     """Return the number of claims of each verdict as text, `17 reproduced, 4 not reproduced`; see `judge`."""
     counts = Counter(claims["verdict"])
     words = {str(verdict): str(verdict) for verdict in Verdict}
-    words[Verdict.contradicts] = f"{'fails' if counts[Verdict.contradicts] == 1 else 'fail'} on the paper's own tables"
+    words[Verdict.fails_in_paper] = (
+        f"{'fails' if counts[Verdict.fails_in_paper] == 1 else 'fail'} on the paper's own tables"
+    )
     return ", ".join(f"{counts[verdict]} {text}" for verdict, text in words.items() if counts[verdict])
 
 
@@ -159,7 +161,7 @@ def _judge_one(claim: Claim, tolerances: dict, ours: Numbers, papers: Numbers) -
         row |= {"claimed": worst.claimed, "tolerance": worst.tolerance, "margin": worst.margin(claim.expect)}
         row |= {"held": sum(each.holds(claim.expect) for each in tested), "combinations": len(tested)}
         row |= {"at_half": _verdict(claim, _scaled(tested, 0.5)), "at_double": _verdict(claim, _scaled(tested, 2))}
-    final = Verdict.contradicts if holds == "fails" else verdict
+    final = Verdict.fails_in_paper if holds == "fails" else verdict
     return {**row, "verdict": final, "ours": verdict, "tolerance_from": claim.tolerance_from}
 
 

@@ -26,7 +26,7 @@ VERDICT_CLASSES = {
     Verdict.reproduced: "reproduced",
     Verdict.in_direction: "direction",
     Verdict.not_reproduced: "not",
-    Verdict.contradicts: "contradicts",
+    Verdict.fails_in_paper: "fails",
     Verdict.untested: "cannot",
 }
 
