@@ -158,8 +158,8 @@ def test_a_network_of_the_user_has_a_row_for_every_input_but_those_without_decay
     tables = make_tables(read_results(Outputs(tmp_path)))
     rows = [line.split(" | ")[1] for line in tables["main"].to_markdown().splitlines() if line.startswith("| 3")]
     assert rows == ["U-Net", "mynet", "mynet, series10"]
-    others = "in analysis/intervals.csv of task=analysis: ConvLSTM, series10; mynet, stack4, no decay."
-    assert tables["main"].caption.endswith(f"Not in the tables but {others}")
+    others = "in those of task=analysis: ConvLSTM, series10 and 1 more networks and inputs."
+    assert tables["main"].caption.endswith(f"Not in the tables, but {others}")
     assert "Not in the tables" not in tables["ablation"].caption
 
 

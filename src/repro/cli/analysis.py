@@ -17,7 +17,7 @@ from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.captions import caption
-from repro.reporting.claims import judge, read_claims
+from repro.reporting.claims import count_verdicts, judge, read_claims
 from repro.reporting.numbers import analysis_rows
 from repro.reporting.page import Report, render
 from repro.reporting.results import audits, read_results
@@ -63,9 +63,8 @@ def analyze(job: Job) -> None:
             write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(outputs.analysis, frames)
     scale = results["scale"].iloc[0]
-    if scale != "smoke":
-        verdicts = frames["claims"]["verdict"].value_counts()
-        print("claims of the paper: " + ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()))
+    if scale != "smoke" and not frames["claims"].empty:  # empty without a run in the paper's worlds
+        print(f"claims of the paper: {count_verdicts(frames['claims'])}")
     _write_page(outputs, scale, frames, results)
     left_out = dict.fromkeys(errors)
     for message in left_out:

@@ -119,13 +119,17 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
 
 
 def _elsewhere(results: pd.DataFrame, table: str) -> str:
-    """Name the networks and inputs that are in neither table, for the caption of the main table; empty if none."""
+    """Count the networks and inputs that are in neither table, for the caption of the main table; empty if none."""
     if table != "main" or results.empty:
         return ""
     shown = pd.concat([select(results, encoding) for encoding in TABLE_ENCODINGS.values()]).index
     others = results[(results["encoding"] != "") & ~results.index.isin(shown)]
-    titles = dict.fromkeys(predictor_title(*cell) for cell in zip(others["model"], others["encoding"], strict=True))
-    return f" Not in the tables but in analysis/intervals.csv of task=analysis: {'; '.join(titles)}." if titles else ""
+    titles = list(dict.fromkeys(map(predictor_title, others["model"], others["encoding"])))
+    if not titles:
+        return ""
+    return f" Not in the tables, but in those of task=analysis: {titles[0]}" + (
+        f" and {len(titles) - 1} more networks and inputs." if titles[1:] else "."
+    )
 
 
 def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str, Table]:
