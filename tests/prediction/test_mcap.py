@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from mcap_ros2.reader import read_ros2_messages
 
-from repro.prediction.logs import ScanLog, in_order
+from repro.prediction.logs import ScanLog
 from repro.prediction.mcap import write_mcap
 from repro.prediction.readers import read_log
+from repro.prediction.readings import in_order
 from repro.prediction.ros import occupancy
 from repro.prediction.stream import StreamMap
 

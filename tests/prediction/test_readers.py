@@ -12,8 +12,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from repro.prediction.logs import LogScan, ScanLog, valid_ranges
+from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
+from repro.prediction.readings import LogScan, valid_ranges
 
 SCANS, BEAMS = 30, 181
 STAMPS = 100 + 0.1 * np.arange(SCANS)

@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
-from repro.prediction.logs import LogScan
+from repro.prediction.readings import LogScan
 from repro.prediction.ros import add_odometry, add_transforms, log_scan
 from repro.prediction.transforms import Transforms, without_transform
 from repro.system.errors import is_about_input

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from repro.networks.predictor import Predictor
-from repro.prediction.logs import (
+from repro.prediction.readings import (
     LogScan,
     check_beams,
     has_same_beams,

@@ -10,36 +10,22 @@ from pathlib import Path
 import numpy as np
 
 from repro.maps.validity import DEGREES, MAX_HEADING
+from repro.prediction.readings import (
+    NOT_LATER,
+    LogScan,
+    check_beams,
+    has_same_beams,
+    in_order,
+    readings,
+    valid_ranges,
+    why_unusable,
+)
 
-MAX_BEAMS = 100_000
 MIN_SCANS = 2
-NOT_LATER, MOSTLY = "not later than the one before", 10  # some logs have times of six digits, which hardly increase
+MOSTLY = 10  # some logs have times of six digits, which hardly increase
 SET_BACK_S, SET_BACK = 10.0, "before or after the clock was set back"  # a time earlier than the last one by more
 HEAD = 20  # scans of which most have the beams of the log
 MILLIMETERS = 300.0  # median range [m] beyond which no 2D lidar measures; the readings are in other units
-
-
-@dataclass(frozen=True)
-class LogScan:
-    """One scan of a log.
-
-    Args:
-        stamp: time [s].
-        ranges: ranges [m], (N,), see `valid_ranges`.
-        first_angle: angle of the first beam in the frame of the lidar [rad].
-        spacing: angle between two beams [rad], negative if they go clockwise.
-        range_min_m: smallest valid range [m].
-        range_max_m: smallest range that means a miss [m].
-        pose: x, y [m] and heading [rad] of the lidar; None where it is unknown.
-    """
-
-    stamp: float
-    ranges: np.ndarray
-    first_angle: float
-    spacing: float
-    range_min_m: float
-    range_max_m: float
-    pose: tuple[float, float, float] | None
 
 
 @dataclass(frozen=True)
@@ -167,83 +153,3 @@ def _longest_part(kept: np.ndarray, path: Path, skipped: Counter[str]) -> np.nda
     if len(longest) < len(kept):
         skipped[SET_BACK] += len(kept) - len(longest)
     return longest
-
-
-def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | None:
-    """Return why a scan cannot be used after the first one and one at the time `last` [s]; None if it can."""
-    if not math.isfinite(scan.stamp):
-        return "without a time"
-    if scan.stamp <= last:
-        return NOT_LATER
-    if not len(scan.ranges):
-        return "without beams"
-    if scan.pose is None or not np.isfinite(scan.pose).all():
-        return "without a pose"
-    if first and len(scan.ranges) != len(first.ranges):
-        return f"with another number of beams than {len(first.ranges)}"
-    if first and not has_same_beams(scan, first):
-        return "with other beam angles"
-    if np.isnan(valid_ranges(scan)).all():
-        return "without a valid reading"
-    return None
-
-
-def has_same_beams(scan: LogScan, other: LogScan) -> bool:
-    """Return whether two scans have the same number of beams at the same angles."""
-    angles, others = ((each.first_angle, each.spacing) for each in (scan, other))
-    return len(scan.ranges) == len(other.ranges) and np.allclose(angles, others, atol=1e-4)
-
-
-def check_beams(scan: LogScan, source: str) -> None:
-    """Check the beams of a scan.
-
-    Raises:
-        ValueError: they are not those of a lidar; the message begins with the source of the scan.
-    """
-    if not 2 <= len(scan.ranges) <= MAX_BEAMS:
-        raise ValueError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
-    span = abs(scan.spacing) * (len(scan.ranges) - 1)
-    if not math.isfinite(scan.first_angle) or not 0 < span <= 2 * math.pi + 0.1:
-        raise ValueError(
-            f"{source}: expected beam angles in radians within one turn, got {len(scan.ranges)} beams from "
-            f"{scan.first_angle:.4g} with a spacing of {scan.spacing:.4g}"
-        )
-    if not scan.range_max_m > max(scan.range_min_m, 0):
-        raise ValueError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
-
-
-def valid_ranges(scan: LogScan) -> np.ndarray:
-    """Return the ranges of a scan with inf for a miss and NaN for an invalid reading, see `readings`."""
-    return readings(scan.ranges, scan.range_min_m, scan.range_max_m)
-
-
-def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
-    """Return ranges [m] with inf for a miss, at or beyond the maximum, and NaN for an invalid reading, float32.
-
-    Invalid are zero, what is below the minimum, and NaN. Many lidars report a lost beam in these ways; it must not
-    mark the pixels along it as free.
-    """
-    ranges = np.asarray(ranges, dtype=np.float32)
-    is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
-    return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)
-
-
-def note_on_range(range_max_m: float, reach_m: float) -> str | None:
-    """Return a note about a lidar whose range [m] is not known or below that of the training; None if it is neither."""
-    if reach_m and math.isinf(range_max_m):
-        return f"the maximum range of the lidar is not known: a miss shows free space up to {reach_m:.4g} m"
-    if range_max_m >= reach_m:
-        return None
-    return (
-        f"misses show free space up to the maximum range of the lidar, {range_max_m:.4g} m; "
-        f"the network was trained with {reach_m:.4g} m"
-    )
-
-
-def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the beams by increasing angle, without the last ones of a full turn that point where the first ones do."""
-    if angles[-1] < angles[0]:
-        angles, ranges = angles[::-1], ranges[:, ::-1]
-    count = int((angles < angles[0] + 2 * math.pi - 1e-6).sum())
-    angles, ranges = angles[:count], ranges[:, :count]
-    return (angles - 2 * math.pi if angles[-1] > 2 * math.pi else angles.copy()), np.ascontiguousarray(ranges)

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from repro.prediction.logs import LogScan, ScanLog, collect
+from repro.prediction.logs import ScanLog, collect
+from repro.prediction.readings import LogScan
 from repro.system.files import open_arrays
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"

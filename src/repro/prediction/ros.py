@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repro.prediction.logs import LogScan
+from repro.prediction.readings import LogScan
 from repro.prediction.transforms import Transforms
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import torch
 from repro.maps.validity import DEGREES, MAX_HEADING
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.logs import readings
+from repro.prediction.readings import readings
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
 
 

@@ -14,9 +14,10 @@ from repro.cli.jobs import Job
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.animation import write_animation
-from repro.prediction.logs import ScanLog, note_on_range
+from repro.prediction.logs import ScanLog
 from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
+from repro.prediction.readings import note_on_range
 from repro.prediction.windows import Window, cut
 from repro.system.errors import is_about_input
 from repro.system.files import replacing_directory, write_text
