@@ -173,14 +173,44 @@ def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):
         5: scan(4),
         7: scan(7, ranges=np.full(100, np.nan, np.float32)),
         9: scan(9, angle_min=-1.0),
+        11: scan(11, range_max=0.0),
+        13: scan(13, range_max=float("nan")),
+        15: scan(15, range_max=-1.0),
     }
     for step in range(30):
         robot.mapper.add_odometry(odometry(step))
         robot.mapper.add_scan(wrong.get(step, scan(step)))
     reasons = ("another number of beams", "not later", "without a valid reading", "other beam angles")
+    reasons += ("without a valid maximum range",) * 3
     assert len(robot.warnings) == len(wrong)
     assert all(reason in warning for reason, warning in zip(reasons, robot.warnings, strict=True))
     assert len(robot.maps) == 30 - STEPS + 1
+
+
+def test_a_first_scan_without_a_valid_maximum_range_is_skipped(predictor):
+    robot = Robot(predictor)
+    for step in range(30):
+        robot.mapper.add_odometry(odometry(step))
+        robot.mapper.add_scan(scan(step, range_max=0.0) if step == 0 else scan(step))
+    assert robot.warnings == ["a scan is skipped: it is without a valid maximum range"]
+    assert len(robot.maps) == 30 - 1 - STEPS + 1
+
+
+def test_the_smallest_maximum_range_holds_for_the_misses_of_all_scans():
+    """As in a log; a hit of another scan beyond it stays a hit."""
+    torch.manual_seed(0)
+    encoding = create_encoding("observed_free", {})
+    network = create_network(paper_model("unet"), in_channels=encoding.channels).eval()
+    robot = Robot(Predictor(network, encoding, Grid(32, 50.0)))
+    for step in range(25):
+        robot.mapper.add_odometry(odometry(step))
+        robot.mapper.add_scan(scan(step, range_max=12.0 if step == 20 else 30.0))
+    (warning,) = robot.warnings
+    assert warning == "the maximum range changes: misses show free space up to the smallest, 12 m"
+    ranges = EXAMPLE["ranges"].copy()
+    ranges[20][ranges[20] >= 12] = np.inf
+    maps = expected(robot.mapper.predictor.with_range(12.0), 25, ranges=ranges)
+    assert robot.maps[-1][2].free == pytest.approx(maps[-1], abs=1e-5)
 
 
 def test_an_odd_first_scan_delays_the_maps_and_no_more(predictor):

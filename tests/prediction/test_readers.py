@@ -205,6 +205,50 @@ def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason,
     assert len(log) == SCANS - 1
 
 
+@pytest.mark.parametrize("wrong", ["0", "-1", "nan"])
+@pytest.mark.parametrize("number", [0, 5])
+def test_a_scan_without_a_valid_maximum_range_is_skipped_and_counted(number, wrong, tmp_path):
+    """Its hits must not become misses, which are free space."""
+    lines = [robotlaser(each) for each in range(SCANS)]
+    lines[number] = lines[number].replace("81.83", wrong, 1)
+    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    assert log.skipped == {"without a valid maximum range": 1}
+    assert np.isfinite(np.delete(log.ranges, 40, axis=1)).all()
+    assert log.range_max_m == 81.83
+
+
+def test_a_parameter_in_the_log_that_makes_the_maximum_range_invalid_skips_the_scans_after_it(tmp_path):
+    lines = [flaser(each) for each in range(SCANS)]
+    lines.insert(20, "PARAM robot_front_laser_max 0")
+    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    assert log.skipped == {"without a valid maximum range": SCANS - 20}
+
+
+def test_a_log_without_any_valid_maximum_range_is_refused(tmp_path):
+    lines = [robotlaser(each).replace("81.83", "0", 1) for each in range(SCANS)]
+    with pytest.raises(ValueError, match="expected a positive maximum range, got 0"):
+        read_log(write_lines(tmp_path / "log", lines), 0.05)
+
+
+def test_a_maximum_range_that_changes_is_reported_and_the_smallest_holds_for_misses(tmp_path, capsys):
+    lines = [robotlaser(each) for each in range(SCANS)]
+    lines[7] = lines[7].replace("81.83", "2.5", 1)
+    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    printed = capsys.readouterr().out
+    assert "the maximum range changes, 2.5 m in 1 scans, 81.83 m in 29 scans: misses show" in printed
+    assert "up to the smallest, 2.5 m" in printed
+    assert log.range_max_m == 2.5
+    assert np.isinf(log.ranges[7]).sum() == (RANGES[7] >= 2.5).sum()
+    assert np.isfinite(np.delete(np.delete(log.ranges, 7, axis=0), 40, axis=1)).all()
+
+
+def test_headings_in_degrees_are_refused_with_the_largest(tmp_path):
+    arrays = {"ranges": RANGES, "angles": np.radians(np.arange(-90, 91)), "stamps": STAMPS}
+    np.savez(tmp_path / "log.npz", **arrays, poses=POSES + np.array([0, 0, 180]))
+    with pytest.raises(ValueError, match=r"the headings look like degrees, the largest is 180.9: expected radians"):
+        read_log(tmp_path / "log.npz", 0.05)
+
+
 def test_an_odd_first_scan_does_not_decide_the_beams(tmp_path):
     lines = [flaser(each) for each in range(SCANS)]
     lines[0] = flaser(0, np.full(90, 2.0))

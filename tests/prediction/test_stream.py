@@ -178,8 +178,8 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
     ("change", "message"),
     [
         ({"ranges": np.ones(7)}, r"expected ranges \(100,\) and a pose \(3,\), got \(7,\)"),
-        ({"ranges": np.full(100, np.nan)}, "negative or all are NaN"),
-        ({"ranges": np.full(100, -1.0)}, "some are negative"),
+        ({"ranges": np.full(100, np.nan)}, "no valid reading"),
+        ({"ranges": np.full(100, -1.0)}, "no valid reading"),
         ({"pose": np.array([0, np.nan, 0])}, "finite pose and time"),
         ({"stamp": float("nan")}, "finite pose and time"),
     ],
@@ -192,6 +192,16 @@ def test_a_scan_that_cannot_be_is_refused_and_left_out(small, log, change, messa
     found = stream.update(log.ranges[15], log.poses[15], 1.5)
     expected = feed(PredictionStream(small, log.angles, steps=STEPS), log, np.arange(0, 1.55, 0.1))
     assert np.array_equal(found.free, expected[-1].free)
+
+
+def test_negative_readings_are_invalid_as_in_a_log(small, log):
+    ranges = log.ranges[:20].copy()
+    ranges[:, 3] = -0.01
+    stream, expected = (PredictionStream(small, log.angles, steps=STEPS) for _ in range(2))
+    found = feed(stream, dataclasses.replace(log, ranges=ranges), np.arange(0, 1.95, 0.1))[-1]
+    ranges[:, 3] = np.nan
+    other = feed(expected, dataclasses.replace(log, ranges=ranges), np.arange(0, 1.95, 0.1))[-1]
+    assert np.array_equal(found.free, other.free)
 
 
 def test_a_window_without_information_is_refused(small, log):
@@ -208,7 +218,7 @@ def test_an_unknown_center_is_refused(small, log, center):
 
 def test_a_heading_in_degrees_is_refused(small, log):
     stream = PredictionStream(small, log.angles, steps=STEPS)
-    with pytest.raises(ValueError, match=r"the heading is beyond ten turns: expected radians.* got 90"):
+    with pytest.raises(ValueError, match="headings look like degrees, the largest is 90: expected radians"):
         stream.update(log.ranges[0], np.array([25, 25, 90.0]), 0.0)
     assert len(stream) == 0
 

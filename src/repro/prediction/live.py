@@ -12,6 +12,7 @@ from repro.prediction.readings import (
     LogScan,
     check_beams,
     has_same_beams,
+    has_valid_range,
     in_order,
     note_on_range,
     valid_ranges,
@@ -79,6 +80,7 @@ class LiveMapper:
         self.reported: set[str] = set()  # messages about poses that cannot be used
         self.newest_s = -np.inf  # time of the newest message
         self.first: LogScan | None = None
+        self.range_max_m = np.inf  # smallest maximum range of the scans in the stream [m]
         self.others = 0  # scans in a row with other beams
         self.root: str | None = None  # frame of the poses in the stream
         self.last_s = -np.inf  # time of the last scan in the stream
@@ -149,7 +151,7 @@ class LiveMapper:
                 if self.others > MOST_OTHERS:
                     self.warn("the beams of the lidar have changed: the window begins again")
                     self.first = None
-            if self.first is None and len(scan.ranges):
+            if self.first is None and len(scan.ranges) and has_valid_range(scan):
                 check_beams(scan, "scan")
             reason = why_unusable(scan, self.first, self.last_s)
             if reason:
@@ -162,20 +164,27 @@ class LiveMapper:
         if predicted is not None:
             self.publish(message.header, root, predicted)
 
+    def _limit(self, range_max_m: float) -> None:
+        """Take the smallest maximum range of the scans [m] for all misses, as `collect` does; warn of a smaller one."""
+        if range_max_m < self.range_max_m:
+            self.warn(f"the maximum range changes: misses show free space up to the smallest, {range_max_m:.4g} m")
+            self.range_max_m = range_max_m
+            self.stream.predictor = self.stream.predictor.with_range(range_max_m)
+
     def _map(self, scan: LogScan) -> StreamMap | None:
         angles = scan.first_angle + scan.spacing * np.arange(len(scan.ranges))
         angles, ranges = in_order(angles, valid_ranges(scan)[None])
         if self.first is None:
             self.stream = PredictionStream(
-                self.predictor,
+                self.predictor.with_range(scan.range_max_m),
                 angles,
                 center=self.center,
                 steps=self.steps,
                 step_s=self.step_s,
-                range_max_m=scan.range_max_m,
             )
             if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
                 self.warn(message)
-            self.first = scan
+            self.first, self.range_max_m = scan, scan.range_max_m
+        self._limit(scan.range_max_m)
         self.last_s, self.others = scan.stamp, 0
         return self.stream.update(ranges[0], np.array(scan.pose), scan.stamp)

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from repro.maps.validity import DEGREES, MAX_HEADING
 from repro.prediction.readings import (
     NOT_LATER,
     LogScan,
     check_beams,
+    check_heading,
     has_same_beams,
+    has_valid_range,
     in_order,
+    note_on_changes,
     readings,
     valid_ranges,
     why_unusable,
@@ -73,8 +75,9 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
     A scan is skipped if its time is not after that of the last one, or after it by less than `spacing_s`, if it has no
-    pose, no valid reading, or other beams than most of the first ones. If the clock was set back, the longest part of
-    the log without such a jump is kept.
+    pose, no valid maximum range, no valid reading, or other beams than most of the first ones. If the clock was set
+    back, the longest part of the log without such a jump is kept. If the maximum range changes, the log has the
+    smallest, and a message says so.
 
     Args:
         scans: the scans in the order of the file.
@@ -89,27 +92,21 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     usable = _usable(scans, path, spacing_s, skipped)
     first = next(usable, None)
     count = len(first.ranges) if first else 0
-    kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,))])
-    rows = ((scan.stamp, valid_ranges(scan), scan.pose) for scan in chain([first] if first else [], usable))
+    kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,)), ("range_max", "f8")])
+    scans = chain([first] if first else [], usable)
+    rows = ((scan.stamp, valid_ranges(scan), scan.pose, scan.range_max_m) for scan in scans)
     kept = np.fromiter(rows, kind)  # grows in place: a log may be half as large as the memory
     kept = _longest_part(kept, path, skipped)
     if first is None or len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise ValueError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    if skipped[NOT_LATER] > MOSTLY * len(kept):
-        raise ValueError(
-            f"{path}: {skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later: its times are lost"
-        )
-    sample = kept["ranges"][:: max(1, len(kept) // 1000)]
-    finite = sample[np.isfinite(sample)]
-    if len(finite) and np.median(finite) > MILLIMETERS:
-        raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
+    _check_values(kept, path, skipped)
+    if message := note_on_changes(kept["range_max"]):
+        print(f"{path}: {message}", flush=True)
     angles, ranges = in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
     poses = kept["pose"].copy()
-    if np.abs(poses[:, 2]).max() > MAX_HEADING:
-        raise ValueError(f"{path}: some headings are {': '.join(DEGREES)}")
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped), first.range_max_m)
+    return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped), float(kept["range_max"].min()))
 
 
 def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
@@ -132,9 +129,30 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
             yield scan
 
 
+def _check_values(kept: np.ndarray, path: Path, skipped: Counter[str]) -> None:
+    """Check that the rows of a log have times that increase, ranges in meters and headings in radians.
+
+    Raises:
+        ValueError: they do not.
+    """
+    if skipped[NOT_LATER] > MOSTLY * len(kept):
+        raise ValueError(
+            f"{path}: {skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later: its times are lost"
+        )
+    sample = kept["ranges"][:: max(1, len(kept) // 1000)]
+    finite = sample[np.isfinite(sample)]
+    if len(finite) and np.median(finite) > MILLIMETERS:
+        raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
+    check_heading(float(np.abs(kept["pose"][:, 2]).max()), f"{path}: the headings look")
+
+
 def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:
-    """Return the first of the scans that have the most frequent beams; None if none has beams."""
+    """Return the first of the scans that have the most frequent beams, if possible one with a valid maximum range.
+
+    None is returned if no scan has beams.
+    """
     with_beams = [each for each in scans if len(each.ranges)]
+    with_beams = [each for each in with_beams if has_valid_range(each)] or with_beams
     return max(with_beams, key=lambda each: sum(has_same_beams(each, other) for other in with_beams), default=None)
 
 

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from repro.maps.validity import MAX_HEADING
+
 MAX_BEAMS = 100_000
-NOT_LATER = "not later than the one before"
+NOT_LATER, WITHOUT_RANGE = "not later than the one before", "without a valid maximum range"
 
 
 @dataclass(frozen=True)
@@ -46,9 +48,16 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
         return f"with another number of beams than {len(first.ranges)}"
     if first and not has_same_beams(scan, first):
         return "with other beam angles"
+    if not has_valid_range(scan):
+        return WITHOUT_RANGE
     if np.isnan(valid_ranges(scan)).all():
         return "without a valid reading"
     return None
+
+
+def has_valid_range(scan: LogScan) -> bool:
+    """Return whether the maximum range of a scan is positive and above the minimum, so that misses can be told."""
+    return scan.range_max_m > max(scan.range_min_m, 0)  # false for NaN
 
 
 def has_same_beams(scan: LogScan, other: LogScan) -> bool:
@@ -71,8 +80,19 @@ def check_beams(scan: LogScan, source: str) -> None:
             f"{source}: expected beam angles in radians within one turn, got {len(scan.ranges)} beams from "
             f"{scan.first_angle:.4g} with a spacing of {scan.spacing:.4g}"
         )
-    if not scan.range_max_m > max(scan.range_min_m, 0):
+    if not has_valid_range(scan):
         raise ValueError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
+
+
+def check_heading(heading: float, subject: str) -> None:
+    """Check that a heading, or the largest of several, may be in radians.
+
+    Raises:
+        ValueError: it is more than ten turns; the message begins with the subject.
+    """
+    if abs(heading) > MAX_HEADING:
+        expected = "expected radians, from -pi to pi if the robot turns often"
+        raise ValueError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {expected}")
 
 
 def valid_ranges(scan: LogScan) -> np.ndarray:
@@ -83,8 +103,8 @@ def valid_ranges(scan: LogScan) -> np.ndarray:
 def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
     """Return ranges [m] with inf for a miss, at or beyond the maximum, and NaN for an invalid reading, float32.
 
-    Invalid are zero, what is below the minimum, and NaN. Many lidars report a lost beam in these ways; it must not
-    mark the pixels along it as free.
+    Invalid are negative readings, zero, what is below the minimum, and NaN. Many lidars report a lost beam in these
+    ways; it must not mark the pixels along it as free.
     """
     ranges = np.asarray(ranges, dtype=np.float32)
     is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
@@ -101,6 +121,16 @@ def note_on_range(range_max_m: float, reach_m: float) -> str | None:
         f"misses show free space up to the maximum range of the lidar, {range_max_m:.4g} m; "
         f"the network was trained with {reach_m:.4g} m"
     )
+
+
+def note_on_changes(ranges_m: np.ndarray) -> str | None:
+    """Return a note about maximum ranges [m], (S,), that change between the scans of a log; None if they do not."""
+    found, counts = np.unique(ranges_m, return_counts=True)
+    if len(found) <= 1:
+        return None
+    shown = ", ".join(f"{value:.4g} m in {count} scans" for value, count in zip(found[:5], counts[:5], strict=True))
+    more = f" and {len(found) - 5} others" if len(found) > 5 else ""
+    return f"the maximum range changes, {shown}{more}: misses show free space up to the smallest, {found[0]:.4g} m"
 
 
 def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from repro.maps.validity import DEGREES, MAX_HEADING
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.readings import readings
+from repro.prediction.readings import check_heading, readings
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
 
 
@@ -92,7 +91,7 @@ class PredictionStream:
         set back, and the stream begins again with it.
 
         Args:
-            ranges: ranges [m], (N,); from `range_max_m` on a miss; zero and NaN are invalid.
+            ranges: ranges [m], (N,); from `range_max_m` on a miss; negative, zero and NaN are invalid.
             pose: x, y [m] and heading [rad] of the lidar, (3,).
             stamp: time of the scan [s].
 
@@ -144,16 +143,12 @@ class PredictionStream:
             raise ValueError(
                 f"expected ranges {self.angles.shape} and a pose (3,), got {ranges.shape} and {pose.shape}"
             )
-        is_negative = (ranges < 0).any()
         ranges = readings(ranges, 0.0, self.range_max_m)
-        if is_negative or np.isnan(ranges).all():
-            raise ValueError(
-                "ranges: some are negative or all are NaN: expected meters, inf for a miss, NaN for an invalid reading"
-            )
+        if np.isnan(ranges).all():
+            raise ValueError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
         if not np.isfinite(pose).all() or not math.isfinite(stamp):
             raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
-        if abs(pose[2]) > MAX_HEADING:
-            raise ValueError(f"the heading is {': '.join(DEGREES)}, got {pose[2]:.4g}")
+        check_heading(float(pose[2]), "the headings look")
         return ranges, pose
 
 
