@@ -77,12 +77,17 @@ class Scans:
         return self.poses[..., None, :2] + library.where(hit, self.ranges, 0)[..., None] * directions, hit
 
     def tensors(self, device: torch.device | str = "cpu", dtype: torch.dtype | None = None) -> Scans:
-        """Convert to a batch of tensors on a device, (B, T, N), (N,), (B, T, 3); float32 by default."""
+        """Convert to a batch of tensors on a device, (B, T, N), (N,), (B, T, 3); float32 by default.
+
+        If the angles fall, as those of a lidar that is mounted upside down, the order of the beams is reversed.
+        """
         torch = _torch()
         ranges, angles, poses = (
-            torch.as_tensor(array, device=device).to(dtype or torch.float32)
+            torch.as_tensor(_contiguous(array), device=device).to(dtype or torch.float32)
             for array in (self.ranges, self.angles, self.poses)
         )
+        if angles[0] > angles[-1]:
+            ranges, angles = ranges.flip(-1), angles.flip(-1)
         return Scans(ranges, angles, poses) if ranges.dim() == 3 else Scans(ranges[None], angles, poses[None])
 
 
@@ -90,6 +95,11 @@ def _torch() -> Any:
     import torch  # takes a second, and recordings need none
 
     return torch
+
+
+def _contiguous(array: Any) -> Any:
+    """Return an array with the strides and the byte order that torch takes; a tensor as it is."""
+    return np.ascontiguousarray(array, array.dtype.newbyteorder("=")) if isinstance(array, np.ndarray) else array
 
 
 def _check_array(name: str, array: Any) -> None:

@@ -228,3 +228,12 @@ def test_the_window_is_that_of_the_training_unless_another_is_chosen(small, log)
     usual, chosen = PredictionStream(trained, log.angles), PredictionStream(trained, log.angles, steps=10, step_s=0.2)
     assert (usual.steps, usual.step_s) == (40, 0.5)
     assert (chosen.steps, chosen.step_s) == (10, 0.2)
+
+
+def test_a_window_of_reversed_beams_or_another_byte_order_is_predicted(predictor, log):
+    """As of a lidar that is mounted upside down, whose arrays are views with negative strides."""
+    window = Scans(log.ranges[:STEPS], log.angles, log.poses[:STEPS])
+    reversed_beams = Scans(log.ranges[:STEPS, ::-1], log.angles[::-1], log.poses[:STEPS])
+    swapped = Scans(log.ranges[:STEPS].astype(">f4"), log.angles.astype(">f8"), log.poses[:STEPS])
+    for other in (reversed_beams, swapped):
+        assert torch.equal(predictor.predict(other), predictor.predict(window))

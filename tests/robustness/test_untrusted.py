@@ -17,6 +17,7 @@ from conftest import prepared, spent_budget
 from repro.evaluation.evaluate import evaluate, read_quantized, read_ssim
 from repro.learning.training import train
 from repro.networks.predictor import load_predictor
+from repro.prediction.readers import read_log
 from repro.recordings.reader import read_manifest, read_shards
 from repro.reporting.claims import read_claims
 from repro.reporting.verification import verify
@@ -157,6 +158,20 @@ def test_manifests(recorded, tmp_path, marker):
     (copy / "manifest.json").write_bytes(pickled(marker))
     with pytest.raises(ValueError, match="cannot be read"):
         read_manifest(copy)
+
+
+@pytest.mark.parametrize("name", ["ranges", "stamps", "range_max_m"])
+def test_logs(tmp_path, marker, name):
+    arrays = {"ranges": np.ones((5, 3)), "angles": np.linspace(-1, 1, 3), "poses": np.zeros((5, 3))}
+    arrays |= {"stamps": np.arange(5.0), "range_max_m": np.array(30.0)}
+    del arrays[name]
+    npz_with_code(tmp_path / "log.npz", name, marker)
+    with zipfile.ZipFile(tmp_path / "log.npz", "a") as archive:
+        for other, array in arrays.items():
+            with archive.open(f"{other}.npy", "w") as file:
+                np.save(file, array)
+    with pytest.raises(ValueError, match=f"{name}: expected real numbers, got object"):
+        read_log(tmp_path / "log.npz", 0.05)
 
 
 @pytest.mark.parametrize("form", [yaml_with_code, lambda marker: pickled(marker).decode("latin1")])

@@ -1,6 +1,7 @@
 """Scans with poses from ROS 1 bags, ROS 2 bags and MCAP files, read by rosbags (extra `ros`)."""
 
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -43,8 +44,7 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
                 scans = _topic(bag, path, [LASER], scan_topic)
                 transforms = _transforms(bag, path, odometry_topic)
                 reported: set[str] = set()
-                for connection, _, raw in bag.messages([c for c in bag.connections if c.topic == scans]):
-                    message: Any = bag.deserialize(raw, connection.msgtype)
+                for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == scans]):
                     frame = message.header.frame_id
                     if frame not in transforms and frame not in reported:
                         reported.add(frame)
@@ -78,20 +78,38 @@ def _topic(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> s
     return topic or max(topics, key=lambda name: topics[name].msgcount)
 
 
+def _messages(bag: AnyReader, path: Path, connections: list[Connection]) -> Iterator[tuple[Connection, Any]]:
+    """Yield the messages of some connections.
+
+    Raises:
+        ValueError: fewer than the bag counts can be read; rosbags passes over damaged records.
+    """
+    counts = {connection.topic: bag.topics[connection.topic].msgcount for connection in connections}
+    read: Counter[str] = Counter()
+    for connection, _, raw in bag.messages(connections) if connections else ():
+        read[connection.topic] += 1
+        yield connection, bag.deserialize(raw, connection.msgtype)
+    for topic, count in counts.items():
+        if read[topic] < count:
+            raise ValueError(
+                f"{path}: the bag is damaged: {read[topic]} of {count} messages on {topic} can be read; repair it, "
+                "such as with rosbag reindex, ros2 bag reindex or mcap recover"
+            )
+
+
 def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Transforms:
     """Read the transforms, only the static ones for named odometry, and odometry where its frame has none."""
     transforms, moving = Transforms(), Transforms()
     connections = [connection for connection in bag.connections if connection.msgtype in TRANSFORMS]
     if odometry_topic is not None:
         connections = [connection for connection in connections if _is_static(connection)]
-    for connection, _, raw in bag.messages(connections) if connections else ():
-        message = bag.deserialize(raw, connection.msgtype)
+    for connection, message in _messages(bag, path, connections):
         add_transforms(transforms, message, is_static=_is_static(connection))
     has_odometry = any(info.msgtype == ODOMETRY and info.msgcount for info in bag.topics.values())
     if odometry_topic is not None or has_odometry:
         topic = _topic(bag, path, [ODOMETRY], odometry_topic)
-        for connection, _, raw in bag.messages([c for c in bag.connections if c.topic == topic]):
-            add_odometry(moving, bag.deserialize(raw, connection.msgtype))
+        for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == topic]):
+            add_odometry(moving, message)
     transforms.edges = moving.edges | transforms.edges
     if all(edge.is_static for edge in transforms.edges.values()):
         raise ValueError(

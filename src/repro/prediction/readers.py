@@ -5,19 +5,17 @@ CARMEN: http://carmen.sourceforge.net/program_carmen/logger.html ("FLASER", "ROB
 
 import gzip
 import math
-import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from repro.prediction.arrays import ARRAYS, RANGE_MAX, read_arrays
 from repro.prediction.logs import ScanLog, collect
 from repro.prediction.readings import LogScan
-from repro.system.files import open_arrays
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
-ARRAYS = ("ranges", "angles", "poses", "stamps")
 CARMEN_MAX_M = 81.83  # of the SICK LMS 200 in its longest setting, where a log does not say
 CARMEN_WORDS = ("FLASER", "ROBOTLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "#")
 
@@ -75,15 +73,9 @@ def _is_carmen(head: bytes) -> bool:
 
 
 def _npz_scans(path: Path) -> Iterator[LogScan]:
-    try:
-        with open_arrays(path) as content:
-            missing = [name for name in ARRAYS if name not in content]
-            if missing:
-                raise ValueError(f"lacks {', '.join(missing)}")
-            ranges, angles, poses, stamps = (np.asarray(content[name], dtype=float) for name in ARRAYS)
-            range_max_m = float(content["range_max_m"]) if "range_max_m" in content else math.inf
-    except (ValueError, TypeError, OSError, RuntimeError, zipfile.BadZipFile, zlib.error, EOFError) as error:
-        raise ValueError(f"{path}: cannot be read ({error}): expected {', '.join(ARRAYS)}") from error
+    content = read_arrays(path)
+    ranges, angles, poses, stamps = (content[name] for name in ARRAYS)
+    range_max_m = float(content[RANGE_MAX])
     shapes = [array.shape for array in (ranges, angles, poses, stamps)]
     if ranges.ndim != 2 or shapes[1:] != [ranges.shape[1:], (len(ranges), 3), (len(ranges),)]:
         raise ValueError(f"{path}: expected ranges (S, N), angles (N,), poses (S, 3), stamps (S,), got {shapes}")
