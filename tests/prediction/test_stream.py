@@ -99,6 +99,23 @@ def test_uneven_scans_are_resampled_to_the_steps(small, rate):
     assert count > 20
 
 
+@pytest.mark.parametrize("rate", [2, 4, 7, 13])
+@pytest.mark.parametrize("center", ["robot", (25.0, 25.0)])
+def test_maps_of_a_lidar_of_another_rate_are_those_of_the_log(small, log, rate, center):
+    random = np.random.default_rng(rate)
+    count = 6 * rate
+    stamps = 1e9 + np.cumsum(random.uniform(0.9, 1.1, count)) / rate
+    log = ScanLog(stamps, log.ranges[:count], log.angles, log.poses[:count])
+    stream = PredictionStream(small, log.angles, center=center, steps=STEPS)
+    maps = [stream.update(*scan) for scan in zip(log.ranges, log.poses, log.stamps, strict=True)]
+    found = {each.stamp: each for each in maps if each}
+    expected = list(cut(log, steps=STEPS, step_s=0.1, stride_s=0.2, center=center, size_m=GRID.size_m))
+    assert len(expected) >= 10
+    for window in expected:
+        assert np.array_equal(found[window.stamp].free, small.predict(window.scans)[0])
+        assert found[window.stamp].origin == window.origin
+
+
 def feed(stream, log: ScanLog, stamps) -> list:
     return [
         stream.update(*scan) for scan in zip(log.ranges[: len(stamps)], log.poses[: len(stamps)], stamps, strict=True)

@@ -31,6 +31,22 @@ def test_a_step_takes_the_scan_nearest_in_time(rate):
         assert (nearest <= 0.5 / rate + 1e-5).all()
 
 
+@pytest.mark.parametrize("rate", [1.5, 4, 6, 7, 10, 23])
+@pytest.mark.parametrize("start", [0.0, 1.7e9])
+def test_a_window_ends_at_the_time_of_its_last_scan(rate, start):
+    """So that the map is where the robot was at that time, also if the lidar is slower than the steps."""
+    stamps = start + np.arange(0, 6, 1 / rate)
+    windows = list(cut(log_of(stamps), **OPTIONS))
+    assert all(isinstance(window, Window) for window in windows)
+    ends = [window.stamp for window in windows]
+    assert set(ends) <= set(stamps)
+    assert sorted(set(ends)) == ends
+    assert np.diff(ends).max() <= max(0.5, 1 / rate) + 1 / rate
+    for window in windows:
+        assert window.scans.ranges[-1, 0] == pytest.approx(window.stamp - stamps[0], abs=1e-5)
+        assert window.origin[0] + 25 == pytest.approx(window.stamp - stamps[0], abs=1e-5)
+
+
 @pytest.mark.parametrize(
     ("center", "origins"), [("robot", [0.9, 1.4]), ("start", [0.0, 0.0]), ([10, 100], [10.0, 10.0])]
 )

@@ -23,7 +23,7 @@ class Window:
 
     Args:
         number: its number in the log, from 1.
-        stamp: time of its last step [s].
+        stamp: time of its last step, which is that of its last scan [s].
         scans: ranges (T, N), angles (N,), poses (T, 3) on the map.
         origin: x, y of the lower left corner of the map in the frame of the log [m].
         following: the first scan after the window, on the same map: ranges (1, N), angles, poses (1, 3); None if there
@@ -40,10 +40,10 @@ class Window:
 def cut(
     log: ScanLog, *, steps: int, step_s: float, stride_s: float, center: str | tuple[float, float], size_m: float
 ) -> Iterator[Window | str]:
-    """Cut a log into windows, the last scan of each `stride_s` after that of the one before.
+    """Cut a log into windows, each of which ends with the scan nearest to `stride_s` after the one before.
 
-    Each step takes the scan nearest in time. A gap that no window can bridge divides the log: the first window after it
-    begins with the scan after the gap.
+    Each other step takes the scan nearest in time. A gap that no window can bridge divides the log: the first window
+    after it begins with the scan after the gap.
 
     Args:
         log: the log.
@@ -73,7 +73,7 @@ def cut(
         if duration < length - step_s / 2:
             yield f"{duration:.1f} s of scans from {stamps[0]:.2f} s, a window takes {length:.1f} s"
             continue
-        for end in _ends(stamps, length, stride_s):
+        for end in _ends(stamps, length, stride_s, step_s):
             number += 1
             try:
                 index = begin + steps_before(stamps, end, steps=steps, step_s=step_s)
@@ -105,10 +105,15 @@ def _check_times(gaps: np.ndarray, parts: list[np.ndarray], steps: int, step_s: 
         )
 
 
-def _ends(stamps: np.ndarray, length: float, stride_s: float) -> np.ndarray:
-    """Return the time of the last step of each window of a part without a gap, given the duration of a window [s]."""
+def _ends(stamps: np.ndarray, length: float, stride_s: float, step_s: float) -> np.ndarray:
+    """Return the times of the scans that end the windows of a part without a gap [s], given the length of a window [s].
+
+    They are those nearest to every `stride_s`, and each at most once; the first may be half a step early.
+    """
     count = int(max(stamps[-1] - stamps[0] - length, 0) / stride_s + 1e-6) + 1
-    return np.minimum(stamps[0] + length + stride_s * np.arange(count), stamps[-1])
+    wanted = stamps[0] + length + stride_s * np.arange(count)
+    late_enough = stamps[stamps - stamps[0] >= length - step_s / 2]
+    return np.unique(late_enough[_nearest(late_enough, wanted)])
 
 
 def steps_before(stamps: np.ndarray, end: float, *, steps: int, step_s: float) -> np.ndarray:
