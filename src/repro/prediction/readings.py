@@ -8,6 +8,7 @@ import numpy as np
 from repro.maps.validity import MAX_HEADING
 
 MAX_BEAMS = 100_000
+MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
 NOT_LATER, WITHOUT_RANGE = "not later than the one before", "without a valid maximum range"
 
 
@@ -120,6 +121,23 @@ def note_on_range(range_max_m: float, reach_m: float) -> str | None:
     return (
         f"misses show free space up to the maximum range of the lidar, {range_max_m:.4g} m; "
         f"the network was trained with {reach_m:.4g} m"
+    )
+
+
+def note_on_repeats(ranges: np.ndarray) -> str | None:
+    """Return a note about readings that look like misses at an unknown maximum range; None if there are none.
+
+    Args:
+        ranges: ranges [m], (S, N); inf for a miss, NaN for an invalid reading.
+    """
+    largest = np.max(ranges, where=np.isfinite(ranges), initial=0)
+    second = np.max(ranges, where=ranges < largest, initial=0)  # false for inf and NaN
+    count = int((ranges == largest).sum())
+    if not largest or count < MANY * max(1, int((ranges == second).sum())):
+        return None
+    return (
+        f"{count} readings are exactly {largest} m, which looks like the maximum range of the lidar: "
+        f"set prediction.range_max_m={str(largest).removesuffix('.0')}"
     )
 
 

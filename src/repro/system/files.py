@@ -68,7 +68,7 @@ def replacing_directory(path: Path) -> Iterator[Path]:
         shutil.rmtree(old, ignore_errors=True)
 
 
-def clear_leftovers(directory: Path, keep: Path | None = None) -> None:
+def clear_leftovers(directory: Path, keep: Path | None = None, of: str | None = None) -> None:
     """Delete the temporary files that killed processes left in a directory.
 
     A directory that was moved aside by `replacing_directory` is moved back if nothing is in its place. No other process
@@ -77,10 +77,12 @@ def clear_leftovers(directory: Path, keep: Path | None = None) -> None:
     Args:
         directory: the directory, which the caller has locked.
         keep: a temporary file that the caller itself is writing.
+        of: name of the only file or directory whose temporary files are deleted, which the caller has locked; None
+            for all.
     """
     for leftover in directory.glob("*.tmp"):
         match = LEFTOVER.fullmatch(leftover.name)
-        if leftover == keep or not match:
+        if leftover == keep or not match or of not in (None, match[1]):
             continue
         target = leftover.with_name(match[1])
         if match[2] and not target.exists():

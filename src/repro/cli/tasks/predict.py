@@ -1,6 +1,7 @@
 """task=predict: maps from a log of your own robot."""
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
@@ -17,10 +18,10 @@ from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog
 from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
-from repro.prediction.readings import note_on_range
+from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.windows import Window, cut
 from repro.system.errors import is_about_input
-from repro.system.files import replacing_directory, write_text
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
 Row = dict[str, float | str]
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
@@ -37,11 +38,11 @@ def run(job: Job) -> None:
     settings = job.call.prediction
     assert job.call.scans, "validated"
     path = Path(job.call.scans)
-    predictor = load_predictor(settings.weights)
+    predictor = _predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
     log = _log(path, step_s, settings)
-    if message := note_on_range(log.range_max_m, predictor.reach_m):
-        print(message)
+    for message in _notes(log, predictor):
+        print(message, flush=True)
     predictor, range_max_m = predictor.with_range(log.range_max_m), min(log.range_max_m, COMPARED_M)
     mcap = _mcap(log) if settings.mcap else None
     target = job.outputs.path / "predictions" / name_of(path)
@@ -49,19 +50,9 @@ def run(job: Job) -> None:
     grid = predictor.grid
     options = {"stride_s": settings.stride_s, "center": settings.center, "size_m": grid.size_m}
     windows = cut(log, steps=steps, step_s=step_s, **options)  # type: ignore[arg-type]
-    rows: list[Row] = []
-    left_out = 0
-    with replacing_directory(target) as new:
-        for window in tqdm(windows, unit="window", disable=None):
-            try:
-                if isinstance(window, str):
-                    raise ValueError(window)
-                rows.append(_predict(window, predictor, new, range_max_m))
-            except ValueError as error:
-                if not is_about_input(error):
-                    raise
-                left_out += 1
-                print(f"left out: {error}", flush=True)
+    with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
+        clear_leftovers(target.parent, keep=new, of=target.name)
+        rows, left_out = _predict_all(windows, predictor, new, range_max_m)
         if not rows:
             raise ValueError(f"{path}: none of its {left_out} windows can be used, see above")
         if settings.animate:
@@ -71,6 +62,17 @@ def run(job: Job) -> None:
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
     _warn(pd.DataFrame(rows), predictor.statistics)
     _summarize(rows, target)
+
+
+def _predictor(weights: str) -> Predictor:
+    """Load the network.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if not Path(weights).exists():
+        raise ValueError(f"prediction.weights: {weights}: no such file or directory")
+    return load_predictor(weights)
 
 
 def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
@@ -99,6 +101,14 @@ def _log(path: Path, step_s: float, settings: Prediction) -> ScanLog:
     return log
 
 
+def _notes(log: ScanLog, predictor: Predictor) -> list[str]:
+    """Return what the user should know about the maximum range of a log."""
+    notes = [note_on_range(log.range_max_m, predictor.reach_m)]
+    if math.isinf(log.range_max_m):
+        notes.append(note_on_repeats(log.ranges))
+    return [note for note in notes if note]
+
+
 def name_of(log: Path) -> str:
     """Return the name of a log without the suffixes of its kind."""
     name = log.resolve().name
@@ -117,13 +127,36 @@ def _mcap(log: ScanLog) -> ModuleType:
     return mcap
 
 
+def _predict_all(
+    windows: Iterable[Window | str], predictor: Predictor, directory: Path, range_max_m: float
+) -> tuple[list[Row], int]:
+    """Predict the windows; print the reasons for which some are left out, each once, and return rows and their number.
+
+    Raises:
+        ValueError: of a library; those about a window leave it out.
+    """
+    rows: list[Row] = []
+    left_out: dict[str, list[str]] = {}
+    for window in tqdm(windows, unit="window", disable=None):
+        if isinstance(window, str):
+            left_out.setdefault(window, []).append("")
+            continue
+        try:
+            rows.append(_predict(window, predictor, directory, range_max_m))
+        except ValueError as error:
+            if not is_about_input(error):
+                raise
+            left_out.setdefault(str(error), []).append(f"window {window.number} at {window.stamp:.2f} s: ")
+    for reason, names in left_out.items():
+        many = f"{len(names)} windows, the first is {names[0]}" if len(names) > 1 else names[0]
+        print(f"left out: {many}{reason}", flush=True)
+    return rows, sum(map(len, left_out.values()))
+
+
 def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> Row:
     """Predict one window, write its files and return its row."""
     grid = predictor.grid
-    try:
-        free = predictor.predict(window.scans)[0].numpy()
-    except ValueError as error:
-        raise ValueError(f"window {window.number} at {window.stamp:.2f} s: {error}") from error
+    free = predictor.predict(window.scans)[0].numpy()
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), free, window, grid)
     write_map(stem, free, window, grid)

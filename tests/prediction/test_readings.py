@@ -1,0 +1,36 @@
+"""Messages about the maximum range of a lidar."""
+
+import numpy as np
+import pytest
+
+from repro.prediction.readings import note_on_changes, note_on_repeats
+
+
+def ranges(misses: float, count: int) -> np.ndarray:
+    """Return readings to the centimeter, of which some are misses."""
+    found = np.random.default_rng(0).uniform(1, 11.9, (50, 40)).round(2).astype(np.float32)
+    found[0, 0], found[0, 1] = np.nan, np.inf
+    found[1:].flat[:count] = misses
+    return found
+
+
+@pytest.mark.parametrize(("misses", "option"), [(12.0, "12"), (12.3, "12.3"), (29.999998, "29.999998")])
+def test_readings_that_repeat_at_the_largest_value_look_like_the_maximum_range(misses, option):
+    note = note_on_repeats(ranges(misses, 120))
+    assert note is not None
+    assert note.startswith("120 readings are exactly ")
+    assert note.endswith(f"set prediction.range_max_m={option}")
+
+
+def test_readings_without_a_largest_value_that_repeats_do_not():
+    assert note_on_repeats(ranges(12.0, 3)) is None
+    assert note_on_repeats(ranges(5.0, 120)) is None
+    assert note_on_repeats(np.full((3, 4), np.inf, np.float32)) is None
+    assert note_on_repeats(np.full((3, 4), np.nan, np.float32)) is None
+
+
+def test_a_maximum_range_that_stays_has_no_note():
+    assert note_on_changes(np.full(5, 30.0)) is None
+    many = note_on_changes(np.arange(1.0, 9.0))
+    assert many is not None
+    assert "5 m in 1 scans and 3 others" in many

@@ -1,0 +1,77 @@
+"""task=predict in this process, with a small network."""
+
+import os
+import uuid
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from conftest import ROOT
+
+from repro.cli.tasks import predict
+from repro.config import paper_model
+from repro.maps.grid import Grid
+from repro.maps.projection import Projection
+from repro.networks.create import create_network
+from repro.networks.predictor import Predictor
+
+EXAMPLE = ROOT / "examples" / "square.npz"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Return a function that predicts a log to `tmp_path`."""
+    torch.manual_seed(0)
+    predictor = Predictor(create_network(paper_model("fpn")).eval(), Projection(), Grid(32, 50.0))
+    monkeypatch.setattr(predict, "load_predictor", lambda path: predictor)
+
+    def call(scans: Path = EXAMPLE, **changes: object) -> None:
+        settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
+        settings |= {"fov_deg": None, "range_max_m": None, "animate": False, "scan_topic": None, "odometry_topic": None}
+        chosen = SimpleNamespace(**settings | changes)
+        job = SimpleNamespace(
+            call=SimpleNamespace(prediction=chosen, scans=str(scans)), outputs=SimpleNamespace(path=tmp_path)
+        )
+        predict.run(job)  # type: ignore[arg-type]
+
+    return call
+
+
+def test_windows_with_the_same_reason_are_one_line(run, capsys):
+    with pytest.raises(ValueError, match="none of its 6 windows can be used, see above"):
+        run(center=(1000.0, 1000.0))
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left out")]
+    assert len(lines) == 1
+    assert "left out: 6 windows, the first is window 1 at 0.90 s: 10 of 10 poses are outside the map" in lines[0]
+
+
+def test_weights_that_do_not_exist_are_named(run, tmp_path):
+    with pytest.raises(ValueError, match=r"^prediction.weights: .*/nothing: no such file or directory$"):
+        run(weights=str(tmp_path / "nothing"))
+
+
+def test_misses_at_an_unknown_maximum_range_are_named(run, tmp_path, capsys):
+    log = dict(np.load(EXAMPLE))
+    del log["range_max_m"]
+    np.savez(tmp_path / "log.npz", **log | {"ranges": np.minimum(log["ranges"], 15.0)})
+    run(tmp_path / "log.npz")
+    count = (log["ranges"] >= 15).sum()
+    assert f"{count} readings are exactly 15.0 m, which looks like the maximum range" in capsys.readouterr().out
+    run(tmp_path / "log.npz", range_max_m=15.0)
+    assert "looks like" not in capsys.readouterr().out
+
+
+def test_what_a_killed_prediction_left_is_deleted(run, tmp_path):
+    """Not what it left of another log, which may be predicted at the same time."""
+    directory = tmp_path / "predictions"
+    ours, other = (directory / f"{name}.{uuid.uuid4().hex}.tmp" for name in ("square", "other"))
+    for leftover in (ours, other):
+        leftover.mkdir(parents=True)
+        (leftover / "window-0001.npz").touch()
+    run()
+    assert not ours.exists()
+    assert other.exists()
+    assert set(os.listdir(directory)) == {"square", ".square.lock", other.name}
+    assert (directory / "square" / "windows.csv").is_file()
