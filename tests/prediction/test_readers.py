@@ -3,7 +3,6 @@
 import gzip
 import math
 import os
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -400,91 +399,6 @@ def test_what_is_no_log_is_refused_with_its_name(name, tmp_path):
     with pytest.raises(ValueError, match=message) as refused:
         read_log(path, 0.05)
     assert str(path) in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"angles": None}, "lacks angles"),
-        ({"poses": POSES[:-1]}, "expected ranges"),
-        ({"ranges": RANGES[0]}, "expected ranges"),
-        ({"angles": np.radians(np.arange(-90, 91)) ** 3}, "not evenly spaced"),
-        ({"angles": np.arange(-90.0, 91)}, "in radians"),
-        ({"angles": np.full(BEAMS, np.nan)}, "not evenly spaced"),
-        ({"ranges": np.array([[object()]])}, "ranges: expected real numbers, got object"),
-        ({"range_max_m": -1.0}, "positive maximum range"),
-        ({"range_max_m": np.array([12.0, 13.0])}, r"range_max_m: expected one number, got an array of shape \(2,\)"),
-        ({"range_max_m": np.array("far")}, "range_max_m: expected real numbers, got <U3"),
-        ({"ranges": RANGES + 1j}, "ranges: expected real numbers, got complex128"),
-        ({"ranges": RANGES > 2.5}, "ranges: expected real numbers, got bool"),
-        ({"stamps": STAMPS.astype("datetime64[s]")}, r"stamps: expected real numbers, got datetime64\[s\]"),
-    ],
-)
-def test_arrays_that_are_no_log_are_refused(change, message, tmp_path):
-    arrays = {"ranges": RANGES, "angles": np.radians(np.arange(-90, 91)), "poses": POSES, "stamps": STAMPS} | change
-    np.savez(tmp_path / "log.npz", **{name: array for name, array in arrays.items() if array is not None})
-    with pytest.raises(ValueError, match=message):
-        read_log(tmp_path / "log.npz", 0.05)
-
-
-def npz_with(path: Path, header: bytes, method: int = zipfile.ZIP_DEFLATED) -> Path:
-    """Write a log whose ranges have another header and few data."""
-    np.savez(path, angles=np.radians(np.arange(-90, 91)), poses=POSES, stamps=STAMPS)
-    with zipfile.ZipFile(path, "a", method) as archive:
-        magic = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little")
-        archive.writestr("ranges.npy", magic + header + bytes(999))
-    return path
-
-
-@pytest.mark.parametrize(
-    ("shape", "message"),
-    [
-        ("(1000000000000, 181)", r"ranges: is damaged: shape \(1000000000000, 181\) of float64, but 999 bytes of data"),
-        (f"({10**26}, 181)", "ranges: is damaged: shape"),
-        ("(30, 181", r"cannot be read \(.*Error"),
-        ("(30, '181')", "cannot be read .*shape is not valid"),
-        ("()" * 5000, "cannot be read .*Error"),
-    ],
-)
-def test_npz_files_with_damaged_headers_are_refused(shape, message, tmp_path):
-    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
-    path = npz_with(tmp_path / "log.npz", header)
-    with pytest.raises(ValueError, match=message) as refused:
-        read_log(path, 0.05)
-    assert str(path) in str(refused.value)
-
-
-@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
-def test_npz_files_with_damaged_data_are_refused(method, tmp_path):
-    """Bytes at many places are altered; the checksum of the archive finds all of them."""
-    path = tmp_path / "log.npz"
-    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({SCANS}, {BEAMS}), }}\n".encode()
-    magic = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little")
-    np.savez(path, angles=np.radians(np.arange(-90, 91)), poses=POSES, stamps=STAMPS)
-    begin = path.stat().st_size
-    with zipfile.ZipFile(path, "a", method) as archive:
-        archive.writestr("ranges.npy", magic + header + RANGES.tobytes())
-        (size,) = (each.compress_size for each in archive.infolist() if each.filename == "ranges.npy")
-        begin = archive.getinfo("ranges.npy").header_offset + 40
-    data = path.read_bytes()
-    assert len(read_log(path, 0.05)) == SCANS
-    for place in range(begin, begin + size - 40, size // 40):
-        path.write_bytes(data[:place] + b"\xff" * 20 + data[place + 20 :])
-        with pytest.raises(ValueError, match=r"cannot be read|is damaged|expected real numbers"):
-            read_log(path, 0.05)
-
-
-def test_an_npz_that_does_not_fit_in_the_memory_is_refused(tmp_path, monkeypatch):
-    np.savez(tmp_path / "log.npz", ranges=RANGES, angles=np.radians(np.arange(-90, 91)), poses=POSES, stamps=STAMPS)
-    monkeypatch.setattr("repro.prediction.arrays.available_memory_gb", lambda: 1e-6)
-    with pytest.raises(ValueError, match=r"ranges: needs 4.34e-05 GB of memory, 1e-06 GB are"):
-        read_log(tmp_path / "log.npz", 0.05)
-
-
-def test_a_maximum_range_may_be_an_array_of_one_number(tmp_path):
-    arrays = {"ranges": RANGES, "angles": np.radians(np.arange(-90, 91)), "poses": POSES, "stamps": STAMPS}
-    np.savez(tmp_path / "log.npz", **arrays, range_max_m=np.array([81.83]))
-    expect(read_log(tmp_path / "log.npz", 0.05))
 
 
 def test_a_bag_of_which_messages_are_lost_is_refused(tmp_path):

@@ -1,0 +1,97 @@
+"""Arrays of npz logs that are damaged, of other types, or larger than the file or the memory."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from repro.prediction.readers import read_log
+
+SCANS, BEAMS = 30, 181
+STAMPS = 100 + 0.1 * np.arange(SCANS)
+POSES = np.stack([0.05 * np.arange(SCANS), -0.02 * np.arange(SCANS), 0.03 * np.arange(SCANS)], axis=-1)
+RANGES = 2 + np.random.default_rng(0).random((SCANS, BEAMS))
+OTHERS = {"angles": np.radians(np.arange(-90, 91)), "poses": POSES, "stamps": STAMPS}
+ARRAYS = OTHERS | {"ranges": RANGES}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"angles": None}, "lacks angles"),
+        ({"poses": POSES[:-1]}, "expected ranges"),
+        ({"ranges": RANGES[0]}, "expected ranges"),
+        ({"angles": np.radians(np.arange(-90, 91)) ** 3}, "not evenly spaced"),
+        ({"angles": np.arange(-90.0, 91)}, "in radians"),
+        ({"angles": np.full(BEAMS, np.nan)}, "not evenly spaced"),
+        ({"ranges": np.array([[object()]])}, "ranges: expected real numbers, got object"),
+        ({"range_max_m": -1.0}, "positive maximum range"),
+        ({"range_max_m": np.array([12.0, 13.0])}, r"range_max_m: expected one number, got an array of shape \(2,\)"),
+        ({"range_max_m": np.array("far")}, "range_max_m: expected real numbers, got <U3"),
+        ({"ranges": RANGES + 1j}, "ranges: expected real numbers, got complex128"),
+        ({"ranges": RANGES > 2.5}, "ranges: expected real numbers, got bool"),
+        ({"stamps": STAMPS.astype("datetime64[s]")}, r"stamps: expected real numbers, got datetime64\[s\]"),
+    ],
+)
+def test_arrays_that_are_no_log_are_refused(change, message, tmp_path):
+    arrays = ARRAYS | change
+    np.savez(tmp_path / "log.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(ValueError, match=message):
+        read_log(tmp_path / "log.npz", 0.05)
+
+
+def write(path: Path, shape: str, data: bytes, method: int = zipfile.ZIP_DEFLATED) -> None:
+    """Write a log whose ranges have a header and data that may not belong together."""
+    np.savez(path, **OTHERS)
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+    with zipfile.ZipFile(path, "a", method) as archive:
+        archive.writestr("ranges.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + data)
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ("(1000000000000, 181)", r"ranges: is damaged: shape \(1000000000000, 181\) of float64, but 999 bytes of data"),
+        (f"({10**26}, 181)", "ranges: is damaged: shape"),
+        ("(30, 181", r"cannot be read \(.*Error"),
+        ("(30, '181')", "cannot be read .*shape is not valid"),
+        ("()" * 5000, "cannot be read .*Error"),
+    ],
+)
+def test_npz_files_with_damaged_headers_are_refused(shape, message, tmp_path):
+    path = tmp_path / "log.npz"
+    write(path, shape, bytes(999))
+    with pytest.raises(ValueError, match=message) as refused:
+        read_log(path, 0.05)
+    assert str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
+def test_npz_files_with_damaged_data_are_refused(method, tmp_path):
+    """Bytes at many places are altered; the checksum of the archive finds all of them."""
+    path = tmp_path / "log.npz"
+    write(path, f"({SCANS}, {BEAMS})", RANGES.tobytes(), method)
+    with zipfile.ZipFile(path) as archive:
+        member = archive.getinfo("ranges.npy")
+    begin, end = member.header_offset + 40, member.header_offset + member.compress_size
+    data = path.read_bytes()
+    assert len(read_log(path, 0.05)) == SCANS
+    for place in range(begin, end, (end - begin) // 40):
+        path.write_bytes(data[:place] + b"\xff" * 20 + data[place + 20 :])
+        with pytest.raises(ValueError, match=r"cannot be read|is damaged|expected real numbers"):
+            read_log(path, 0.05)
+
+
+def test_an_npz_that_does_not_fit_in_the_memory_is_refused(tmp_path, monkeypatch):
+    np.savez(tmp_path / "log.npz", **ARRAYS)
+    monkeypatch.setattr("repro.prediction.arrays.available_memory_gb", lambda: 1e-6)
+    with pytest.raises(ValueError, match=r"ranges: needs 4.34e-05 GB of memory, 1e-06 GB are"):
+        read_log(tmp_path / "log.npz", 0.05)
+
+
+def test_a_maximum_range_may_be_an_array_of_one_number(tmp_path):
+    np.savez(tmp_path / "log.npz", **ARRAYS, range_max_m=np.array([81.83]))
+    log = read_log(tmp_path / "log.npz", 0.05)
+    assert log.range_max_m == 81.83
+    assert len(log) == SCANS
