@@ -6,13 +6,13 @@ import os
 from repro.system.errors import is_about_input
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
-_ROOM = "free some space; complete files stay complete, and the same command resumes"
+_ROOM = "free some space and repeat the command; complete files stay complete"
 _WRITABLE = "choose a directory that can be written with outputs="
 _FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choose another outputs="
 _FIXES = {
     errno.ENOSPC: _ROOM,
     errno.EDQUOT: _ROOM,
-    errno.EFBIG: "raise the limit on the size of files (ulimit -f); the same command resumes",
+    errno.EFBIG: "raise the limit on the size of files (ulimit -f) and repeat the command",
     errno.EROFS: _WRITABLE,
     errno.EACCES: _WRITABLE,
     errno.EPERM: _WRITABLE,
