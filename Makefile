@@ -84,7 +84,7 @@ bench: setup ## speed and memory as ratios to a plain implementation, on this ma
 demo: setup ## one HTML file that runs a network in the browser
 	$(PY) run.py task=demo $(SCALE_ARG) $(ARGS)
 
-docs: setup ## update the generated tables of README.md and docs/ from reproduce/results
+docs: setup ## update the generated tables of README.md and docs/, and the published reports, from reproduce/results
 	$(PY) run.py task=docs
 
 clean: ## delete caches and .venv; outputs/ stays

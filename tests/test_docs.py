@@ -13,6 +13,7 @@ from conftest import ROOT
 from hydra._internal.utils import get_args_parser
 
 from repro.cli import composition
+from repro.reporting.published_report import render_published
 from repro.reporting.readme import with_results
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "DEVIATIONS.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -84,6 +85,11 @@ def run_command(command: str, outputs: Path) -> str:
 def test_generated_tables_are_those_of_the_published_results(page):
     text = page.read_text()
     assert with_results(text, ROOT / "reproduce" / "results") == text, "run `make docs`"
+
+
+@pytest.mark.parametrize("report", sorted((ROOT / "reproduce" / "results").glob("*/report.html")), ids=named)
+def test_published_reports_are_those_of_the_published_results(report):
+    assert render_published(report.parent) == report.read_text(), "run `make docs`"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)

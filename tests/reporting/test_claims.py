@@ -232,6 +232,6 @@ def test_the_page_of_worlds_that_are_not_the_papers_has_no_claims():
     analysis = ROOT / "reproduce" / "results" / "laptop" / "analysis"
     frames = {path.stem: read_rows(path) for path in analysis.glob("*.csv")}
     for claims, number in ((frames["claims"], 1), (frames["claims"].iloc[:0], 0)):
-        page = render(Report("laptop", "", "", "", {}, frames, claims, {}, {}, {}))
+        page = render(Report("laptop", "", "", "", {}, frames, claims, {}, "", {}))
         assert page.count('<section id="claims">') == page.count('<ul class="cards">') == number
         assert page.count('href="#claims"') == number

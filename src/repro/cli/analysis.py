@@ -19,7 +19,7 @@ from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.captions import caption
 from repro.reporting.claims import count_verdicts, judge, read_claims
 from repro.reporting.numbers import analysis_rows
-from repro.reporting.page import Report, render
+from repro.reporting.page import Report, render, samples_json
 from repro.reporting.results import audits, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import write_tables
@@ -117,7 +117,7 @@ def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], r
         frames=frames,
         claims=frames["claims"],
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
-        samples={experiment: load_samples(outputs, experiment, mine) for experiment, mine in shown.items()},
+        samples=samples_json({name: load_samples(outputs, name, mine) for name, mine in shown.items()}),
         origins={str(key.path): run.provenance() for key, run in runs.items()},
     )
     write_text(outputs.path / "report.html", render(report))

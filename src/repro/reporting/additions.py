@@ -28,8 +28,8 @@ def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: 
     """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
 
     Tables, runs, provenance and the README.md are made anew from all runs. To the tables of the analysis, the rows are
-    added of what they do not have yet, such as another network, and its figures are drawn anew; the page and the other
-    figures stay those of the earlier publication.
+    added of what they do not have yet, such as another network, and its figures are drawn anew; the other figures and
+    the samples of the report stay those of the earlier publication. `task=docs` makes the rest of the report anew.
 
     Args:
         outputs: the outputs directory with the new runs, analyzed by task=analysis.

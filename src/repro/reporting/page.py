@@ -44,7 +44,7 @@ class Report:
         frames: the frames of `evaluation.analysis.gather`, and `audit`.
         claims: see `claims.judge`.
         figures: PNG files by name.
-        samples: see `evaluation.samples.load_samples`, by experiment.
+        samples: see `samples_json`; empty without samples.
         origins: provenance of each run by its path.
     """
 
@@ -56,7 +56,7 @@ class Report:
     frames: DataFrames
     claims: pd.DataFrame
     figures: dict[str, Path]
-    samples: dict[str, list[Sample]]
+    samples: str
     origins: dict[str, Provenance]
 
 
@@ -88,20 +88,23 @@ def render(report: Report) -> str:
         tables=[_table(table, intervals) for table in report.tables.values() if len(table.frame)],
         audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
         claims=[_claim(row) for row in report.claims.to_dict("records")],
-        browser=_browser(report.samples),
+        browser=report.samples,
         parts=parts,
     )
 
 
 def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
-    """Return the rows of a table; each cell has our value, its interval, the difference to the paper and a tint."""
+    """Return the rows of a table; each cell has our value, its interval, the difference to the paper and a tint.
+
+    An interval of other seeds than those of the row is left out.
+    """
     rows = []
     for _, row in table.frame.iterrows():
         cells = []
         for metric in TABLE_METRICS:
             cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
             key = (*row[CELL], metric)
-            if key in intervals.index:
+            if key in intervals.index and intervals.loc[key, "seeds"] == row["seeds"]:
                 low, high = intervals.loc[key, ["low", "high"]]
                 cell["interval"] = f"[{low:.3f}, {high:.3f}]"
             delta = row[f"delta_{metric}"]
@@ -157,8 +160,12 @@ def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
     }
 
 
-def _browser(samples: dict[str, list[Sample]]) -> str:
-    """Return the samples as JSON for a script element, with `</` escaped so that it cannot close the element."""
+def samples_json(samples: dict[str, list[Sample]]) -> str:
+    """Return samples as JSON for a script element, with `</` escaped so that it cannot close the element.
+
+    Args:
+        samples: see `evaluation.samples.load_samples`, by experiment.
+    """
     experiments = []
     for experiment, recordings in samples.items():
         shown = [
