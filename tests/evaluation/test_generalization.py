@@ -72,6 +72,13 @@ def test_dropped_beams_are_misses(scans):
     assert after / before == pytest.approx(0.75, abs=0.02)
 
 
+def test_a_step_takes_the_nearest_of_the_scans_that_are_left():
+    steps = np.arange(7.0)
+    scans = Scans(np.tile(steps[:, None], (2, 1, 3)), np.zeros(3), np.tile(steps[:, None], (2, 1, 3)))
+    slower = generalization.skipped_scans(scans, 2, np.random.default_rng(0))
+    assert slower.ranges[1, :, 0].tolist() == slower.poses[1, :, 0].tolist() == [0, 0, 3, 3, 3, 6, 6]
+
+
 @pytest.mark.parametrize("change", [change for change, _ in generalization.CHANGES.values()])
 def test_a_change_of_zero_changes_nothing(scans, change):
     same = change(scans, 0.0, np.random.default_rng(0))
@@ -138,7 +145,7 @@ def test_every_row_has_the_range_of_the_tested_lidar(tmp_path, monkeypatch, rang
     is_range = rows["shift"] == "maximum range [m]"
     assert set(rows[~is_range]["reach_m"]) == {reach_m}
     assert rows[is_range]["reach_m"].tolist() == [10, 15, 20, 30]
-    assert len(rows) == 31
+    assert len(rows) == 35
 
 
 def test_a_test_replaces_its_own_rows_only():
@@ -171,7 +178,8 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
     ],
 )
 def test_the_published_rows_are_those_of_the_published_weights(weights, published, experiment, tmp_path, monkeypatch):
-    for name, amounts in (("CHANGES", {}), ("FIELDS_OF_VIEW", ()), ("RANGES_M", (15,)), ("SPEEDS", (2,))):
+    changes = {"scans skipped": (generalization.skipped_scans, (4.0,))}
+    for name, amounts in (("CHANGES", changes), ("FIELDS_OF_VIEW", ()), ("RANGES_M", (15,)), ("SPEEDS", (2,))):
         monkeypatch.setattr(generalization, name, amounts)
     results = ROOT / "reproduce" / "results"
     world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
@@ -181,5 +189,5 @@ def test_the_published_rows_are_those_of_the_published_weights(weights, publishe
 
     rows = read_rows(results / published / "analysis" / "generalization.csv")
     both = table.merge(rows, on=["shift", "tested", "metric"], suffixes=("", "_published"))
-    assert set(both["shift"]) == {"maximum range [m]", "obstacles' speed [times]"}
+    assert set(both["shift"]) == {"scans skipped", "maximum range [m]", "obstacles' speed [times]"}
     assert both["value"].to_numpy() == pytest.approx(both["value_published"].to_numpy(), abs=2e-3)

@@ -64,11 +64,20 @@ def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans
     return dataclasses.replace(scans, ranges=np.where(dropped, np.inf, scans.ranges))
 
 
+def skipped_scans(scans: Scans, skipped: float, _: np.random.Generator) -> Scans:
+    """Skip a number of scans between any two, counted from the last; a step takes the nearest scan that is left."""
+    count = scans.ranges.shape[-2]
+    kept = np.arange(count - 1, -1, -1 - int(skipped))
+    index = kept[np.abs(np.arange(count)[:, None] - kept).argmin(1)]
+    return dataclasses.replace(scans, ranges=scans.ranges[..., index, :], poses=scans.poses[..., index, :])
+
+
 CHANGES: dict[str, tuple[Change, tuple[float, ...]]] = {
     "range noise [m]": (noisy_ranges, (0.0, 0.05, 0.1, 0.2, 0.5)),
     "pose noise [m]": (noisy_poses, (0.0, 0.1, 0.25, 0.5)),
     "odometry error": (drifted_poses, (0.0, 0.01, 0.02, 0.05, 0.1)),
     "beams dropped": (dropped_beams, (0.0, 0.25, 0.5)),
+    "scans skipped": (skipped_scans, (0.0, 1.0, 4.0, 9.0)),
 }
 
 
