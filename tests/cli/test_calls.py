@@ -73,6 +73,20 @@ def test_a_file_of_conf_cannot_configure_hydra(tmp_path, content):
     assert not (tmp_path / "written").exists()
 
 
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("null: 2", "a configuration file has a key that is no text"),
+        ("world: !!set {a, b}", "a configuration file has a key that is no text"),
+        ("world: {width: !!binary aGVsbG8=}", "world.world.width=b'hello': must be a valid number"),
+    ],
+)
+def test_a_world_of_values_that_only_yaml_has_is_refused(tmp_path, content, reason):
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "odd.yaml").write_text(f"defaults: [office, _self_]\n{content}\n")
+    assert reason in refuse("--config-dir", str(tmp_path), "task=world", "world=odd", "exp=people")
+
+
 def test_every_job_of_a_sweep_is_composed():
     arguments = get_args_parser().parse_args(["-m", "model=unet,fpn", "exp=3,4", "seed=0"])
     jobs = [(job.model.name, job.exp, job.seed) for job in composition.compose_jobs(arguments)]

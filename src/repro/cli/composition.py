@@ -153,7 +153,8 @@ def composition_errors(error: Exception) -> list[str]:
     """Explain why a call cannot be parsed or composed, each reason in one line where it is known."""
     if isinstance(error, YAMLError | UnicodeDecodeError | RecursionError):
         return [f"a configuration file cannot be read: {' '.join(str(error).split())}"]
-    first, *rest = (line.strip() for line in str(error).split("\nConfig search path")[0].splitlines())
+    lines = [line.strip() for line in str(error).split("\nConfig search path")[0].splitlines()]
+    first, *rest = lines or ["a configuration file has a key that is no text"]  # OmegaConf states nothing
     if isinstance(error, OverrideParseException):
         key, equals, value = error.override.partition("=")
         if not (key and equals):

@@ -64,7 +64,8 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
             ConfigError("world.experiments", numbers, f"names of experiments are strings: write {quoted} in the YAML")
         ]
     try:
-        Worlds.model_validate_json(json.dumps(world))  # JSON, for strict types and lists where the schema has tuples
+        # JSON, for strict types and lists where the schema has tuples; other values of YAML become text
+        Worlds.model_validate_json(json.dumps(world, default=str))
     except ValidationError as error:
         return _once(config_errors_of(error, "world."))
     errors = []
