@@ -158,21 +158,19 @@ def test_a_network_of_the_user_has_a_row_for_every_input_but_those_without_decay
     tables = make_tables(read_results(Outputs(tmp_path)))
     rows = [line.split(" | ")[1] for line in tables["main"].to_markdown().splitlines() if line.startswith("| 3")]
     assert rows == ["U-Net", "mynet", "mynet, series10"]
-    others = "in those of task=analysis: ConvLSTM, series10 and 1 more networks and inputs."
-    assert tables["main"].caption.endswith(f"Not in the tables, but {others}")
-    assert "Not in the tables" not in tables["ablation"].caption
+    assert tables["main"].note.endswith("task=analysis only: ConvLSTM, series10 and 1 more networks and inputs.")
+    assert not tables["ablation"].note
 
 
 def test_an_empty_main_table_names_what_is_evaluated_with_other_inputs(tmp_path):
     fake_run(tmp_path, "3", "unet", 0.6, encoding=Encoding("series10", {"frames": 10}))
     table = make_tables(read_results(Outputs(tmp_path)))["main"]
     assert table.frame.empty
-    assert "No run evaluated yet" not in table.caption
-    assert table.caption.endswith("task=analysis: U-Net, series10.")
+    assert table.note.endswith("task=analysis only: U-Net, series10.")
 
 
 def test_what_the_tables_have_is_not_named_again(tmp_path):
     fake_study(tmp_path)
     fake_run(tmp_path, "3", "unet", 0.5, decay=False)
     fake_run(tmp_path, "3", "convgru", 0.7, encoding=Encoding("series10", {"frames": 10}))
-    assert "Not in the tables" not in make_tables(read_results(Outputs(tmp_path)))["main"].caption
+    assert not make_tables(read_results(Outputs(tmp_path)))["main"].note

@@ -38,10 +38,11 @@ COST_DIGITS = {"size_px": 0, "parameters_m": 2, "forward_gflop": 2}  # decimals;
 
 @dataclass(frozen=True)
 class Table:
-    """Rows with named columns, and their caption; empty if no run is evaluated."""
+    """Rows with named columns, and their caption; empty if no run is evaluated. The note is for the terminal."""
 
     frame: pd.DataFrame
     caption: str
+    note: str = ""
 
     def to_markdown(self) -> str:
         """Return the table as Markdown, one row per model: our number, and the paper's in brackets."""
@@ -109,27 +110,26 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
     tables = {}
     for name, encoding in TABLE_ENCODINGS.items():
         rows = select(results, encoding) if len(results) else results
-        others = _elsewhere(results, name)
+        note = _not_shown(results) if name == "main" else ""
         if rows.empty:
-            tables[name] = Table(pd.DataFrame(), f"{TABLE_TITLES[name]}.{others or ' No run evaluated yet.'}")
+            tables[name] = Table(pd.DataFrame(), f"{TABLE_TITLES[name]}. No run evaluated yet.", note)
         else:
-            facts = caption(rows) + missing(rows, encoding) + others
-            tables[name] = Table(compare(results, encoding), f"{TABLE_TITLES[name]}. {facts}")
+            facts = caption(rows) + missing(rows, encoding)
+            tables[name] = Table(compare(results, encoding), f"{TABLE_TITLES[name]}. {facts}", note)
     return tables
 
 
-def _elsewhere(results: pd.DataFrame, table: str) -> str:
-    """Count the networks and inputs that are in neither table, for the caption of the main table; empty if none."""
-    if table != "main" or results.empty:
+def _not_shown(results: pd.DataFrame) -> str:
+    """Count the evaluated networks and inputs that are in neither table; empty if none."""
+    if results.empty:
         return ""
     shown = pd.concat([select(results, encoding) for encoding in TABLE_ENCODINGS.values()]).index
     others = results[(results["encoding"] != "") & ~results.index.isin(shown)]
     titles = list(dict.fromkeys(map(predictor_title, others["model"], others["encoding"])))
     if not titles:
         return ""
-    return f" Not in the tables, but in those of task=analysis: {titles[0]}" + (
-        f" and {len(titles) - 1} more networks and inputs." if titles[1:] else "."
-    )
+    more = f" and {len(titles) - 1} more networks and inputs" if titles[1:] else ""
+    return f"Evaluated, but in the tables of task=analysis only: {titles[0]}{more}."
 
 
 def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str, Table]:
