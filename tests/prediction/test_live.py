@@ -148,11 +148,16 @@ def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second(predictor):
     check(robot, expected(predictor, 30))
 
 
-def test_misses_of_a_lidar_that_reaches_less_far_free_its_own_range():
+def robot_that_sees_free_space() -> Robot:
+    """Return a robot whose network, not trained, takes misses as free up to 30 m."""
     torch.manual_seed(0)
     encoding = create_encoding("observed_free", {})
     network = create_network(paper_model("unet"), in_channels=encoding.channels).eval()
-    robot = Robot(Predictor(network, encoding, Grid(32, 50.0)))
+    return Robot(Predictor(network, encoding, Grid(32, 50.0)))
+
+
+def test_misses_of_a_lidar_that_reaches_less_far_free_its_own_range():
+    robot = robot_that_sees_free_space()
     for step in range(25):
         robot.mapper.add_odometry(odometry(step))
         robot.mapper.add_scan(scan(step, range_max=12.0))
@@ -198,10 +203,7 @@ def test_a_first_scan_without_a_valid_maximum_range_is_skipped(predictor):
 
 def test_the_smallest_maximum_range_holds_for_the_misses_of_all_scans():
     """As in a log; a hit of another scan beyond it stays a hit."""
-    torch.manual_seed(0)
-    encoding = create_encoding("observed_free", {})
-    network = create_network(paper_model("unet"), in_channels=encoding.channels).eval()
-    robot = Robot(Predictor(network, encoding, Grid(32, 50.0)))
+    robot = robot_that_sees_free_space()
     for step in range(25):
         robot.mapper.add_odometry(odometry(step))
         robot.mapper.add_scan(scan(step, range_max=12.0 if step == 20 else 30.0))

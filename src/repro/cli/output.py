@@ -20,7 +20,8 @@ def print_tables(outputs: Outputs, names: tuple[str, ...]) -> list[str]:
     for name, table in write_tables(outputs, errors).items():
         if name in names:
             print("\n" + table.to_markdown())
-            print(*filter(None, [table.note]), sep="\n")
+            if table.note:
+                print(table.note)
     print(f"Tables: {outputs.tables}", flush=True)
     for error in errors:
         print(f"error: left out of the tables: {error}", file=sys.stderr)

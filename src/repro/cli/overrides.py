@@ -25,8 +25,7 @@ def override_errors(override: Override, multirun: bool) -> list[str]:
     if key in TEXTS or key in GROUPS:
         changed = _changed_texts(override, written.partition("=")[2])
         if changed:
-            text = f"'{key}=\"...\"'"
-            return [f"{written}: Hydra reads this as {', '.join(changed)}; for a name, quote it: {text}"]
+            return [f"{written}: Hydra reads this as {', '.join(changed)}; for a name, quote it: '{key}=\"...\"'"]
     return _group_errors(override, written) if key in GROUPS and not override.is_sweep_override() else []
 
 

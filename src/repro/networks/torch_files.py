@@ -43,11 +43,7 @@ def read_torch(directory: Path) -> tuple[Network, Description]:
     Raises:
         ValueError: files are missing, differ from the checksum, describe no predictor, or hold no network.
     """
-    fix = f"{directory} must be written by task=train or task=export"
-    try:
-        content = read_mapping(directory / DESCRIPTION, fix)
-    except RecursionError as error:
-        raise ValueError(f"{directory / DESCRIPTION} cannot be read (it is nested too deeply): {fix}") from error
+    content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
     expected = content.pop("sha256", None)
     missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
     if missing or _checksum(content, directory) != expected:

@@ -50,19 +50,20 @@ class RunConfig:
 def settings_of(model: Model, encoding: Encoding, train: Training) -> dict[str, Any]:
     """Return the settings of a network by their keys on the command line, such as train.batch_size."""
     parts: dict[str, Model | Encoding | Training] = {"model": model, "encoding": encoding, "train": train}
-    flat = _flatten({name: dataclasses.asdict(part) for name, part in parts.items()})
+    flat = flatten({name: dataclasses.asdict(part) for name, part in parts.items()})
     return {key: value for key, value in flat.items() if key not in IN_KEY}
 
 
 def differences(existing: RunConfig | Data, requested: RunConfig | Data, ignored: frozenset[str] = frozenset()) -> str:
     """Describe the differences of two configurations, `key is ..., requested ...`; empty without any."""
-    first, second = (_flatten(dataclasses.asdict(one)) for one in (existing, requested))
+    first, second = (flatten(dataclasses.asdict(one)) for one in (existing, requested))
     keys = [key for key in first | second if first.get(key) != second.get(key) and key not in ignored]
     return "; ".join(f"{key} is {first.get(key)}, requested {second.get(key)}" for key in keys)
 
 
-def _flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+def flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return a nested mapping as one level, its keys joined by dots after a prefix."""
     flat: dict[str, Any] = {}
     for key, value in content.items():
-        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+        flat |= flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
     return flat

@@ -18,7 +18,7 @@ outputs/<scale>/
 
 import dataclasses
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -234,11 +234,11 @@ class Outputs:
         Raises:
             ValueError: another run has other data, or another seed other settings; the message names the differences.
         """
-        others: list[tuple[Run, RunConfig]] = []
         for run in self.runs():
-            with suppress(ValueError):
-                others.append((run, run.config()))
-        for run, other in others:
+            try:
+                other = run.config()
+            except ValueError:
+                continue
             ignored = frozenset[str]() if other.experiment == config.experiment else frozenset(["worlds"])
             listing = differences(other.data, config.data, ignored)
             if listing:

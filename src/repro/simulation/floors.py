@@ -65,11 +65,7 @@ def read_floor(path: Path) -> Floor:
     Source: nav2_map_server, map_io.cpp. Cells that are not opaque are unknown here in both modes; in mode trinary, Nav2
     averages opacity and color, so that its transparent cells are not free either.
     """
-    fix = "floor_map= takes the YAML of a map of map_server"
-    try:
-        content = read_typed(MapFile, path, fix)
-    except RecursionError as error:
-        raise ValueError(f"{path} cannot be read (it is nested too deeply): {fix}") from error
+    content = read_typed(MapFile, path, "floor_map= takes the YAML of a map of map_server")
     if content.origin[2] != 0:
         raise ValueError(f"{path}: expected an origin with heading 0, got {content.origin[2]}: rotate the map")
     free = _largest_area(_free_cells(path.parent / content.image, content), path)

@@ -112,7 +112,7 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
         fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file is missing, truncated, empty, or does not hold a mapping.
+        ValueError: the file is missing, truncated, empty, nested too deeply, or does not hold a mapping.
     """
     try:
         content = (
@@ -120,8 +120,9 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
             if path.suffix == ".json"
             else yaml.safe_load(path.read_text(encoding="utf-8"))
         )
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ValueError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
+    except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
+        problem = "it is nested too deeply" if isinstance(error, RecursionError) else first_line(error)
+        raise ValueError(f"{path} cannot be read ({problem}): {fix}") from error
     if not isinstance(content, dict):
         raise ValueError(f"{path} cannot be read (expected a mapping, got {type(content).__name__}): {fix}")
     return content

@@ -1,6 +1,5 @@
 """task=publish: copy the results of an outputs directory into reproduce/results, and its tables into the docs."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
@@ -15,8 +14,9 @@ from repro.config import OLDEST_GRAY, Encoding, Model, Scale, Training, plain
 from repro.reporting.additions import add_to_published
 from repro.reporting.paper import world_files
 from repro.reporting.publish import publish
-from repro.reporting.published_readme import Recipe
-from repro.runs.config import settings_of
+from repro.reporting.published_readme import Recipe, overrides
+from repro.reporting.settings import changed
+from repro.runs.config import flatten, settings_of
 from repro.runs.provenance import Status
 
 
@@ -57,8 +57,4 @@ def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: st
 
 def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
     """Yield the overrides of the values that differ from the usual ones, also in nested groups."""
-    for key, value in values.items():
-        if isinstance(value, dict):
-            yield from changes(f"{path}.{key}", value, usual[key])
-        elif value != usual[key]:
-            yield f" {path}.{key}={json.dumps(value)}"
+    return overrides(changed(flatten(values, f"{path}."), flatten(usual, f"{path}.")))
