@@ -29,3 +29,9 @@ def test_visibility_is_the_area_of_hit_obstacles(recorded):
                 seen += area * shard.seen[2 * world : 2 * world + 2, number].sum()
     assert coverage_and_visibility(recorded, "test", GRID)["visibility"] == pytest.approx(seen / total)
     assert 0.7 < seen / total <= 1
+
+
+def test_obstacles_that_cover_no_pixel_are_refused(recorded):
+    centre_is_clear = Grid(1, 50.0)  # its only pixel has its centre where the robot rotates
+    with pytest.raises(ValueError, match="no obstacle of test covers the centre of a pixel.*50.00 m wide"):
+        coverage_and_visibility(recorded, "test", centre_is_clear)

@@ -22,6 +22,9 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
         `coverage`, the mean share of the map that obstacles cover at the last step, and `visibility`, the share of
         the obstacle area that belongs to obstacles hit at least once, which the specificity of a predictor that marks
         only these cannot exceed.
+
+    Raises:
+        ValueError: no obstacle of the split covers the centre of a pixel.
     """
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in read_shards(recordings, split):
@@ -33,4 +36,9 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
         for twin in (0, 1):
             seen_px += area[shard.seen[2 * shard.world + twin, rank]].sum()
             all_px += area.sum()
+    if not all_px:
+        raise ValueError(
+            f"no obstacle of {split} covers the centre of a pixel: expected obstacles larger than the pixels, "
+            f"which are {grid.resolution_m:.2f} m wide; enlarge the obstacles or scale.size_px (now {grid.size_px})"
+        )
     return {"coverage": covered_px / maps_px, "visibility": float(seen_px / all_px)}
