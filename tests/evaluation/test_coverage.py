@@ -32,6 +32,6 @@ def test_visibility_is_the_area_of_hit_obstacles(recorded):
 
 
 def test_obstacles_that_cover_no_pixel_are_refused(recorded):
-    centre_is_clear = Grid(1, 50.0)  # its only pixel has its centre where the robot rotates
-    with pytest.raises(ValueError, match="no obstacle of test covers the centre of a pixel.*50.00 m wide"):
-        coverage_and_visibility(recorded, "test", centre_is_clear)
+    center_is_clear = Grid(1, 50.0)  # its only pixel has its center where the robot rotates
+    with pytest.raises(ValueError, match=r"no obstacle of test covers the center of a pixel.*50.00 m wide"):
+        coverage_and_visibility(recorded, "test", center_is_clear)

@@ -1,14 +1,13 @@
-import math
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-import torch
 import yaml
 from PIL import Image
 
 from repro.maps.grid import Grid
-from repro.prediction.output import agreement, draw, write_map, write_probabilities
+from repro.prediction.output import draw, write_map, write_probabilities
 from repro.prediction.windows import Window
 from repro.scans import Scans
 
@@ -68,18 +67,11 @@ def test_probabilities_are_stored_with_their_place_and_time(tmp_path):
         assert (float(content["resolution"]), float(content["stamp"])) == (0.5, 12.5)
 
 
-def test_agreement_counts_hits_on_obstacles_and_passed_pixels():
-    free = np.ones((100, 100))
-    wall = GRID.centers().reshape(100, 100, 2)[..., 0] > 30  # x beyond 30 m is an obstacle
-    free[wall.numpy()] = 0
-    angles = np.linspace(-0.5, 0.5, 101)
-    pose = np.array([[25.0, 25.0, 0.0]])
-    exact = Scans(torch.as_tensor(5 / np.cos(angles))[None], torch.as_tensor(angles), torch.as_tensor(pose))
-    assert agreement(free, exact, GRID, 30.0) == (1.0, 1.0)
-    short = Scans(exact.ranges / 2, exact.angles, exact.poses)
-    assert agreement(free, short, GRID, 30.0) == (0.0, 1.0)
-    hits, passed = agreement(free, Scans(3 * exact.ranges, exact.angles, exact.poses), GRID, 30.0)
-    assert hits == 1.0
-    assert 0.1 < passed < 0.5
-    misses = Scans(torch.full_like(exact.ranges, math.inf), exact.angles, exact.poses)
-    assert math.isnan(agreement(free, misses, GRID, 30.0)[0])
+def test_the_figure_shows_the_beams_that_were_held_out():
+    first = window()
+    held_out = Scans(np.array([[np.nan, 4.0, 6.0, np.inf]]), np.array([0.0, 0.5, 1.0, 1.5]), first.scans.poses)
+    figure = draw(replace(first, held_out=held_out), np.ones((100, 100)), GRID)
+    others, last, *_ = figure.axes[2].lines
+    assert (len(others.get_xdata()), len(last.get_xdata())) == (2, 3)
+    assert figure.axes[2].get_title() == "last scan, orange: held out"
+    plt.close(figure)

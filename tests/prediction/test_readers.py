@@ -339,6 +339,26 @@ def test_a_log_is_cropped_to_the_beams_ahead(first):
     log = ScanLog(np.arange(2.0), ranges, angles, np.zeros((2, 3))).crop(math.radians(90))
     assert np.degrees(log.angles) == pytest.approx(np.arange(-45, 46), abs=1e-6)
     assert log.ranges[0] == pytest.approx(np.cos(log.angles))
+    held_out, all_angles = log.held_out(1)
+    assert all_angles is angles
+    assert np.isnan(held_out[0]).sum() == 91
+    others = ~np.isnan(held_out[0])
+    assert (np.cos(angles[others]) < math.cos(math.radians(45))).all()
+    assert held_out[0, others] == pytest.approx(ranges[1, others])
+
+
+def test_a_crop_that_keeps_all_beams_holds_none_out():
+    log = ScanLog(np.arange(2.0), np.ones((2, 3)), np.array([-0.1, 0, 0.1]), np.zeros((2, 3)))
+    assert log.held_out(0) is None
+    assert log.crop(math.radians(90)).held_out(0) is None
+
+
+def test_the_maximum_range_also_ends_the_beams_outside_of_the_crop():
+    angles = np.radians(np.arange(-90, 91))
+    log = ScanLog(np.arange(2.0), np.full((2, 181), 12.0), angles, np.zeros((2, 3)))
+    for each in (log.crop(1.0).with_range(10.0), log.with_range(10.0).crop(1.0)):
+        held_out, _ = each.held_out(0)
+        assert np.isinf(held_out[~np.isnan(held_out)]).all()
 
 
 def altered(data: bytes) -> bytes:

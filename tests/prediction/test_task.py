@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from conftest import ROOT
@@ -75,3 +76,15 @@ def test_what_a_killed_prediction_left_is_deleted(run, tmp_path):
     assert other.exists()
     assert set(os.listdir(directory)) == {"square", ".square.lock", other.name}
     assert (directory / "square" / "windows.csv").is_file()
+
+
+def test_a_crop_adds_the_agreement_with_the_beams_outside_of_it(run, tmp_path, capsys):
+    run(fov_deg=45.0)
+    table = pd.read_csv(tmp_path / "predictions" / "square" / "windows.csv")
+    for prefix in ("held_out_", "last_seen_held_out_"):
+        for name in ("hits_on_obstacles", "passed_pixels_free"):
+            assert table[f"{prefix}{name}"].dropna().between(0, 1).all()
+    assert (table["last_seen_held_out_passed_pixels_free"] > 0.8).all()
+    assert "the beams outside of the crop: " in capsys.readouterr().out
+    run()
+    assert not [name for name in pd.read_csv(tmp_path / "predictions" / "square" / "windows.csv") if "held" in name]

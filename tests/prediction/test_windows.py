@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,15 @@ def test_scans_that_are_too_rare_are_an_error_that_names_the_step_to_use():
     with pytest.raises(ValueError, match=r"a scan every 3.4 s, .* use prediction.step_s=3.4"):
         list(cut(log, step_s=0.1, **options))
     assert all(isinstance(window, Window) for window in cut(log, step_s=3.4, **options))
+
+
+def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
+    log = replace(log_of(np.arange(0, 1.5, 0.1)), angles=np.array([-0.1, 0, 0.1]))
+    wide = replace(log, ranges=np.repeat(log.ranges, 2, axis=1)[:, :5], angles=np.linspace(-1, 1, 5))
+    for window, cropped in zip(cut(wide, **OPTIONS), cut(wide.crop(1.2), **OPTIONS), strict=True):
+        assert window.held_out is None
+        assert cropped.scans.ranges.shape == (10, 3)
+        held_out = cropped.held_out.ranges[0]
+        assert np.isnan(held_out[1:4]).all()
+        assert held_out[[0, 4]] == pytest.approx(window.scans.ranges[-1, [0, 4]])
+        assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])

@@ -5,7 +5,7 @@ from typing import Any
 
 from repro.config import UNKNOWN_KEY, ConfigError
 
-OPTIONAL = ("noise", "std", "angle_std", "fixed", "parameters")  # keys that the files of conf/ may leave out
+OPTIONAL = ("noise", "std", "angle_std", "fixed", "rooms", "parameters")  # keys that the files of conf/ may leave out
 
 
 def unknown_key(key: str, value: Any, values: dict[str, Any]) -> ConfigError:

@@ -24,7 +24,7 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
         only these cannot exceed.
 
     Raises:
-        ValueError: no obstacle of the split covers the centre of a pixel.
+        ValueError: no obstacle of the split covers the center of a pixel.
     """
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in read_shards(recordings, split):
@@ -38,7 +38,7 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
             all_px += area.sum()
     if not all_px:
         raise ValueError(
-            f"no obstacle of {split} covers the centre of a pixel: expected obstacles larger than the pixels, "
+            f"no obstacle of {split} covers the center of a pixel: expected obstacles larger than the pixels, "
             f"which are {grid.resolution_m:.2f} m wide; enlarge the obstacles or scale.size_px (now {grid.size_px})"
         )
     return {"coverage": covered_px / maps_px, "visibility": float(seen_px / all_px)}

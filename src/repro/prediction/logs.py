@@ -41,6 +41,7 @@ class ScanLog:
         poses: x, y [m] and heading [rad] of the lidar, (S, 3).
         skipped: number of scans that were left out, by reason.
         range_max_m: smallest range that means a miss [m].
+        uncropped: the log before `crop`; None if it was not cropped.
     """
 
     stamps: np.ndarray
@@ -49,26 +50,53 @@ class ScanLog:
     poses: np.ndarray
     skipped: dict[str, int] = field(default_factory=dict)
     range_max_m: float = math.inf
+    uncropped: "ScanLog | None" = None
 
     def __len__(self) -> int:
         return len(self.stamps)
 
     def with_range(self, range_max_m: float) -> "ScanLog":
         """Return the log of a lidar with this maximum range [m], from which on a reading is a miss."""
-        return replace(self, ranges=readings(self.ranges, 0.0, range_max_m), range_max_m=range_max_m)
+        uncropped = self.uncropped.with_range(range_max_m) if self.uncropped else None
+        ranges = readings(self.ranges, 0.0, range_max_m)
+        return replace(self, ranges=ranges, range_max_m=range_max_m, uncropped=uncropped)
 
     def crop(self, fov_rad: float) -> "ScanLog":
-        """Return the log with the beams within a field of view around straight ahead.
+        """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.
 
         Raises:
             ValueError: fewer than two beams are within it.
         """
-        ahead = (self.angles + math.pi) % (2 * math.pi) - math.pi  # a lidar may count its angles from 0 to a full turn
+        ahead = _from_ahead(self.angles)
         inside = np.flatnonzero(np.abs(ahead) <= fov_rad / 2 + 1e-6)
         if len(inside) < 2:
             raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
         inside = inside[np.argsort(ahead[inside])]
-        return replace(self, ranges=np.ascontiguousarray(self.ranges[:, inside]), angles=ahead[inside])
+        uncropped = self if len(inside) < len(ahead) else None
+        ranges = np.ascontiguousarray(self.ranges[:, inside])
+        return replace(self, ranges=ranges, angles=ahead[inside], uncropped=uncropped)
+
+    def held_out(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return a scan of the beams that the crop removed.
+
+        Args:
+            index: number of the scan.
+
+        Returns:
+            ranges [m], (1, M), of all beams before the crop, NaN for those that it kept, and their angles [rad], (M,);
+            None if the log was not cropped.
+        """
+        if self.uncropped is None:
+            return None
+        angles, ranges = self.uncropped.angles, self.uncropped.ranges[index : index + 1]
+        ahead = _from_ahead(angles)
+        kept = (ahead >= self.angles[0]) & (ahead <= self.angles[-1])
+        return np.where(kept, np.nan, ranges), angles
+
+
+def _from_ahead(angles: np.ndarray) -> np.ndarray:
+    """Return angles from -pi to pi [rad]; a lidar may count them from 0 to a full turn."""
+    return (angles + math.pi) % (2 * math.pi) - math.pi
 
 
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:

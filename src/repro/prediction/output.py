@@ -1,4 +1,4 @@
-"""Files of a prediction: probabilities, a map for map_server, a figure; and how well the next scan agrees with it."""
+"""Files of a prediction: probabilities, a map for map_server, and a figure."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,14 +9,11 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
-from scipy.ndimage import minimum_filter
 
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection, newest_hits
-from repro.maps.visibility import newest_visible
+from repro.maps.projection import Projection
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
-from repro.scans import Scans
 from repro.system.files import open_arrays
 
 FREE_BELOW, OCCUPIED_ABOVE = 0.25, 0.65  # probabilities of an obstacle, the defaults of nav2_map_server
@@ -62,26 +59,6 @@ def write_map(stem: Path, free: np.ndarray, window: Window, grid: Grid) -> None:
     stem.with_suffix(".yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
-def agreement(free: np.ndarray, following: Scans, grid: Grid, range_max_m: float) -> tuple[float, float]:
-    """Compare a map with the first scan after its window, which needs no true map.
-
-    Args:
-        free: probability of free, (H, W).
-        following: the scan, a batch of one window of one step.
-        grid: grid of the map.
-        range_max_m: maximum range of the lidar [m].
-
-    Returns:
-        share of the hit pixels at most one pixel from a predicted obstacle, and share of the pixels that the beams
-        pass over that are predicted free. NaN where there are none.
-    """
-    scan = following.tensors()
-    hits = (newest_hits(scan, grid) > 0)[0].numpy()
-    passed = (newest_visible(scan, grid, range_max_m, margin_m=-grid.resolution_m) > 0)[0].numpy() & ~hits
-    near_obstacle = minimum_filter(free, 3) < 0.5
-    return _share(near_obstacle[hits]), _share(free[passed] >= 0.5)
-
-
 def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
     """Draw the hits of a window (the paper's image, also for networks with another input), the map, the last scan."""
     left, bottom = window.origin
@@ -91,9 +68,11 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
     hits = Projection().encode(window.scans.tensors(), grid)[0, 0]
     _image(axes[0], hits.numpy(), extent, "hits of the window, dark is recent")
     _image(axes[1], 255 * free, extent, f"predicted map at {window.stamp:.1f} s")
-    points, hit = (each[-1] for each in window.scans.points())
-    _image(axes[2], np.full_like(free, 255), extent, "last scan")
-    axes[2].plot(*(points[hit] + window.origin).T, ".", color="#b3261e", markersize=2)
+    _image(axes[2], np.full_like(free, 255), extent, "last scan" + (", orange: held out" if window.held_out else ""))
+    for scan, color in ((window.held_out, "#e08a00"), (window.scans, "#b3261e")):
+        if scan:
+            points, hit = (each[-1] for each in scan.points())
+            axes[2].plot(*(points[hit] + window.origin).T, ".", color=color, markersize=2)
     for ax in axes:
         path = window.scans.poses[:, :2] + window.origin
         ax.plot(*path.T, color="#0b6e99", linewidth=1)
@@ -106,7 +85,3 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
 def _image(ax: Axes, image: np.ndarray, extent: tuple[float, float, float, float], title: str) -> None:
     ax.imshow(image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
     ax.set(title=title, xlim=extent[:2], ylim=extent[2:])
-
-
-def _share(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else float("nan")

@@ -28,6 +28,8 @@ class Window:
         origin: x, y of the lower left corner of the map in the frame of the log [m].
         following: the first scan after the window, on the same map: ranges (1, N), angles, poses (1, 3); None if there
             is none.
+        held_out: the scan at the end of the window by the beams outside of a cropped field of view, on the same map:
+            ranges (1, M), NaN for the beams inside, angles, poses (1, 3); None if the log was not cropped.
     """
 
     number: int
@@ -35,6 +37,7 @@ class Window:
     scans: Scans
     origin: tuple[float, float]
     following: Scans | None
+    held_out: Scans | None = None
 
 
 def cut(
@@ -84,7 +87,8 @@ def cut(
             last = index[-1] + 1
             following = _on_map(log, slice(last, last + 1), origin) if last < begin + len(stamps) else None
             corner = (float(origin[0]), float(origin[1]))
-            yield Window(number, float(end), _on_map(log, index, origin), corner, following)
+            held_out = _held_out(log, last - 1, origin)
+            yield Window(number, float(end), _on_map(log, index, origin), corner, following, held_out)
 
 
 def _check_times(gaps: np.ndarray, parts: list[np.ndarray], steps: int, step_s: float) -> None:
@@ -171,3 +175,8 @@ def _center(center: str | tuple[float, float], log: ScanLog, last: int) -> np.nd
 
 def _on_map(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans:
     return on_map(log.ranges[index], log.angles, log.poses[index], origin)
+
+
+def _held_out(log: ScanLog, index: int, origin: np.ndarray) -> Scans | None:
+    scan = log.held_out(index)
+    return on_map(*scan, log.poses[index : index + 1], origin) if scan else None

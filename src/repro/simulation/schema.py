@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from repro.config import ConfigError, config_errors_of, populations, world_spec
 from repro.simulation.motions import recorded_steps, top_speeds
-from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Name, Part, Populations, Robot, World
+from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Name, Part, Populations, Robot, Rooms, World
 from repro.simulation.shapes import geometry, shape_radius
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
 
@@ -29,11 +29,12 @@ class Experiment(Part):
     obstacles: Populations
     clear_radius_m: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)]
     fixed: FixedList = Field(default_factory=list)
+    rooms: Rooms | None = None
 
     @model_validator(mode="after")
     def _has_obstacles(self) -> "Experiment":
-        if not self.fixed and self.obstacles == []:
-            raise ValueError("has no obstacles: name a population in obstacles, or fixed obstacles")
+        if not self.fixed and not self.rooms and self.obstacles == []:
+            raise ValueError("has no obstacles: name a population in obstacles, fixed obstacles, or rooms")
         return self
 
 
@@ -45,6 +46,7 @@ class Worlds(Part):
     motions: dict[Name, Motion]
     obstacles: dict[Name, Populations]
     fixed: dict[Name, FixedList] = Field(default_factory=dict)
+    rooms: dict[Name, Rooms] = Field(default_factory=dict)
     experiments: dict[Name, Experiment]
 
 
@@ -137,7 +139,8 @@ def _error_of_steps(spec: dict[str, Any]) -> str | None:
     cannot cross a wall.
     """
     all_populations = populations(spec)
-    if not spec.get("fixed") and all(population.get("behavior") for population in all_populations):
+    has_walls = spec.get("fixed") or "rooms" in spec
+    if not has_walls and all(population.get("behavior") for population in all_populations):
         return None
     for population in all_populations:
         if behavior := population.get("behavior"):

@@ -131,6 +131,21 @@ class Fixed(Part):
     state: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
 
 
+class Rooms(Part):
+    """Walls with doors and corridors that are sampled for every world."""
+
+    side_m: LengthRange
+    door_m: LengthRange
+    corridor_m: LengthRange
+    corridor_share: Annotated[float, Field(ge=0, le=1)]
+
+    @model_validator(mode="after")
+    def _has_doors(self) -> "Rooms":
+        if self.door_m[1] > self.side_m[0]:
+            raise ValueError(f"doors of {self.door_m[1]:g} m are wider than the shortest side of {self.side_m[0]:g} m")
+        return self
+
+
 class Robot(Part):
     """A disc-shaped differential-drive robot with one lidar; its start pose follows from the motion."""
 

@@ -21,6 +21,7 @@ from repro.config import populations
 from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
 from repro.simulation.placement import Attempts, Site, sample_obstacles
+from repro.simulation.rooms import sample_rooms
 from repro.simulation.shapes import Line, boundaries, shape_radius, union
 from repro.system.files import write_text
 
@@ -35,8 +36,9 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     Args:
         spec: `world` and `robot` as IR-SIM reads them, `experiment` (its name), `motion` (the robot's
             behavior), `obstacles` (a population or several: `count`, `radius_m`, `aspect`, `disc_share`, or `shapes`,
-            and, for moving obstacles, `behavior`), `clear_radius_m` (radius of the zone without obstacles) and
-            `fixed` (obstacles of every world, optional); see docs/worlds.md.
+            and, for moving obstacles, `behavior`), `clear_radius_m` (radius of the zone without obstacles),
+            `fixed` (obstacles of every world, optional) and `rooms` (walls that differ from world to world, optional);
+            see docs/worlds.md.
         seed: any non-negative integer; the same seed gives the same world.
 
     Raises:
@@ -45,10 +47,12 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     check_spec(spec)
     _check_room(spec)
     rng = np.random.default_rng([experiment_number(spec["experiment"]), seed])
-    world, fixed = copy.deepcopy(spec["world"]), fixed_obstacles(spec)
-    walls, attempts = union(fixed), Attempts()
+    world, attempts = copy.deepcopy(spec["world"]), Attempts()
     for _ in range(_RESTARTS):
-        motion = spec["motion"]
+        fixed = fixed_obstacles(spec)
+        if "rooms" in spec:
+            fixed += sample_rooms(rng, spec["rooms"], world["width"])
+        walls, motion = union(fixed), spec["motion"]
         if motion["name"] == "random_goals":
             motion = to_waypoints(rng, motion, world, walls, spec["robot"]["shape"]["radius"])
         obstacles = sample_obstacles(rng, populations(spec), _site(spec, motion, walls, boundaries(fixed)), attempts)
@@ -92,7 +96,8 @@ def check_spec(spec: dict[str, Any]) -> None:
     """Check the combination of values: the map is square, and the robot stays in its zone and off fixed obstacles.
 
     Raises:
-        ValueError: the map is not square, or the robot would leave its zone or touch a fixed obstacle.
+        ValueError: the map is not square, or the robot would leave its zone, touch a fixed obstacle or cross the walls
+            of rooms.
     """
     world, motion, clear_m = spec["world"], spec["motion"], spec["clear_radius_m"]
     radius_m = spec["robot"]["shape"].get("radius", 0)
@@ -101,6 +106,8 @@ def check_spec(spec: dict[str, Any]) -> None:
             f"the world must be square, got world.world.width={world['width']} and height={world['height']}"
         )
     if motion["name"] != "random_goals":
+        if "rooms" in spec:
+            raise ValueError(f"rooms need the motion random_goals, which avoids their walls, got {motion['name']}")
         check_path(motion, world, union(fixed_obstacles(spec)), radius_m)
     if is_drive(motion):
         if 0 < clear_m < radius_m:

@@ -12,11 +12,13 @@ from tqdm import tqdm
 
 from repro.cli.config import Prediction
 from repro.cli.jobs import Job
+from repro.maps.grid import Grid
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.agreement import agreement, last_seen, measured
 from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog
-from repro.prediction.output import agreement, draw, read_maps, window_number, write_map, write_probabilities
+from repro.prediction.output import draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.windows import Window, cut
@@ -26,6 +28,12 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 Row = dict[str, float | str]
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
+SHARES = ("hits_on_obstacles", "passed_pixels_free")  # columns
+COMPARISONS = {  # by the prefix of their columns
+    "": "the next scan",
+    "held_out_": "the beams outside of the crop",
+    "last_seen_held_out_": "the same beams, with the map of the last hits in place of the network",
+}
 SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 
 
@@ -167,12 +175,30 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
     measured = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
     row |= measured | {"outside_training": " ".join(_outside(measured, predictor.statistics))}
+    compared = _compare(window, free, grid, range_max_m)
     if window.following:
-        hits, passed = agreement(free, window.following, grid, range_max_m)
-        row |= {"hits_on_obstacles": hits, "passed_pixels_free": passed}
+        hits, passed = compared["hits_on_obstacles"], compared["passed_pixels_free"]
         line += f"; next scan: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free"
     print(line, flush=True)
-    return row
+    return row | compared
+
+
+def _compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:
+    """Compare a map with the next scan and, on a cropped log, with the held-out beams; these also with `last_seen`."""
+    compared: dict[str, float] = {}
+    if window.following:
+        following = measured(window.following, grid, range_max_m)
+        compared |= _named("", agreement(free, following).shares)
+    if window.held_out:
+        held_out = measured(window.held_out, grid, range_max_m)
+        compared |= _named("held_out_", agreement(free, held_out).shares)
+        baseline, _ = last_seen(window.scans, grid, range_max_m)
+        compared |= _named("last_seen_held_out_", agreement(baseline, held_out).shares)
+    return compared
+
+
+def _named(prefix: str, shares: tuple[float, float]) -> dict[str, float]:
+    return {f"{prefix}{name}": share for name, share in zip(SHARES, shares, strict=True)}
 
 
 def _outside(measured: dict[str, float], statistics: Statistics | None) -> list[str]:
@@ -215,10 +241,10 @@ def _describe(log: ScanLog) -> None:
 
 def _summarize(rows: list[Row], target: Path) -> None:
     table = pd.DataFrame(rows)
-    if "hits_on_obstacles" in table:
-        means = table[["hits_on_obstacles", "passed_pixels_free"]].mean()
-        print(
-            f"{len(rows)} windows; of the scans that follow them, {means['hits_on_obstacles']:.0%} of the hits are on "
-            f"predicted obstacles and {means['passed_pixels_free']:.0%} of the passed pixels are predicted free"
-        )
+    print(f"{len(table)} windows; mean share of the hits on obstacles, and of the passed pixels that are free:")
+    for prefix, title in COMPARISONS.items():
+        columns = [prefix + name for name in SHARES]
+        if set(columns) <= set(table):
+            hits, passed = table[columns].mean()
+            print(f"  {title}: {hits:.0%}, {passed:.0%}")
     print(target)

@@ -1,0 +1,133 @@
+"""Rooms that differ from world to world: doors, connection, and agreement with plain IR-SIM."""
+
+import copy
+
+import numpy as np
+import pytest
+import shapely
+from conftest import ROOT
+
+from repro.config import read_world, world_spec
+from repro.simulation.rooms import sample_rooms
+from repro.simulation.schema import world_errors
+from repro.simulation.shapes import union
+from repro.simulation.simulator import check_replay, drive_robot, simulate
+from repro.simulation.worlds import reverse_direction, sample_world
+
+WORLD = read_world(ROOT / "conf" / "world" / "rooms.yaml")
+SPEC = world_spec(WORLD, "people")
+ROOMS, WIDTH = SPEC["rooms"], 25.0
+SEEDS = range(20)
+
+
+def walls_of(seed: int, **changes: object) -> shapely.Geometry:
+    """Return all walls of a floor, also those that are not on the map, turned to the axes."""
+    walls = sample_rooms(np.random.default_rng(seed), {**ROOMS, **changes}, WIDTH)
+    return shapely.union_all([shapely.LineString(wall["shape"]["vertices"]) for wall in walls])
+
+
+def test_the_same_seed_has_the_same_rooms_and_another_seed_others():
+    assert walls_of(1).equals(walls_of(1))
+    assert not walls_of(1).equals(walls_of(2))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_robot_that_fits_the_doors_reaches_every_room(seed):
+    """All free places in the circle around which the map may turn are connected, also with the radius of the robot."""
+    walls = walls_of(seed)
+    reach = shapely.Point(WIDTH / 2, WIDTH / 2).buffer(WIDTH / 2)  # rooms may be connected outside of the map
+    free = shapely.box(0, 0, WIDTH, WIDTH).difference(walls.buffer(0.3))
+    parts = [part for part in shapely.get_parts(free) if part.intersects(reach.buffer(-ROOMS["side_m"][1]))]
+    assert len(parts) == 1
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_rooms_are_as_large_as_asked(seed):
+    """A disc as wide as the shortest side fits into a room; one as wide as twice the longest touches a wall."""
+    walls = walls_of(seed, corridor_share=0.0)
+    places = np.random.default_rng(seed).uniform(WIDTH * 0.35, WIDTH * 0.65, (500, 2))
+    distances = shapely.distance(walls, shapely.points(places))
+    assert distances.max() >= ROOMS["side_m"][0] / 2 * 0.8
+    assert distances.max() <= ROOMS["side_m"][1]
+
+
+def gaps_m(seed: int, **changes: object) -> np.ndarray:
+    """Return the distances between the lines of all pairs of parallel walls [m]."""
+    walls = sample_rooms(np.random.default_rng(seed), {**ROOMS, **changes}, WIDTH)
+    ends = np.array([wall["shape"]["vertices"] for wall in walls])
+    along = (ends[:, 1] - ends[:, 0]) / np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1, keepdims=True)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    between = ends[None, :, 0] - ends[:, None, 0]
+    parallel = np.abs(along @ across.T) < 1e-6
+    return np.abs((between * across[:, None]).sum(-1))[parallel]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_corridors_are_as_wide_as_asked_and_optional(seed):
+    width = {"corridor_m": [1.7, 1.7]}
+    assert np.isclose(gaps_m(seed, corridor_share=1.0, **width), 1.7).any()
+    assert not np.isclose(gaps_m(seed, corridor_share=0.0, **width), 1.7).any()
+
+
+def test_every_world_has_its_own_rooms_and_twins_share_them():
+    first, second = (sample_world(SPEC, seed) for seed in (0, 1))
+    count = first["custom"]["fixed"]
+    assert first["obstacle"][:count] != second["obstacle"][:count]
+    assert reverse_direction(first)["obstacle"] == first["obstacle"]
+    assert sample_world(SPEC, 0) == first
+
+
+def test_the_robot_and_the_people_keep_off_the_walls():
+    for seed in range(5):
+        world = sample_world(SPEC, seed)
+        walls = union(world["obstacle"][: world["custom"]["fixed"]])
+        assert shapely.distance(walls, shapely.LineString(drive_robot(world)[:, :2])) >= 0.3 - 1e-6
+        recording = simulate(world)
+        for obstacle, states in zip(world["obstacle"], recording.states, strict=True):
+            if obstacle["kinematics"]["name"] != "static":
+                places = shapely.points(states[:, :2])
+                assert shapely.distance(walls, places).min() >= obstacle["shape"]["radius"] - 1e-6
+
+
+def test_worlds_with_rooms_agree_with_plain_irsim():
+    world = sample_world(SPEC, 3)
+    for item in (world, reverse_direction(world)):
+        assert check_replay(item, simulate(item)) < 1e-9
+
+
+REFUSED = {
+    "another motion": (
+        {"motions.goals": {"name": "rotate", "steps": 60}},
+        "rooms need the motion random_goals, which avoids their walls, got rotate",
+    ),
+    "wide doors": ({"rooms.floor.door_m": [1.0, 3.5]}, "doors of 3.5 m are wider than the shortest side of 3 m"),
+    "a share above one": ({"rooms.floor.corridor_share": 1.5}, "less than or equal to 1"),
+    "sides out of order": ({"rooms.floor.side_m": [9.0, 3.0]}, "must be ordered, low to high"),
+    "people that pass through walls": (
+        {"obstacles.people.radius_m": [0.05, 0.1], "obstacles.people.behavior.speed_m_s": [0.3, 2.0]},
+        "may pass through walls",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_rooms_that_cannot_be_are_refused(name):
+    changes, reason = REFUSED[name]
+    world = copy.deepcopy(WORLD)
+    for path, value in changes.items():
+        *parents, last = path.split(".")
+        node = world
+        for key in parents:
+            node = node[key]
+        node[last] = value
+    for experiment in world["experiments"].values():  # they refer to the values when the file is composed
+        experiment["motion"], experiment["rooms"] = world["motions"]["goals"], world["rooms"]["floor"]
+        experiment["obstacles"] = list(world["obstacles"].values())
+    errors = [str(error) for error in world_errors(world)]
+    assert any(reason in error for error in errors), errors
+
+
+def test_rooms_alone_are_a_world():
+    world = copy.deepcopy(WORLD)
+    world["experiments"]["people"]["obstacles"] = []
+    assert world_errors(world) == []
