@@ -57,7 +57,7 @@ def both(spec: dict[str, Any], seed: int) -> tuple[dict, dict]:
     return world, reverse_direction(world)
 
 
-@pytest.mark.parametrize("name", ["office", "drive"])
+@pytest.mark.parametrize("name", ["office", "drive", "rooms"])
 def test_the_worlds_of_conf_agree_with_plain_irsim(name):
     world = repro.config.read_world(ROOT / "conf" / "world" / f"{name}.yaml")
     for experiment in world["experiments"]:

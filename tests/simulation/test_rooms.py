@@ -1,4 +1,4 @@
-"""Rooms that differ from world to world: doors, connection, and agreement with plain IR-SIM."""
+"""Rooms that differ from world to world: their size, doors and corridors, and what keeps off their walls."""
 
 import copy
 
@@ -11,7 +11,7 @@ from repro.config import read_world, world_spec
 from repro.simulation.rooms import sample_rooms
 from repro.simulation.schema import world_errors
 from repro.simulation.shapes import union
-from repro.simulation.simulator import check_replay, drive_robot, simulate
+from repro.simulation.simulator import drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 
 WORLD = read_world(ROOT / "conf" / "world" / "rooms.yaml")
@@ -89,18 +89,12 @@ def test_the_robot_and_the_people_keep_off_the_walls():
                 assert shapely.distance(walls, places).min() >= obstacle["shape"]["radius"] - 1e-6
 
 
-def test_worlds_with_rooms_agree_with_plain_irsim():
-    world = sample_world(SPEC, 3)
-    for item in (world, reverse_direction(world)):
-        assert check_replay(item, simulate(item)) < 1e-9
-
-
 REFUSED = {
     "another motion": (
         {"motions.goals": {"name": "rotate", "steps": 60}},
         "rooms need the motion random_goals, which avoids their walls, got rotate",
     ),
-    "wide doors": ({"rooms.floor.door_m": [1.0, 3.5]}, "doors of 3.5 m are wider than the shortest side of 3 m"),
+    "wide doors": ({"rooms.floor.door_m": [1.0, 3.5]}, "doors of 3.5 m are wider than the shortest side of 2.5 m"),
     "a share above one": ({"rooms.floor.corridor_share": 1.5}, "less than or equal to 1"),
     "sides out of order": ({"rooms.floor.side_m": [9.0, 3.0]}, "must be ordered, low to high"),
     "people that pass through walls": (
