@@ -1,6 +1,8 @@
 import json
 import re
+from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -8,7 +10,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
-from repro.cli.tasks.publish import changes, usual_settings
+from repro.cli.tasks.publish import changes, overrides_of, usual_settings
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale, paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -29,6 +31,7 @@ from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"
+DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +47,7 @@ def of_paper(runs):
     return runs[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
 
 
-@pytest.mark.parametrize("directory", sorted(p for p in RESULTS.glob("*") if p.is_dir()), ids=lambda p: p.name)
+@pytest.mark.parametrize("directory", DIRECTORIES, ids=lambda path: path.name)
 def test_published_tables_follow_from_the_published_runs(directory):
     runs = read_published(directory)
     origins = json.loads((directory / "provenance.json").read_text())
@@ -318,7 +321,7 @@ def test_the_documents_state_how_long_a_study_takes():
     """On two cores, the trainings of every whole published study take as long as the table of scales says."""
     text = "\n".join(path.read_text() for path in DOCUMENTS)
     whole = 0
-    for directory in (path for path in RESULTS.glob("*") if path.is_dir()):
+    for directory in DIRECTORIES:
         runs = of_paper(read_published(directory)).dropna(subset=["training_seconds"])
         for _, rows in runs.groupby("seed"):
             if len(rows) == 24:
@@ -337,3 +340,15 @@ def test_the_ssim_in_the_calibration_is_the_published_one():
     for column, name in (("ssim", "of the probabilities (reported)"), ("ssim_binary", "of the thresholded map")):
         cells = next(line for line in lines if line.startswith(f"| {name} |")).split("|")[2:-1]
         assert [float(cell) for cell in cells] == [round(value, 3) for value in rows[column]]
+
+
+def test_a_call_with_other_pairs_than_those_of_the_runs_is_refused(tmp_path, monkeypatch):
+    run = fake_run(tmp_path / "smoke", "3", "unet", 0.4)
+    monkeypatch.setattr("repro.cli.tasks.publish.world_files", lambda used: ["paper"])
+    data = run.config().data
+    scale = Scale("smoke", "", data.size_px, data.pairs, 1e-3, 8, 2, True, 0.99)
+    job = SimpleNamespace(outputs=Outputs(tmp_path / "smoke"), call=SimpleNamespace(scale=scale))
+    assert "world=" not in overrides_of(job)
+    job.call.scale = replace(scale, pairs=replace(data.pairs, train=data.pairs.train + 2))
+    with pytest.raises(ValueError, match=f"other data than this call: add scale.pairs.train={data.pairs.train}$"):
+        overrides_of(job)

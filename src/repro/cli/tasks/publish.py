@@ -34,13 +34,18 @@ def overrides_of(job: Job) -> str:
     """Return the overrides of world and scale that the runs of a job need, each after a space.
 
     Raises:
-        ValueError: no file of conf/world has the worlds of all runs.
+        ValueError: no file of conf/world has the worlds of all runs, or the call has another number of pairs or pixels.
     """
-    used = {run.config().data.worlds for run in job.outputs.runs() if run.status is Status.evaluated}
-    names = world_files(used)
-    if used and not names:
-        raise ValueError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
     scale = job.call.scale
+    data = [run.config().data for run in job.outputs.runs() if run.status is Status.evaluated]
+    names = world_files({each.worlds for each in data})
+    if data and not names:
+        raise ValueError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
+    for each in data:
+        of_run = flatten({"size_px": each.size_px, "pairs": asdict(each.pairs)}, "scale.")
+        of_call = flatten({"size_px": scale.size_px, "pairs": asdict(scale.pairs)}, "scale.")
+        if missing := list(overrides(changed(of_run, of_call))):
+            raise ValueError(f"the runs in {job.outputs.path} have other data than this call: add{''.join(missing)}")
     usual = plain(OmegaConf.load(CONF / "scale" / f"{scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names[:1] if "paper" not in names]
     return "".join([*world, *changes("scale", asdict(scale), usual)])
