@@ -257,6 +257,12 @@ def test_a_refusal_writes_nothing_and_takes_less_than_two_seconds_of_the_process
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("number", ["0", "-2", "1.5", "many", "null", "true"])
+def test_a_wrong_number_of_parallel_trainings_is_refused(number):
+    (reason,) = refuse("-m", "exp=3", "hydra/launcher=cores", f"hydra.launcher.n_jobs={number}")
+    assert reason.startswith(f"hydra.launcher.n_jobs={number}: expected the number of trainings at the same time")
+
+
 def test_slurm_is_refused_where_it_is_missing(monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     (reason,) = refuse("-m", "exp=3", "hydra/launcher=slurm")

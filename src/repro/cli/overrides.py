@@ -22,11 +22,17 @@ def override_errors(override: Override, multirun: bool) -> list[str]:
         return [f"{written}: takes one value; for a sweep, add -m"]
     if key == "hydra/launcher" and "slurm" in written and not shutil.which("srun"):
         return [f"{written}: no Slurm on this machine: srun is not found"]
+    if key == "hydra.launcher.n_jobs" and not _is_number_of_jobs(override.value()):
+        return [f"{written}: expected the number of trainings at the same time, 1 or more, or -1 for that of the cores"]
     if key in TEXTS or key in GROUPS:
         changed = _changed_texts(override, written.partition("=")[2])
         if changed:
             return [f"{written}: Hydra reads this as {', '.join(changed)}; for a name, quote it: '{key}=\"...\"'"]
     return _group_errors(override, written) if key in GROUPS and not override.is_sweep_override() else []
+
+
+def _is_number_of_jobs(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and (value >= 1 or value == -1)
 
 
 def _group_errors(override: Override, written: str) -> list[str]:
