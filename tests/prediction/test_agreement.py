@@ -1,7 +1,6 @@
 import math
 
 import numpy as np
-import pytest
 
 from repro.maps.grid import Grid
 from repro.prediction.agreement import agreement, last_seen, measured
@@ -23,7 +22,7 @@ def right_of(x_m: float) -> np.ndarray:
 
 
 def shares(free: np.ndarray, scan: Scans) -> tuple[float, float]:
-    return agreement(free, measured(scan, GRID, 30.0)).shares
+    return agreement(free, measured(scan, GRID, 30.0))
 
 
 def test_agreement_counts_hits_on_obstacles_and_passed_pixels():
@@ -62,12 +61,3 @@ def test_the_newest_beam_decides_in_the_map_of_the_last_hits():
         assert free[50, hit_column] == (name == "then free")
         assert seen[50, 52:70].all()
         assert not seen[:, :49].any()
-
-
-@pytest.mark.parametrize("radius_px", [0, 1, 3])
-def test_the_last_hits_are_widened_but_not_where_a_beam_has_passed(radius_px):
-    free, _ = last_seen(wall(5.25), GRID, 30.0, radius_px)
-    row = free[50]
-    assert (row[:60] == 1).all()
-    assert (row[60 : 61 + radius_px] == 0).all()
-    assert (row[61 + radius_px :] == 1).all()

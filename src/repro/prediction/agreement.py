@@ -7,12 +7,20 @@ map what the network could not see.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.ndimage import minimum_filter
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_visible
+from repro.prediction.windows import Window
 from repro.scans import Scans
+
+SHARES = ("hits_on_obstacles", "passed_pixels_free")  # the values of `agreement`
+COMPARISONS = {  # what a window is compared with, by the prefix of its columns
+    "": "next scan",
+    "held_out_": "beams outside of the crop",
+    "last_seen_held_out_": "the same with the map of the last hits in place of the network",
+}
 
 
 @dataclass(frozen=True)
@@ -32,28 +40,6 @@ class Measured:
         return Measured(self.hits & pixels, self.passed & pixels)
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Number of pixels of a scan, and on how many of them the map agrees with it.
-
-    Args:
-        hits: hit pixels.
-        hits_on_obstacles: hit pixels that are at most one pixel from a predicted obstacle.
-        passed: passed pixels.
-        passed_free: passed pixels that are predicted free.
-    """
-
-    hits: int
-    hits_on_obstacles: int
-    passed: int
-    passed_free: int
-
-    @property
-    def shares(self) -> tuple[float, float]:
-        """Share of the hits on obstacles and share of the passed pixels predicted free; NaN where there are none."""
-        return _share(self.hits_on_obstacles, self.hits), _share(self.passed_free, self.passed)
-
-
 def measured(scan: Scans, grid: Grid, range_max_m: float) -> Measured:
     """Return what a scan shows of a map.
 
@@ -68,21 +54,62 @@ def measured(scan: Scans, grid: Grid, range_max_m: float) -> Measured:
     return Measured(hits, passed & ~hits)
 
 
-def agreement(free: np.ndarray, scan: Measured) -> Agreement:
-    """Compare the probability of free, (H, W), with what a scan shows of the map."""
-    near_obstacle = minimum_filter(free, 3) < 0.5
-    on_obstacles, passed_free = near_obstacle[scan.hits].sum(), (free[scan.passed] >= 0.5).sum()
-    return Agreement(int(scan.hits.sum()), int(on_obstacles), int(scan.passed.sum()), int(passed_free))
+def predicted(free: np.ndarray, scan: Measured) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a map predicts for the pixels of a scan.
+
+    Args:
+        free: probability of free, or any score that is higher where free space is more certain, (H, W).
+        scan: what the scan shows of the map.
+
+    Returns:
+        for each hit the lowest value within one pixel, since poses and grids are not exact, and the value of each
+        passed pixel.
+    """
+    return minimum_filter(free, 3)[scan.hits], free[scan.passed]
 
 
-def last_seen(scans: Scans, grid: Grid, range_max_m: float, radius_px: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Predict a map without a network: an obstacle where the newest beam that reached a pixel of a window has hit it.
+def agreement(free: np.ndarray, scan: Measured) -> tuple[float, float]:
+    """Compare a map with a scan.
+
+    Args:
+        free: probability of free, (H, W).
+        scan: what the scan shows of the map.
+
+    Returns:
+        share of the hits at most one pixel from a predicted obstacle, and share of the passed pixels that are predicted
+        free; NaN where there are none.
+    """
+    hits, passed = predicted(free, scan)
+    return _share(hits < 0.5), _share(passed >= 0.5)
+
+
+def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:
+    """Compare the map of a window, (H, W), with the next scan and the held-out beams; these also with `last_seen`.
+
+    Returns:
+        the values of `agreement`, named by a prefix of `COMPARISONS` and a name of `SHARES`.
+    """
+    compared: dict[str, float] = {}
+
+    def add(prefix: str, free: np.ndarray, scan: Scans) -> None:
+        shares = agreement(free, measured(scan, grid, range_max_m))
+        compared.update({prefix + name: share for name, share in zip(SHARES, shares, strict=True)})
+
+    if window.following:
+        add("", free, window.following)
+    if window.held_out:
+        add("held_out_", free, window.held_out)
+        add("last_seen_held_out_", last_seen(window.scans, grid, range_max_m)[0], window.held_out)
+    return compared
+
+
+def last_seen(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Predict a map without a network: an obstacle in each pixel that no beam has passed over since it was last hit.
 
     Args:
         scans: one window, (T, N), on the map.
         grid: grid of the map.
         range_max_m: maximum range of the lidar [m].
-        radius_px: half the side of the square around each such pixel, less half a pixel [px].
 
     Returns:
         probability of free, 0 or 1, (H, W), and the pixels that any beam of the window has hit or passed over, bool.
@@ -90,9 +117,8 @@ def last_seen(scans: Scans, grid: Grid, range_max_m: float, radius_px: int = 0) 
     window = scans.tensors()
     hit = newest_hits(window, grid)[0].numpy()
     passed = newest_visible(window, grid, range_max_m, margin_m=-grid.resolution_m / 2)[0].numpy()
-    near_hit = maximum_filter(hit > passed, 2 * radius_px + 1)
-    return np.where(near_hit & ~(passed > hit), 0.0, 1.0), (hit > 0) | (passed > 0)
+    return np.where((hit > 0) & (hit >= passed), 0.0, 1.0), (hit > 0) | (passed > 0)
 
 
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else float("nan")
+def _share(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else float("nan")

@@ -12,10 +12,9 @@ from tqdm import tqdm
 
 from repro.cli.config import Prediction
 from repro.cli.jobs import Job
-from repro.maps.grid import Grid
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.agreement import agreement, last_seen, measured
+from repro.prediction.agreement import COMPARISONS, SHARES, compare
 from repro.prediction.animation import write_animation
 from repro.prediction.logs import ScanLog
 from repro.prediction.output import draw, read_maps, window_number, write_map, write_probabilities
@@ -28,12 +27,6 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 Row = dict[str, float | str]
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-SHARES = ("hits_on_obstacles", "passed_pixels_free")  # columns
-COMPARISONS = {  # by the prefix of their columns
-    "": "the next scan",
-    "held_out_": "the beams outside of the crop",
-    "last_seen_held_out_": "the same beams, with the map of the last hits in place of the network",
-}
 SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 
 
@@ -173,36 +166,18 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     plt.close(figure)
     row: Row = {"window": window.number, "stamp": window.stamp, "obstacle_share": float((free < 0.5).mean())}
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
-    measured = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
-    row |= measured | {"outside_training": " ".join(_outside(measured, predictor.statistics))}
-    compared = _compare(window, free, grid, range_max_m)
+    statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
+    row |= statistics | {"outside_training": " ".join(_outside(statistics, predictor.statistics))}
+    compared = compare(window, free, grid, range_max_m)
     if window.following:
-        hits, passed = compared["hits_on_obstacles"], compared["passed_pixels_free"]
+        hits, passed = (compared[name] for name in SHARES)
         line += f"; next scan: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free"
     print(line, flush=True)
     return row | compared
 
 
-def _compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:
-    """Compare a map with the next scan and, on a cropped log, with the held-out beams; these also with `last_seen`."""
-    compared: dict[str, float] = {}
-    if window.following:
-        following = measured(window.following, grid, range_max_m)
-        compared |= _named("", agreement(free, following).shares)
-    if window.held_out:
-        held_out = measured(window.held_out, grid, range_max_m)
-        compared |= _named("held_out_", agreement(free, held_out).shares)
-        baseline, _ = last_seen(window.scans, grid, range_max_m)
-        compared |= _named("last_seen_held_out_", agreement(baseline, held_out).shares)
-    return compared
-
-
-def _named(prefix: str, shares: tuple[float, float]) -> dict[str, float]:
-    return {f"{prefix}{name}": share for name, share in zip(SHARES, shares, strict=True)}
-
-
-def _outside(measured: dict[str, float], statistics: Statistics | None) -> list[str]:
-    return statistics.outside(measured) if statistics else []
+def _outside(values: dict[str, float], statistics: Statistics | None) -> list[str]:
+    return statistics.outside(values) if statistics else []
 
 
 def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
@@ -241,10 +216,9 @@ def _describe(log: ScanLog) -> None:
 
 def _summarize(rows: list[Row], target: Path) -> None:
     table = pd.DataFrame(rows)
-    print(f"{len(table)} windows; mean share of the hits on obstacles, and of the passed pixels that are free:")
-    for prefix, title in COMPARISONS.items():
-        columns = [prefix + name for name in SHARES]
+    compared = {title: [prefix + name for name in SHARES] for prefix, title in COMPARISONS.items()}
+    for title, columns in compared.items():
         if set(columns) <= set(table):
             hits, passed = table[columns].mean()
-            print(f"  {title}: {hits:.0%}, {passed:.0%}")
+            print(f"{title}: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free")
     print(target)
