@@ -21,7 +21,7 @@ from repro.networks.predictor import load_predictor
 from repro.prediction.live import MAX_WAITING, LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
 
-WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "drive-16000" / "expmixed-convgru"
+WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru"
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
 
 

@@ -24,7 +24,7 @@ from repro.networks.predictor import load_predictor
 from repro.prediction.live import LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
 
-WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "drive-16000" / "expmixed-convgru"
+WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru"
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # what map_server and nav2 use for maps
 

@@ -28,7 +28,7 @@ STEPS, SCANS = 100, 130  # the first `STEPS` - 1 scans fill the window
 
 def bench_streaming() -> None:
     """Print the median CPU time of an update, and of its encoding alone, at 128 and 256 px."""
-    log = read_log(ROOT / "examples" / "square.npz", 0.05)
+    log = read_log(ROOT / "examples" / "rooms.npz", 0.05)
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
     gru = Predictor(ConvGRU(series.channels, frames=10).eval(), series, unet.grid)  # not trained

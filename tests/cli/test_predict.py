@@ -17,9 +17,9 @@ from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 
 pytestmark = pytest.mark.slow
-WEIGHTS = ROOT / "reproduce" / "results" / "drive-16000" / "expmixed-convgru"
+WEIGHTS = ROOT / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru"
 SQUARE = WEIGHTS.parents[1] / "workstation-16000" / "exp4-convgru"  # trained on one path
-EXAMPLE = ROOT / "examples" / "square.npz"
+EXAMPLE = ROOT / "examples" / "rooms.npz"
 
 
 def paths(ends: list[int]) -> list[float]:
@@ -48,7 +48,7 @@ def test_misses_of_a_lidar_that_reaches_less_far_than_that_of_the_training_free_
     log = dict(np.load(EXAMPLE))
     short = {**log, "ranges": np.where(log["ranges"] < 15, log["ranges"], np.inf)}
     np.savez(tmp_path / "short.npz", **(short | {"range_max_m": 15.0}))
-    options = ("prediction.stride_s=100", "prediction.center=[25,25]", f"outputs={tmp_path}")
+    options = ("prediction.stride_s=100", "prediction.center=[12.5,12.5]", f"outputs={tmp_path}")
     done = predict(f"scans={tmp_path / 'short.npz'}", *options)
     assert done.returncode == 0, done.stderr
     assert "up to the maximum range of the lidar, 15 m; the network was trained with 30 m" in done.stdout
@@ -64,7 +64,7 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
     log["ranges"] = np.minimum(log["ranges"], 15.0)  # a driver that reports misses at the maximum range
     log["poses"][150:, 0] += 5.0
     np.savez(tmp_path / "log.npz", **log)
-    options = ("prediction.stride_s=100", "prediction.center=[25,25]", f"outputs={tmp_path}")
+    options = ("prediction.stride_s=100", "prediction.center=[12.5,12.5]", f"outputs={tmp_path}")
     done = predict(f"scans={tmp_path / 'log.npz'}", *options)
     assert "the maximum range of the lidar is not known: a miss shows free space up to 30 m" in done.stdout
     assert "warning: the poses jump 1 times, the first by 5.0 m at 15.00 s" in done.stdout
@@ -77,12 +77,17 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
-    options = ("prediction.stride_s=10", "prediction.center=[25,25]", "prediction.animate=true", "prediction.mcap=true")
+    options = (
+        "prediction.stride_s=10",
+        "prediction.center=[12.5,12.5]",
+        "prediction.animate=true",
+        "prediction.mcap=true",
+    )
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
-    directory = tmp_path / "predictions" / "square"
+    directory = tmp_path / "predictions" / "rooms"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
-    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "animation.gif", "square.mcap"}
+    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "animation.gif", "rooms.mcap"}
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
     assert table["passed_pixels_free"][:2].min() > 0.95
@@ -97,7 +102,7 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     scans = Scans(log["ranges"][100:200], log["angles"], log["poses"][100:200])
     free = load_predictor(WEIGHTS).predict(scans)[0]
     with np.load(directory / "window-0002.npz") as content:
-        stream = PredictionStream(load_predictor(WEIGHTS), log["angles"], center=(25.0, 25.0))
+        stream = PredictionStream(load_predictor(WEIGHTS), log["angles"], center=(12.5, 12.5))
         maps = [stream.update(*scan) for scan in zip(log["ranges"], log["poses"], log["stamps"][:200], strict=False)]
         assert np.array_equal(content["free"], maps[199].free)
         assert torch.as_tensor(content["free"]) == pytest.approx(free, abs=1e-3)
@@ -108,7 +113,7 @@ def test_windows_unlike_those_of_the_training_are_named(tmp_path):
     options = ("prediction.stride_s=10", f"prediction.weights={SQUARE}", f"outputs={tmp_path}")
     done = predict(f"scans={EXAMPLE}", *options)  # it drives slower than the robot of the training
     assert done.returncode == 0, done.stderr
-    table = pd.read_csv(tmp_path / "predictions" / "square" / "windows.csv")
+    table = pd.read_csv(tmp_path / "predictions" / "rooms" / "windows.csv")
     assert table["outside_training"].tolist() == ["path_m turn_deg"] * 3
     assert done.stdout.count("warning: ") == 2
     assert "length of the path of the robot [m]: 12.7 to 13.4 in 3 of 3 windows, 39.5 in the 4000" in done.stdout
@@ -140,7 +145,7 @@ def test_a_file_that_is_no_log_ends_with_status_1_and_no_output(content, message
 @pytest.mark.parametrize(
     ("log", "name"),
     [
-        ("a/square.npz", "square"),
+        ("a/rooms.npz", "rooms"),
         ("2024.01.05.bag", "2024.01.05"),
         ("run.log.gz", "run"),
         (".x.npz", "x"),

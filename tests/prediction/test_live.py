@@ -29,7 +29,7 @@ TYPES = {  # with the names that they have in ROS
     name.rpartition("/")[2]: type(name.rpartition("/")[2], (kind,), {}) for name, kind in STORE.types.items()
 }
 STEPS, STEP_S, START_S = 20, 0.1, 1000
-EXAMPLE = np.load(ROOT / "examples" / "square.npz")
+EXAMPLE = np.load(ROOT / "examples" / "rooms.npz")
 POSES = EXAMPLE["poses"].astype(float)
 MOUNT_M = 0.2
 
@@ -176,7 +176,7 @@ def test_scans_that_cannot_be_used_are_skipped_with_their_reason(predictor):
     wrong = {
         3: scan(3, ranges=np.ones(7, np.float32)),
         5: scan(4),
-        7: scan(7, ranges=np.full(100, np.nan, np.float32)),
+        7: scan(7, ranges=np.full(91, np.nan, np.float32)),
         9: scan(9, angle_min=-1.0),
         11: scan(11, range_max=0.0),
         13: scan(13, range_max=float("nan")),

@@ -26,7 +26,7 @@ STEPS, GRID = 10, Grid(64, 50.0)
 
 @pytest.fixture(scope="module")
 def log() -> ScanLog:
-    return read_log(ROOT / "examples" / "square.npz", 0.05)
+    return read_log(ROOT / "examples" / "rooms.npz", 0.05)
 
 
 @pytest.fixture(
@@ -194,9 +194,9 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ranges": np.ones(7)}, r"expected ranges \(100,\) and a pose \(3,\), got \(7,\)"),
-        ({"ranges": np.full(100, np.nan)}, "no valid reading"),
-        ({"ranges": np.full(100, -1.0)}, "no valid reading"),
+        ({"ranges": np.ones(7)}, r"expected ranges \(91,\) and a pose \(3,\), got \(7,\)"),
+        ({"ranges": np.full(91, np.nan)}, "no valid reading"),
+        ({"ranges": np.full(91, -1.0)}, "no valid reading"),
         ({"pose": np.array([0, np.nan, 0])}, "finite pose and time"),
         ({"stamp": float("nan")}, "finite pose and time"),
     ],

@@ -23,8 +23,8 @@ from repro.prediction.windows import cut
 
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
 EXAMPLE, WEIGHTS = (
-    ROOT / "examples" / "square.npz",
-    ROOT / "reproduce" / "results" / "drive-16000" / "expmixed-convgru",
+    ROOT / "examples" / "rooms.npz",
+    ROOT / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru",
 )
 SCANS, STEPS = 120, 100
 SPEED = 0.5  # at which the bag is played: the tests may share their cores
