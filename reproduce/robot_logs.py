@@ -3,108 +3,154 @@
     python reproduce/robot_logs.py LOG [LOG ...]
 
 crops the lidar of each log to 90 degrees, predicts the map at the end of every window and compares it with the other
-beams of the same scan, as `task=predict prediction.fov_deg=90` does. Time is scaled so that the robot drives as far in
-a window as in the training. The rows go to reproduce/results/robot_logs/held_out.csv, their origin to provenance.json.
+beams of the same scan, as `task=predict prediction.fov_deg=90` does. The rows go to
+reproduce/results/robot_logs/held_out.csv, their origin to provenance.json. One window is drawn for the first
+weights.
 
-The published rows are of logs in CARMEN format with poses corrected by a scan matcher, from the Robotics Data Set
-Repository (Radish): https://github.com/acschaefer/ple/tree/master/data/carmen, also
-https://www.ipb.uni-bonn.de/datasets.
+The published rows are of gzipped logs in CARMEN format with poses corrected by a scan matcher, from the Robotics Data
+Set Repository (Radish): https://github.com/acschaefer/ple/tree/master/data/carmen, see also
+https://www.ipb.uni-bonn.de/datasets. They have a scan about every half meter, and some have lost their times.
+Therefore time counts scans, and a step takes as long as the robot drives as far in a window as in the training.
 """
 
 import argparse
+import gzip
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import distance_transform_edt
 from tqdm import tqdm
 
+from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds, draw_weights
+from repro.metrics.counts import LEVELS, confusion_of
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.agreement import agreement, last_seen, measured
-from repro.prediction.logs import ScanLog
-from repro.prediction.readers import read_log
+from repro.prediction.agreement import last_seen, measured, predicted
+from repro.prediction.logs import ScanLog, collect
+from repro.prediction.output import draw
+from repro.prediction.readers import carmen_scans
 from repro.prediction.windows import Window, cut
 from repro.runs.provenance import environment
+from repro.scans import Scans
 from repro.system.devices import one_thread
 from repro.system.files import sha256, write_json, write_text
 
 RESULTS = Path(__file__).parent / "results"
 TARGET = RESULTS / "robot_logs"
 WEIGHTS = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru", "workstation/exp4-unet")
-FOV, LEAST_SPACING_S, EVERY = math.pi / 2, 0.05, 10  # every tenth step ends a window
-RADII = (0, 1, 2, 3)  # of the baseline [px]
+FOV, REACH_M = math.pi / 2, 30.0
+STRIDE = 10  # every tenth step ends a window
+SHARED = 5  # steps that may have the same scan, see windows.cut
 PIXELS = ("all", "seen", "unseen")  # in the window
-COUNTS = ["hits", "hits_on_obstacles", "passed", "passed_free"]
+MEASURES = ("auroc", "hits_share", "free_share")
+NETWORK, BASELINE = "network", "distance to the last hits"
+KEY = ["weights", "map", "pixels", "log"]
+DRAWN = ("freiburg-079-corrected.log.gz", 260)  # log and number of the window that is drawn
 
 
-def time_of_step(log: ScanLog, predictor: Predictor) -> float:
-    """Return the time of a step [s] with which the robot drives as far in a window as in the training (median)."""
+def read(path: Path) -> ScanLog:
+    """Read a gzipped CARMEN log; the time of a scan is its number."""
+    with gzip.open(path, "rt", encoding="utf-8", errors="replace") as lines:
+        scans = [replace(scan, stamp=float(number)) for number, scan in enumerate(carmen_scans(lines, path))]
+    return collect(scans, path, 0.0)
+
+
+def windows_of(path: Path, predictor: Predictor) -> Iterator[tuple[Window, float]]:
+    """Yield the windows of a log whose poses are on the map, and the maximum range of the lidar [m].
+
+    The robot drives as far in a window as in half of those of the training.
+    """
+    log = read(path).crop(FOV)
     assert predictor.statistics, "published weights have them"
     driven_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum()
-    speed_m_s = driven_m / (log.stamps[-1] - log.stamps[0])
-    step_s = predictor.statistics.quantiles["path_m"][2] / predictor.steps / speed_m_s
-    return float(max(step_s, np.median(np.diff(log.stamps)) / 5))  # five steps may share a scan, see windows.cut
-
-
-def windows_of(path: Path, predictor: Predictor) -> Iterator[tuple[Window, int, float]]:
-    """Cut a log; yield the windows that are on the map, the window's length of time each is in, and the range [m]."""
-    step_s = time_of_step(read_log(path, LEAST_SPACING_S), predictor)
-    log = read_log(path, min(step_s / 2, 1.0)).crop(FOV)
+    scans = predictor.statistics.quantiles["path_m"][2] * (len(log) - 1) / driven_m  # in a window
     steps, size_m = predictor.steps, predictor.grid.size_m
-    for window in cut(log, steps=steps, step_s=step_s, stride_s=EVERY * step_s, center="robot", size_m=size_m):
+    step = float(max(scans / steps, 1 / SHARED))
+    for window in cut(log, steps=steps, step_s=step, stride_s=STRIDE * step, center="robot", size_m=size_m):
         if isinstance(window, str):
             continue
         places = window.scans.poses[:, :2]
         if (places > 0).all() and (places < size_m).all():
-            yield window, int((window.stamp - log.stamps[0]) // (steps * step_s)), min(log.range_max_m, 30.0)
+            yield window, min(log.range_max_m, REACH_M)
 
 
-def compare(window: Window, predictor: Predictor, range_max_m: float) -> list[dict[str, Any]]:
-    """Compare the map of a network, and those of the last hits, with the held-out beams of a window."""
-    grid = predictor.grid
-    assert window.held_out, "the log is cropped"
-    scan = measured(window.held_out, grid, range_max_m)
-    maps = {"network": predictor.with_range(range_max_m).predict(window.scans, allow_empty=True)[0].numpy()}
-    seen = np.zeros_like(scan.hits)
-    for radius in RADII:
-        maps[f"last_seen, {radius} px"], seen = last_seen(window.scans, grid, range_max_m, radius)
-    rows = []
-    for name, free in maps.items():
-        for pixels, mask in zip(PIXELS, (np.ones_like(seen), seen, ~seen), strict=True):
-            found = agreement(free, scan.within(mask))
-            rows.append({"map": name, "pixels": pixels, **{count: getattr(found, count) for count in COUNTS}})
-    return rows
+def distance_to_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Predict a map without a network: pixels are the more likely free the farther they are from the last hits.
+
+    Returns:
+        0 where the newest beam has hit, 1 where it has passed, and between 0.5 and 1 elsewhere, in steps of half a
+        pixel of the distance up to 64 px, (H, W); and the pixels that any beam has hit or passed over, bool.
+    """
+    free, seen = last_seen(scans, grid, range_max_m)
+    is_hit = free < 0.5
+    distance = distance_transform_edt(~is_hit) if is_hit.any() else np.full(free.shape, np.inf)
+    score = (LEVELS // 2 + np.minimum(np.rint(2 * (distance - 1)), LEVELS // 2 - 2)) / (LEVELS - 1)
+    return np.where(is_hit, 0.0, np.where(seen, 1.0, score)), seen
 
 
-def compared(path: Path, predictor: Predictor) -> list[dict[str, Any]]:
-    """Compare the maps of all windows of a log."""
-    windows = tqdm(windows_of(path, predictor), desc=path.name, disable=None)
-    return [{"block": block} | row for window, block, reach in windows for row in compare(window, predictor, reach)]
+def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator[dict[str, Any]]:
+    """Compare the maps of all windows of a log with the held-out beams: counts by truth and predicted value, (2, 256).
+
+    The counts are those of `metrics.counts`: hits first, then passed pixels. `DRAWN` is drawn to `figures`.
+    """
+    for window, reach_m in tqdm(windows_of(path, predictor), desc=path.name, disable=None):
+        assert window.held_out, "the log is cropped"
+        scan = measured(window.held_out, predictor.grid, reach_m)
+        baseline, seen = distance_to_hits(window.scans, predictor.grid, reach_m)
+        network = predictor.with_range(reach_m).predict(window.scans, allow_empty=True)[0].numpy()
+        if (path.name, window.number) == DRAWN and figures:
+            figure = draw(window, network, predictor.grid)
+            figure.axes[1].set_title("predicted map")  # its time is a number of scans
+            figure.savefig(figures / "window.png", dpi=120)
+        for name, free in ((NETWORK, network), (BASELINE, baseline)):
+            for pixels, mask in zip(PIXELS, (np.ones_like(seen), seen, ~seen), strict=True):
+                values = predicted(np.rint((LEVELS - 1) * free).astype(np.int64), scan.within(mask))
+                counts = np.stack([np.bincount(each, minlength=LEVELS) for each in values])
+                yield {"map": name, "pixels": pixels, "counts": counts}
 
 
-def shares(counts: np.ndarray) -> np.ndarray:
-    """Compute hits on obstacles, passed pixels free, and their mean, the balanced accuracy, from counts, (..., 4)."""
+def measures(counts: np.ndarray) -> np.ndarray:
+    """Compute `MEASURES` from counts, (..., 2, 256): area under the ROC curve; hits found and passed pixels free."""
+    hits, passed = counts[..., 0, :], counts[..., 1, :]
+    above = passed.sum(-1, keepdims=True) - np.cumsum(passed, -1) + passed / 2  # passed pixels more certainly free
+    free, missed, found, wrong = np.moveaxis(confusion_of(counts), -1, 0)
     with np.errstate(invalid="ignore"):
-        found, free = counts[..., 1] / counts[..., 0], counts[..., 3] / counts[..., 2]
-    return np.stack([found, free, (found + free) / 2], axis=-1)
+        auroc = (hits * above).sum(-1) / (hits.sum(-1) * passed.sum(-1))
+        return np.stack([auroc, found / (found + missed), free / (free + wrong)], axis=-1)
 
 
 def summarize(windows: pd.DataFrame) -> pd.DataFrame:
-    """Sum the counts of each log and of all; intervals of 95 % of all, over stretches as long as a window."""
+    """Pool the windows of each log; average over the logs, with intervals of 95 % from logs drawn with replacement."""
+    logs = []
+    for key, group in windows.groupby(KEY, sort=False):
+        counts = group["counts"].sum()
+        sums = {"windows": len(group), **dict(zip(("hits", "passed"), counts.sum(-1), strict=True))}
+        logs.append(dict(zip(KEY, key, strict=True)) | sums | dict(zip(MEASURES, measures(counts), strict=True)))
+    table = pd.DataFrame(logs)
+    means = [mean_of(table[table["weights"].eq(weights)]) for weights in table["weights"].unique()]
+    return pd.concat([*means, table], ignore_index=True)
+
+
+def mean_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Average the rows of one network over the logs; `gain` is its AUROC less that of the baseline."""
     rows = []
-    for (weights, name, pixels), group in windows.groupby(["weights", "map", "pixels"], sort=False):
-        blocks = group.groupby(["log", "block"])[COUNTS].sum().to_numpy()
-        low, high = bounds(shares(draw_weights(len(blocks)) @ blocks))
-        parts = {"all": group, **{log: part for log, part in group.groupby("log", sort=False)}}
-        for log, part in parts.items():
-            counts = part[COUNTS].sum()
-            row = {"weights": weights, "map": name, "pixels": pixels, "log": log, "windows": len(part), **counts}
-            for number, share in enumerate(("hits_share", "free_share", "balanced_accuracy")):
-                row[share] = shares(counts.to_numpy())[number]
-                row |= {f"{share}_low": low[number], f"{share}_high": high[number]} if log == "all" else {}
+    for pixels in PIXELS:
+        of_pixels = table[table["pixels"] == pixels]
+        each = {name: of_pixels[of_pixels["map"] == name].set_index("log") for name in (NETWORK, BASELINE)}
+        gain = each[NETWORK]["auroc"] - each[BASELINE]["auroc"]
+        for name, of_logs in each.items():
+            row = {"weights": of_logs["weights"].iloc[0], "map": name, "pixels": pixels, "log": "mean"}
+            row |= of_logs[["windows", "hits", "passed"]].sum().to_dict()
+            values = of_logs[list(MEASURES)].assign(**({"gain": gain} if name == NETWORK else {}))
+            weights = draw_weights(len(values))
+            low, high = bounds(weights @ values.to_numpy() / len(values))
+            for number, measure in enumerate(values):
+                row |= {measure: values[measure].mean(), f"{measure}_low": low[number], f"{measure}_high": high[number]}
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -116,22 +162,20 @@ def main() -> None:
     parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
     parser.add_argument("--target", type=Path, default=TARGET)
     options = parser.parse_args()
+    origin = environment()  # before the results change the working tree
+    options.target.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     with one_thread():
         for weights in options.weights:
-            predictor = load_predictor(RESULTS / weights)
+            predictor, is_first = load_predictor(RESULTS / weights), weights == options.weights[0]
             for path in options.logs:
                 place = {"weights": weights, "log": path.name}
-                try:
-                    rows += [place | row for row in compared(path, predictor)]
-                except ValueError as error:  # of a log whose windows would be too long
-                    print(f"{weights}: leaves out {path.name}: {error}", flush=True)
-    options.target.mkdir(parents=True, exist_ok=True)
+                rows += [place | row for row in compared(path, predictor, options.target if is_first else None)]
     table = summarize(pd.DataFrame(rows))
     write_text(options.target / "held_out.csv", table.to_csv(index=False, float_format="%.4f"))
     logs = {path.name: sha256(path) for path in options.logs}
-    write_json(options.target / "provenance.json", {"logs": logs, **environment()})
-    print(table[table["log"] == "all"].to_string(index=False))
+    write_json(options.target / "provenance.json", {"logs": logs, **origin})
+    print(table[table["log"] == "mean"].to_string(index=False))
 
 
 if __name__ == "__main__":

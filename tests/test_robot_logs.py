@@ -1,0 +1,93 @@
+"""reproduce/robot_logs.py on logs of a simulated robot, and its measures against those of scikit-learn."""
+
+import copy
+import gzip
+import importlib.util
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ROOT
+from sklearn.metrics import roc_auc_score
+
+from repro.config import read_world, world_spec
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import sample_world
+
+SCRIPT = ROOT / "reproduce" / "robot_logs.py"
+
+
+@pytest.fixture(scope="module")
+def script():
+    spec = importlib.util.spec_from_file_location("robot_logs", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Write a CARMEN log of a robot that drives through rooms, with a lidar of 180 degrees and 80 m."""
+    spec = copy.deepcopy(world_spec(read_world(ROOT / "conf" / "world" / "rooms.yaml"), "people"))
+    spec["robot"]["sensors"][0] |= {"angle_range": math.pi, "number": 181, "range_max": 80}
+    spec["motion"] |= {"steps": 300, "speed_m_s": 1.0, "turn_rad_s": 1.0}
+    scans = simulate(sample_world(spec, 100_011)).scans
+    path = tmp_path_factory.mktemp("logs") / "rooms-corrected.log.gz"
+    with gzip.open(path, "wt") as file:
+        for ranges, pose in zip(np.where(np.isinf(scans.ranges), 81.83, scans.ranges), scans.poses, strict=True):
+            words = " ".join(f"{value:.3f}" for value in ranges)
+            place = " ".join(f"{value:.6f}" for value in pose)
+            file.write(f"FLASER 181 {words} {place} {place} 1.01893e+09 robot 1.01893e+09\n")
+    return path
+
+
+def test_the_measures_are_those_of_scikit_learn(script):
+    rng = np.random.default_rng(0)
+    hits, passed = rng.integers(0, 200, 500), rng.integers(50, 256, 3000)
+    counts = np.stack([np.bincount(each, minlength=256) for each in (hits, passed)])
+    auroc, found, free = script.measures(counts)
+    truth = np.repeat([1, 0], [500, 3000])
+    assert auroc == pytest.approx(roc_auc_score(truth, -np.concatenate([hits, passed])))
+    assert (found, free) == pytest.approx(((hits < 127.5).mean(), (passed >= 127.5).mean()))
+
+
+def test_the_mean_over_logs_has_an_interval_and_a_gain(script):
+    rows = []
+    for log, (of_network, of_baseline) in {"a": (0.9, 0.8), "b": (0.8, 0.75), "c": (0.7, 0.75)}.items():
+        for name, auroc in ((script.NETWORK, of_network), (script.BASELINE, of_baseline)):
+            counts = {"windows": 2, "hits": 10, "passed": 20, "hits_share": 0.5, "free_share": 1.0}
+            rows += [
+                {"weights": "w", "map": name, "pixels": p, "log": log, "auroc": auroc, **counts} for p in script.PIXELS
+            ]
+    mean = script.mean_of(pd.DataFrame(rows)).set_index(["map", "pixels"]).loc[(script.NETWORK, "unseen")]
+    assert mean["windows"] == 6
+    assert (mean["auroc"], mean["gain"]) == pytest.approx((0.8, 0.1 / 3))
+    assert 0.699 < mean["auroc_low"] < 0.8 < mean["auroc_high"] < 0.901
+    assert mean["gain_low"] < 0 < mean["gain_high"]  # the baseline is better in one of three logs
+
+
+@pytest.mark.slow
+def test_a_log_whose_times_are_lost_is_compared(script, log, tmp_path, monkeypatch):
+    monkeypatch.setattr(script, "DRAWN", (log.name, 2))
+    weights = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru")
+    options = SimpleNamespace(logs=[log], weights=weights, target=tmp_path)
+    monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
+    script.main()
+    table = pd.read_csv(tmp_path / "held_out.csv")
+    assert len(table) == 2 * 2 * 3 * 2  # weights, maps, pixels; the log and the mean
+    whole = table[table["log"] == "mean"].set_index(["weights", "map", "pixels"])
+    assert (whole["windows"] >= 10).all()
+    of_log = table[table["log"] == log.name].set_index(["weights", "map", "pixels"])
+    assert of_log["auroc"].to_dict() == whole["auroc"].to_dict()  # of the only log
+    for name in ("hits", "passed"):
+        counts = whole[name].unstack()
+        assert (counts["seen"] + counts["unseen"] == counts["all"]).all()
+    assert whole.loc[(weights[0], "network", "seen"), "auroc"] > 0.95
+    assert whole.loc[(weights[0], "network", "unseen"), "auroc"] > 0.6
+    assert (tmp_path / "window.png").is_file()
+    provenance = json.loads((tmp_path / "provenance.json").read_text())
+    assert list(provenance["logs"]) == [log.name]
+    assert provenance["commit"]
