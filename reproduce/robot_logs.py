@@ -1,16 +1,16 @@
-"""Test networks on logs of real robots: the beams outside of a cropped field of view measure what they did not see.
+"""Test networks on logs of real robots: their maps are compared with the beams outside of a cropped field of view.
 
     python reproduce/robot_logs.py LOG [LOG ...]
 
 crops the lidar of each log to 90 degrees, predicts the map at the end of every window and compares it with the other
-beams of the same scan, as `task=predict prediction.fov_deg=90` does. The rows go to
-reproduce/results/robot_logs/held_out.csv, their origin to provenance.json. One window is drawn for the first
-weights.
+beams of the last scan. The rows go to reproduce/results/robot_logs/held_out.csv, their origin to provenance.json. One
+window is drawn for the first weights.
 
 The published rows are of gzipped logs in CARMEN format with poses corrected by a scan matcher, from the Robotics Data
 Set Repository (Radish): https://github.com/acschaefer/ple/tree/master/data/carmen, see also
-https://www.ipb.uni-bonn.de/datasets. They have a scan about every half meter, and some have lost their times.
-Therefore time counts scans, and a step takes as long as the robot drives as far in a window as in the training.
+https://www.ipb.uni-bonn.de/datasets. They have a scan every 0.5 to 1 m (freiburg-079: every 0.09 m), and some have lost
+their times. Therefore time counts scans, and a step takes as long as the robot drives as far in a window as in the
+training, but at most ten steps have the same scan.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds, draw_weights
 from repro.metrics.counts import LEVELS, confusion_of
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.agreement import last_seen, measured, predicted
+from repro.prediction.agreement import last_hits, measured, predicted
 from repro.prediction.logs import ScanLog, collect
 from repro.prediction.output import draw
 from repro.prediction.readers import carmen_scans
@@ -45,7 +45,7 @@ TARGET = RESULTS / "robot_logs"
 WEIGHTS = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru", "workstation/exp4-unet")
 FOV, REACH_M = math.pi / 2, 30.0
 STRIDE = 10  # every tenth step ends a window
-SHARED = 5  # steps that may have the same scan, see windows.cut
+SHARED = 10  # steps that may have the same scan, see windows.cut
 PIXELS = ("all", "seen", "unseen")  # in the window
 MEASURES = ("auroc", "hits_share", "free_share")
 NETWORK, BASELINE = "network", "distance to the last hits"
@@ -61,36 +61,37 @@ def read(path: Path) -> ScanLog:
 
 
 def windows_of(path: Path, predictor: Predictor) -> Iterator[tuple[Window, float]]:
-    """Yield the windows of a log whose poses are on the map, and the maximum range of the lidar [m].
+    """Yield the windows of a log, and the maximum range of the lidar [m].
 
-    The robot drives as far in a window as in half of those of the training.
+    The robot drives as far in a window as in half of those of the training, or as far as between `SHARED` scans.
     """
     log = read(path).crop(FOV)
     assert predictor.statistics, "published weights have them"
     driven_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum()
     scans = predictor.statistics.quantiles["path_m"][2] * (len(log) - 1) / driven_m  # in a window
-    steps, size_m = predictor.steps, predictor.grid.size_m
+    steps = predictor.steps
     step = float(max(scans / steps, 1 / SHARED))
-    for window in cut(log, steps=steps, step_s=step, stride_s=STRIDE * step, center="robot", size_m=size_m):
+    options = {"stride_s": STRIDE * step, "center": "robot", "size_m": predictor.grid.size_m}
+    for window in cut(log, steps=steps, step_s=step, **options):  # type: ignore[arg-type]
         if isinstance(window, str):
-            continue
-        places = window.scans.poses[:, :2]
-        if (places > 0).all() and (places < size_m).all():
-            yield window, min(log.range_max_m, REACH_M)
+            raise ValueError(f"{path}: {window}")
+        yield window, min(log.range_max_m, REACH_M)
 
 
 def distance_to_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Predict a map without a network: pixels are the more likely free the farther they are from the last hits.
 
+    A pixel that a beam has passed over is more likely free than any that no beam has reached.
+
     Returns:
-        0 where the newest beam has hit, 1 where it has passed, and between 0.5 and 1 elsewhere, in steps of half a
-        pixel of the distance up to 64 px, (H, W); and the pixels that any beam has hit or passed over, bool.
+        levels from 0, the last hits, to 255, certainly free, (H, W): those of unseen pixels begin at 128 and those of
+        passed ones at 192; and the pixels that any beam of the window has hit or passed over, bool.
     """
-    free, seen = last_seen(scans, grid, range_max_m)
+    free, seen = last_hits(scans, grid, range_max_m)
     is_hit = free < 0.5
     distance = distance_transform_edt(~is_hit) if is_hit.any() else np.full(free.shape, np.inf)
-    score = (LEVELS // 2 + np.minimum(np.rint(2 * (distance - 1)), LEVELS // 2 - 2)) / (LEVELS - 1)
-    return np.where(is_hit, 0.0, np.where(seen, 1.0, score)), seen
+    level = LEVELS // 2 + np.minimum(np.rint(2 * (distance - 1)), LEVELS // 4 - 1)  # half pixels, up to 32 px
+    return np.where(is_hit, 0, level + np.where(seen, LEVELS // 4, 0)).astype(np.int64), seen
 
 
 def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator[dict[str, Any]]:
@@ -102,14 +103,15 @@ def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator
         assert window.held_out, "the log is cropped"
         scan = measured(window.held_out, predictor.grid, reach_m)
         baseline, seen = distance_to_hits(window.scans, predictor.grid, reach_m)
-        network = predictor.with_range(reach_m).predict(window.scans, allow_empty=True)[0].numpy()
+        free = predictor.with_range(reach_m).predict(window.scans, allow_empty=True)[0].numpy()
         if (path.name, window.number) == DRAWN and figures:
-            figure = draw(window, network, predictor.grid)
+            figure = draw(window, free, predictor.grid)
             figure.axes[1].set_title("predicted map")  # its time is a number of scans
             figure.savefig(figures / "window.png", dpi=120)
-        for name, free in ((NETWORK, network), (BASELINE, baseline)):
+        network = np.rint((LEVELS - 1) * free).astype(np.int64)
+        for name, levels in ((NETWORK, network), (BASELINE, baseline)):
             for pixels, mask in zip(PIXELS, (np.ones_like(seen), seen, ~seen), strict=True):
-                values = predicted(np.rint((LEVELS - 1) * free).astype(np.int64), scan.within(mask))
+                values = predicted(levels, scan.within(mask))
                 counts = np.stack([np.bincount(each, minlength=LEVELS) for each in values])
                 yield {"map": name, "pixels": pixels, "counts": counts}
 
@@ -128,7 +130,7 @@ def summarize(windows: pd.DataFrame) -> pd.DataFrame:
     """Pool the windows of each log; average over the logs, with intervals of 95 % from logs drawn with replacement."""
     logs = []
     for key, group in windows.groupby(KEY, sort=False):
-        counts = group["counts"].sum()
+        counts = np.stack(group["counts"].to_list()).sum(0)
         sums = {"windows": len(group), **dict(zip(("hits", "passed"), counts.sum(-1), strict=True))}
         logs.append(dict(zip(KEY, key, strict=True)) | sums | dict(zip(MEASURES, measures(counts), strict=True)))
     table = pd.DataFrame(logs)
@@ -144,12 +146,13 @@ def mean_of(table: pd.DataFrame) -> pd.DataFrame:
         each = {name: of_pixels[of_pixels["map"] == name].set_index("log") for name in (NETWORK, BASELINE)}
         gain = each[NETWORK]["auroc"] - each[BASELINE]["auroc"]
         for name, of_logs in each.items():
-            row = {"weights": of_logs["weights"].iloc[0], "map": name, "pixels": pixels, "log": "mean"}
-            row |= of_logs[["windows", "hits", "passed"]].sum().to_dict()
-            values = of_logs[list(MEASURES)].assign(**({"gain": gain} if name == NETWORK else {}))
+            row: dict[str, Any] = {"weights": of_logs["weights"].iloc[0], "map": name, "pixels": pixels, "log": "mean"}
+            row |= {count: of_logs[count].sum() for count in ("windows", "hits", "passed")}
+            values = of_logs[list(MEASURES)].assign(**({"gain": gain} if name == NETWORK else {})).dropna()
+            row["logs"] = len(values)
             weights = draw_weights(len(values))
             low, high = bounds(weights @ values.to_numpy() / len(values))
-            for number, measure in enumerate(values):
+            for number, measure in enumerate(map(str, values.columns)):
                 row |= {measure: values[measure].mean(), f"{measure}_low": low[number], f"{measure}_high": high[number]}
             rows.append(row)
     return pd.DataFrame(rows)

@@ -14,6 +14,8 @@ from conftest import ROOT
 from sklearn.metrics import roc_auc_score
 
 from repro.config import read_world, world_spec
+from repro.maps.grid import Grid
+from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 
@@ -54,6 +56,19 @@ def test_the_measures_are_those_of_scikit_learn(script):
     assert (found, free) == pytest.approx(((hits < 127.5).mean(), (passed >= 127.5).mean()))
 
 
+def test_the_baseline_ranks_hits_unseen_pixels_and_passed_pixels_by_their_distance(script):
+    angles = np.linspace(-0.5, 0.5, 101)
+    wall = Scans(5.25 / np.cos(angles)[None], angles, np.array([[25.0, 25.0, 0.0]]))
+    levels, seen = script.distance_to_hits(wall, Grid(100, 50.0), 30.0)
+    row = levels[50]
+    assert row[60] == 0
+    assert row[61:65].tolist() == [128, 130, 132, 134]  # behind the wall, in steps of half a pixel
+    assert row[59:55:-1].tolist() == [192, 194, 196, 198]  # passed
+    assert seen[50, 56:61].all()
+    assert not seen[50, 61:].any()
+    assert levels[:, :40].max() < 192  # behind the robot
+
+
 def test_the_mean_over_logs_has_an_interval_and_a_gain(script):
     rows = []
     for log, (of_network, of_baseline) in {"a": (0.9, 0.8), "b": (0.8, 0.75), "c": (0.7, 0.75)}.items():
@@ -63,7 +78,7 @@ def test_the_mean_over_logs_has_an_interval_and_a_gain(script):
                 {"weights": "w", "map": name, "pixels": p, "log": log, "auroc": auroc, **counts} for p in script.PIXELS
             ]
     mean = script.mean_of(pd.DataFrame(rows)).set_index(["map", "pixels"]).loc[(script.NETWORK, "unseen")]
-    assert mean["windows"] == 6
+    assert (mean["windows"], mean["logs"]) == (6, 3)
     assert (mean["auroc"], mean["gain"]) == pytest.approx((0.8, 0.1 / 3))
     assert 0.699 < mean["auroc_low"] < 0.8 < mean["auroc_high"] < 0.901
     assert mean["gain_low"] < 0 < mean["gain_high"]  # the baseline is better in one of three logs

@@ -3,7 +3,7 @@ import math
 import numpy as np
 
 from repro.maps.grid import Grid
-from repro.prediction.agreement import agreement, last_seen, measured
+from repro.prediction.agreement import agreement, last_hits, measured
 from repro.scans import Scans
 
 GRID = Grid(100, 50.0)
@@ -57,7 +57,7 @@ def test_the_newest_beam_decides_in_the_map_of_the_last_hits():
     hit_column, steps = 60, {"then free": [near, far], "then hit": [far, near]}
     for name, ranges in steps.items():
         scans = Scans(np.concatenate(ranges), ANGLES, np.repeat(POSE, 2, axis=0))
-        free, seen = last_seen(scans, GRID, 30.0)
+        free, seen = last_hits(scans, GRID, 30.0)
         assert free[50, hit_column] == (name == "then free")
         assert seen[50, 52:70].all()
         assert not seen[:, :49].any()

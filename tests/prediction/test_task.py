@@ -81,10 +81,10 @@ def test_what_a_killed_prediction_left_is_deleted(run, tmp_path):
 def test_a_crop_adds_the_agreement_with_the_beams_outside_of_it(run, tmp_path, capsys):
     run(fov_deg=45.0)
     table = pd.read_csv(tmp_path / "predictions" / "rooms" / "windows.csv")
-    for prefix in ("held_out_", "last_seen_held_out_"):
+    for prefix in ("held_out_", "last_hits_held_out_"):
         for name in ("hits_on_obstacles", "passed_pixels_free"):
             assert table[f"{prefix}{name}"].dropna().between(0, 1).all()
-    assert (table["last_seen_held_out_passed_pixels_free"].dropna() > 0.8).all()
-    assert "beams outside of the crop: " in capsys.readouterr().out
+    assert (table["last_hits_held_out_passed_pixels_free"].dropna() > 0.8).all()
+    assert "held-out beams: " in capsys.readouterr().out
     run()
     assert not [name for name in pd.read_csv(tmp_path / "predictions" / "rooms" / "windows.csv") if "held" in name]

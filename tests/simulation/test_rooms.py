@@ -8,7 +8,7 @@ import shapely
 from conftest import ROOT
 
 from repro.config import read_world, world_spec
-from repro.simulation.rooms import sample_rooms
+from repro.simulation.rooms import _Floor, sample_rooms
 from repro.simulation.schema import world_errors
 from repro.simulation.shapes import union
 from repro.simulation.simulator import drive_robot, simulate
@@ -33,12 +33,11 @@ def test_the_same_seed_has_the_same_rooms_and_another_seed_others():
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_robot_that_fits_the_doors_reaches_every_room(seed):
-    """All free places in the circle around which the map may turn are connected, also with the radius of the robot."""
-    walls = walls_of(seed)
-    reach = shapely.Point(WIDTH / 2, WIDTH / 2).buffer(WIDTH / 2)  # rooms may be connected outside of the map
-    free = shapely.box(0, 0, WIDTH, WIDTH).difference(walls.buffer(0.3))
-    parts = [part for part in shapely.get_parts(free) if part.intersects(reach.buffer(-ROOMS["side_m"][1]))]
-    assert len(parts) == 1
+    """All places of the floor that are 0.3 m from the walls are connected, also those that are not on the map."""
+    floor = _Floor(np.random.default_rng(seed), ROOMS)
+    floor.divide((0.0, 0.0), (35.0, 35.0))
+    walls = shapely.union_all([shapely.LineString(piece) for wall in floor.walls for piece in wall.pieces()])
+    assert shapely.box(0, 0, 35, 35).difference(walls.buffer(0.3)).geom_type == "Polygon"
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -94,6 +93,18 @@ REFUSED = {
         {"motions.goals": {"name": "rotate", "steps": 60}},
         "rooms need the motion random_goals, which avoids their walls, got rotate",
     ),
+    "doors that are narrower than the robot": (
+        {"rooms.floor.door_m": [0.6, 1.2]},
+        "rooms.door_m begins at 0.6 m: expected more than the robot's 0.6 m",
+    ),
+    "corridors that are narrower than the robot": (
+        {"rooms.floor.corridor_m": [0.5, 1.2]},
+        "rooms.corridor_m begins at 0.5 m: expected more than the robot's 0.6 m",
+    ),
+    "more rooms than can be sampled": (
+        {"world.width": 1000.0, "world.height": 1000.0},
+        "a map of 1000 m has about 51200 rooms with sides of [2.5, 10.0] m, at most 1000 are allowed",
+    ),
     "wide doors": ({"rooms.floor.door_m": [1.0, 3.5]}, "doors of 3.5 m are wider than the shortest side of 2.5 m"),
     "a share above one": ({"rooms.floor.corridor_share": 1.5}, "less than or equal to 1"),
     "sides out of order": ({"rooms.floor.side_m": [9.0, 3.0]}, "must be ordered, low to high"),
@@ -121,7 +132,11 @@ def test_rooms_that_cannot_be_are_refused(name):
     assert any(reason in error for error in errors), errors
 
 
-def test_rooms_alone_are_a_world():
+def test_rooms_alone_are_a_world_if_they_have_walls():
     world = copy.deepcopy(WORLD)
-    world["experiments"]["people"]["obstacles"] = []
+    experiment = world["experiments"]["people"]
+    experiment["obstacles"] = []
     assert world_errors(world) == []
+    experiment["rooms"] = {**experiment["rooms"], "side_m": [40.0, 60.0]}
+    (error,) = world_errors(world)
+    assert "rooms with sides of [40.0, 60.0] m have no wall on the map: use shorter sides" in str(error)

@@ -1,7 +1,6 @@
 """Agreement of a map with a scan that its network did not receive, which needs no true map.
 
-Such a scan is the one after a window, or the beams outside of a cropped field of view, which measure at the time of the
-map what the network could not see.
+Such a scan is the one after a window, or the beams outside of a cropped field of view at the time of the map.
 """
 
 from dataclasses import dataclass
@@ -16,10 +15,10 @@ from repro.prediction.windows import Window
 from repro.scans import Scans
 
 SHARES = ("hits_on_obstacles", "passed_pixels_free")  # the values of `agreement`
-COMPARISONS = {  # what a window is compared with, by the prefix of its columns
+COMPARISONS = {  # what is compared, by the prefix of its columns
     "": "next scan",
-    "held_out_": "beams outside of the crop",
-    "last_seen_held_out_": "the same with the map of the last hits in place of the network",
+    "held_out_": "held-out beams",
+    "last_hits_held_out_": "held-out beams and a map of the last hits in place of the prediction",
 }
 
 
@@ -84,7 +83,7 @@ def agreement(free: np.ndarray, scan: Measured) -> tuple[float, float]:
 
 
 def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:
-    """Compare the map of a window, (H, W), with the next scan and the held-out beams; these also with `last_seen`.
+    """Compare the map of a window, (H, W), with the next scan and the held-out beams; these also with `last_hits`.
 
     Returns:
         the values of `agreement`, named by a prefix of `COMPARISONS` and a name of `SHARES`.
@@ -99,11 +98,11 @@ def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) ->
         add("", free, window.following)
     if window.held_out:
         add("held_out_", free, window.held_out)
-        add("last_seen_held_out_", last_seen(window.scans, grid, range_max_m)[0], window.held_out)
+        add("last_hits_held_out_", last_hits(window.scans, grid, range_max_m)[0], window.held_out)
     return compared
 
 
-def last_seen(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:
+def last_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Predict a map without a network: an obstacle in each pixel that no beam has passed over since it was last hit.
 
     Args:

@@ -14,6 +14,34 @@ import shapely
 
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]
+_MOST = 1000  # rooms of a floor
+
+
+def check_rooms(rooms: dict[str, Any], motion: str, width_m: float, robot_m: float) -> None:
+    """Check that a robot finds its way through rooms, and that they can be sampled in a second.
+
+    Args:
+        rooms: see `sample_rooms`.
+        motion: name of the robot's motion.
+        width_m: side of the square map [m].
+        robot_m: diameter of the robot [m].
+
+    Raises:
+        ValueError: the robot drives through walls or fits through no door, or there are too many rooms.
+    """
+    if motion != "random_goals":
+        raise ValueError(f"rooms need the motion random_goals, which avoids their walls, got {motion}")
+    for name in ("door_m", "corridor_m"):
+        if rooms[name][0] <= robot_m:
+            raise ValueError(
+                f"rooms.{name} begins at {rooms[name][0]:g} m: expected more than the robot's {robot_m:g} m"
+            )
+    count = 2 * (width_m / float(np.mean(rooms["side_m"]))) ** 2
+    if count > _MOST:
+        raise ValueError(
+            f"a map of {width_m:g} m has about {count:.0f} rooms with sides of {rooms['side_m']} m, at most {_MOST} "
+            "are allowed: use longer sides or a smaller map"
+        )
 
 
 def sample_rooms(rng: np.random.Generator, rooms: dict[str, Any], width_m: float) -> list[dict[str, Any]]:
@@ -69,6 +97,7 @@ class _Floor:
     rng: np.random.Generator
     rooms: dict[str, Any]
     walls: list[_Wall] = field(default_factory=list)
+    doors: dict[tuple[int, float], list[tuple[float, float]]] = field(default_factory=dict)  # by the line of a wall
 
     def divide(self, low: tuple[float, float], high: tuple[float, float]) -> None:
         """Divide a rectangle, given its corners [m], unless it is a room."""
@@ -90,18 +119,17 @@ class _Floor:
                 break
         else:
             return
-        self.walls += [_Wall(axis, end, low[other], high[other], self._doors(low[other], high[other])) for end in ends]
+        for end in ends:
+            wall = _Wall(axis, end, low[other], high[other], self._doors(low[other], high[other]))
+            self.walls.append(wall)
+            self.doors.setdefault((axis, end), []).extend(wall.doors)
         self.divide(low, _replaced(high, axis, ends[0]))
         self.divide(_replaced(low, axis, ends[-1]), high)
 
     def _is_at_door(self, axis: int, at: float, place: float) -> bool:
         """Check whether a wall that ends at a place of another wall would end in one of its doors, or next to it."""
-        return any(
-            begin - _BESIDE_M <= place <= end + _BESIDE_M
-            for wall in self.walls
-            if wall.axis == axis and wall.at == at
-            for begin, end in wall.doors
-        )
+        doors = self.doors.get((axis, at), [])
+        return any(begin - _BESIDE_M <= place <= end + _BESIDE_M for begin, end in doors)
 
     def _doors(self, low: float, high: float) -> list[tuple[float, float]]:
         """Draw the doors of a wall: one in each of its equal parts, which are about as long as the longest room."""

@@ -139,7 +139,7 @@ def _error_of_steps(spec: dict[str, Any]) -> str | None:
     cannot cross a wall.
     """
     all_populations = populations(spec)
-    has_walls = spec.get("fixed") or "rooms" in spec
+    has_walls = spec.get("fixed") or spec.get("rooms")
     if not has_walls and all(population.get("behavior") for population in all_populations):
         return None
     for population in all_populations:

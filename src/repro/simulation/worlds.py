@@ -21,7 +21,7 @@ from repro.config import populations
 from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
 from repro.simulation.placement import Attempts, Site, sample_obstacles
-from repro.simulation.rooms import sample_rooms
+from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, boundaries, shape_radius, union
 from repro.system.files import write_text
 
@@ -50,13 +50,13 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     world, attempts = copy.deepcopy(spec["world"]), Attempts()
     for _ in range(_RESTARTS):
         fixed = fixed_obstacles(spec)
-        if "rooms" in spec:
+        if spec.get("rooms"):
             fixed += sample_rooms(rng, spec["rooms"], world["width"])
         walls, motion = union(fixed), spec["motion"]
         if motion["name"] == "random_goals":
             motion = to_waypoints(rng, motion, world, walls, spec["robot"]["shape"]["radius"])
         obstacles = sample_obstacles(rng, populations(spec), _site(spec, motion, walls, boundaries(fixed)), attempts)
-        if obstacles is not None:
+        if obstacles is not None and (fixed or obstacles):
             break
     else:
         raise ValueError(_no_room(spec))
@@ -96,8 +96,8 @@ def check_spec(spec: dict[str, Any]) -> None:
     """Check the combination of values: the map is square, and the robot stays in its zone and off fixed obstacles.
 
     Raises:
-        ValueError: the map is not square, or the robot would leave its zone, touch a fixed obstacle or cross the walls
-            of rooms.
+        ValueError: the map is not square, the robot would leave its zone or touch a fixed obstacle, or see
+            `rooms.check_rooms`.
     """
     world, motion, clear_m = spec["world"], spec["motion"], spec["clear_radius_m"]
     radius_m = spec["robot"]["shape"].get("radius", 0)
@@ -105,9 +105,9 @@ def check_spec(spec: dict[str, Any]) -> None:
         raise ValueError(
             f"the world must be square, got world.world.width={world['width']} and height={world['height']}"
         )
+    if spec.get("rooms"):
+        check_rooms(spec["rooms"], motion["name"], world["width"], 2 * radius_m)
     if motion["name"] != "random_goals":
-        if "rooms" in spec:
-            raise ValueError(f"rooms need the motion random_goals, which avoids their walls, got {motion['name']}")
         check_path(motion, world, union(fixed_obstacles(spec)), radius_m)
     if is_drive(motion):
         if 0 < clear_m < radius_m:
@@ -144,6 +144,8 @@ def _check_room(spec: dict[str, Any]) -> None:
 
 
 def _no_room(spec: dict[str, Any]) -> str:
+    if not populations(spec):
+        return f"rooms with sides of {spec['rooms']['side_m']} m have no wall on the map: use shorter sides"
     wanted = [
         f"{population['count']} obstacles of "
         + (

@@ -216,9 +216,10 @@ def _describe(log: ScanLog) -> None:
 
 def _summarize(rows: list[Row], target: Path) -> None:
     table = pd.DataFrame(rows)
-    compared = {title: [prefix + name for name in SHARES] for prefix, title in COMPARISONS.items()}
-    for title, columns in compared.items():
+    print(f"{len(table)} windows; mean shares:")
+    for prefix, title in COMPARISONS.items():
+        columns = [prefix + name for name in SHARES]
         if set(columns) <= set(table):
             hits, passed = table[columns].mean()
-            print(f"{title}: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free")
+            print(f"  {title}: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free")
     print(target)
