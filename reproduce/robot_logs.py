@@ -90,7 +90,8 @@ def distance_to_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.n
     free, seen = last_hits(scans, grid, range_max_m)
     is_hit = free < 0.5
     distance = distance_transform_edt(~is_hit) if is_hit.any() else np.full(free.shape, np.inf)
-    level = LEVELS // 2 + np.minimum(np.rint(2 * (distance - 1)), LEVELS // 4 - 1)  # half pixels, up to 32 px
+    with np.errstate(divide="ignore"):
+        level = LEVELS // 2 + np.minimum(np.rint(8 * np.log2(distance)), LEVELS // 4 - 1)  # eighths of an octave
     return np.where(is_hit, 0, level + np.where(seen, LEVELS // 4, 0)).astype(np.int64), seen
 
 

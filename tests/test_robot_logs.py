@@ -15,6 +15,7 @@ from sklearn.metrics import roc_auc_score
 
 from repro.config import read_world, world_spec
 from repro.maps.grid import Grid
+from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -31,19 +32,21 @@ def script():
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    """Write a CARMEN log of a robot that drives through rooms, with a lidar of 180 degrees and 80 m."""
+def logs(tmp_path_factory):
+    """Write CARMEN logs of a robot that drives through rooms, with a scan every 0.2 m and every 1 m, without times."""
     spec = copy.deepcopy(world_spec(read_world(ROOT / "conf" / "world" / "rooms.yaml"), "people"))
     spec["robot"]["sensors"][0] |= {"angle_range": math.pi, "number": 181, "range_max": 80}
-    spec["motion"] |= {"steps": 300, "speed_m_s": 1.0, "turn_rad_s": 1.0}
+    spec["motion"] |= {"steps": 300, "speed_m_s": 2.0, "turn_rad_s": 2.0}
     scans = simulate(sample_world(spec, 100_011)).scans
-    path = tmp_path_factory.mktemp("logs") / "rooms-corrected.log.gz"
-    with gzip.open(path, "wt") as file:
-        for ranges, pose in zip(np.where(np.isinf(scans.ranges), 81.83, scans.ranges), scans.poses, strict=True):
-            words = " ".join(f"{value:.3f}" for value in ranges)
-            place = " ".join(f"{value:.6f}" for value in pose)
-            file.write(f"FLASER 181 {words} {place} {place} 1.01893e+09 robot 1.01893e+09\n")
-    return path
+    ranges = np.where(np.isinf(scans.ranges), 81.83, scans.ranges)
+    directory, lines = tmp_path_factory.mktemp("logs"), []
+    for readings, pose in zip(ranges, scans.poses, strict=True):
+        words, place = (" ".join(f"{value:.6f}" for value in values) for values in (readings, pose))
+        lines.append(f"FLASER 181 {words} {place} {place} 1.01893e+09 robot 1.01893e+09\n")
+    for name, every in (("dense", 1), ("sparse", 5)):
+        with gzip.open(directory / f"{name}.log.gz", "wt") as file:
+            file.writelines(lines[::every])
+    return sorted(directory.iterdir())
 
 
 def test_the_measures_are_those_of_scikit_learn(script):
@@ -62,8 +65,8 @@ def test_the_baseline_ranks_hits_unseen_pixels_and_passed_pixels_by_their_distan
     levels, seen = script.distance_to_hits(wall, Grid(100, 50.0), 30.0)
     row = levels[50]
     assert row[60] == 0
-    assert row[61:65].tolist() == [128, 130, 132, 134]  # behind the wall, in steps of half a pixel
-    assert row[59:55:-1].tolist() == [192, 194, 196, 198]  # passed
+    assert row[61:65].tolist() == [128, 136, 141, 144]  # behind the wall, 1 to 4 px: 8 levels per octave
+    assert row[59:55:-1].tolist() == [192, 200, 205, 208]  # passed
     assert seen[50, 56:61].all()
     assert not seen[50, 61:].any()
     assert levels[:, :40].max() < 192  # behind the robot
@@ -84,25 +87,39 @@ def test_the_mean_over_logs_has_an_interval_and_a_gain(script):
     assert mean["gain_low"] < 0 < mean["gain_high"]  # the baseline is better in one of three logs
 
 
+@pytest.mark.parametrize(
+    ("name", "path_m"), [("rooms-16000/exppeople-convgru", 5.6), ("drive-16000/expmixed-convgru", 28)]
+)
+def test_the_robot_drives_as_far_as_in_the_training_or_past_ten_scans(script, logs, name, path_m):
+    predictor = load_predictor(ROOT / "reproduce" / "results" / name)
+    for log, most in zip(logs, (1.15, 1.15 if path_m > 10 else 2.2), strict=True):  # turns make paths shorter or longer
+        windows = [window for window, _ in script.windows_of(log, predictor)]
+        paths = [np.linalg.norm(np.diff(each.scans.poses[:, :2], axis=0), axis=1).sum() for each in windows]
+        assert 0.7 * path_m < np.median(paths) < most * path_m
+        assert all(len(np.unique(each.scans.poses, axis=0)) >= 10 for each in windows)
+
+
 @pytest.mark.slow
-def test_a_log_whose_times_are_lost_is_compared(script, log, tmp_path, monkeypatch):
-    monkeypatch.setattr(script, "DRAWN", (log.name, 2))
+def test_logs_whose_times_are_lost_are_compared(script, logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(script, "DRAWN", ("dense.log.gz", 2))
     weights = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru")
-    options = SimpleNamespace(logs=[log], weights=weights, target=tmp_path)
+    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path)
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()
     table = pd.read_csv(tmp_path / "held_out.csv")
-    assert len(table) == 2 * 2 * 3 * 2  # weights, maps, pixels; the log and the mean
-    whole = table[table["log"] == "mean"].set_index(["weights", "map", "pixels"])
-    assert (whole["windows"] >= 10).all()
-    of_log = table[table["log"] == log.name].set_index(["weights", "map", "pixels"])
-    assert of_log["auroc"].to_dict() == whole["auroc"].to_dict()  # of the only log
+    assert len(table) == 2 * 2 * 3 * 3  # weights, maps, pixels; two logs and their mean
+    key = ["weights", "map", "pixels"]
+    mean, *each = (
+        table[table["log"] == log].set_index(key).sort_index() for log in ("mean", "dense.log.gz", "sparse.log.gz")
+    )
+    assert mean["auroc"].to_numpy() == pytest.approx(np.mean([rows["auroc"] for rows in each], axis=0), abs=1e-4)
+    assert mean["windows"].tolist() == sum(rows["windows"] for rows in each).tolist()
     for name in ("hits", "passed"):
-        counts = whole[name].unstack()
+        counts = mean[name].unstack()
         assert (counts["seen"] + counts["unseen"] == counts["all"]).all()
-    assert whole.loc[(weights[0], "network", "seen"), "auroc"] > 0.95
-    assert whole.loc[(weights[0], "network", "unseen"), "auroc"] > 0.6
+    assert mean.loc[(weights[0], "network", "seen"), "auroc"] > 0.95
+    assert mean.loc[(weights[0], "network", "unseen"), "auroc"] > 0.6
     assert (tmp_path / "window.png").is_file()
     provenance = json.loads((tmp_path / "provenance.json").read_text())
-    assert list(provenance["logs"]) == [log.name]
+    assert list(provenance["logs"]) == ["dense.log.gz", "sparse.log.gz"]
     assert provenance["commit"]
