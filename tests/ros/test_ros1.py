@@ -130,7 +130,7 @@ def test_a_recorded_bag_is_read(log):
 
 def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     maps = bag.with_name("maps.bag")
-    node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=25,25"]
+    node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=12.5,12.5"]
     with started(node, ros, "waiting for scans") as output, record(maps, ["/predicted_map"], ros):
         time.sleep(1)  # for the recorder to find the node
         subprocess.run(
@@ -143,13 +143,13 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     assert "skipped" not in output.read_text()
 
     predictor = load_predictor(WEIGHTS)
-    options = {"steps": STEPS, "step_s": 0.1, "stride_s": 0.1, "center": (25.0, 25.0), "size_m": 50.0}
+    options = {"steps": STEPS, "step_s": 0.1, "stride_s": 0.1, "center": (12.5, 12.5), "size_m": 25.0}
     windows = list(cut(log, **options))
     assert len(windows) == len(received)
     for window, grid in zip(windows, received, strict=True):
         assert seconds(grid.header.stamp) == pytest.approx(window.stamp, abs=1e-6)
         assert grid.header.frame_id == "odom"
-        assert (grid.info.width, grid.info.height, grid.info.resolution) == (128, 128, np.float32(50 / 128))
+        assert (grid.info.width, grid.info.height, grid.info.resolution) == (128, 128, np.float32(25 / 128))
         assert (grid.info.origin.position.x, grid.info.origin.position.y) == (0, 0)
         assert grid.info.origin.orientation.w == 1
         expected = occupancy(predictor.predict(window.scans)[0].numpy())
@@ -157,7 +157,7 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
 
 
 def test_the_recorded_bag_is_predicted(bag, tmp_path):
-    command = [sys.executable, "run.py", "task=predict", f"scans={bag}", "prediction.center=[25,25]"]
+    command = [sys.executable, "run.py", "task=predict", f"scans={bag}", "prediction.center=[12.5,12.5]"]
     done = subprocess.run([*command, f"outputs={tmp_path}"], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "predictions" / "robot").glob("window-*.npz"))) == 3
