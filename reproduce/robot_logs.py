@@ -9,7 +9,7 @@ window is drawn for the first weights.
 The published rows are of gzipped logs in CARMEN format with poses corrected by a scan matcher, from the Robotics Data
 Set Repository (Radish): https://github.com/acschaefer/ple/tree/master/data/carmen, see also
 https://www.ipb.uni-bonn.de/datasets. They have a scan every 0.5 to 1 m (freiburg-079: every 0.09 m), and some have lost
-their times. Therefore time counts scans, and a step takes as long as the robot drives as far in a window as in the
+their times. Therefore time counts scans. The time of a step is such that the robot drives as far in a window as in the
 training, but at most ten steps have the same scan.
 """
 
@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy.ndimage import distance_transform_edt
+from sklearn.metrics import roc_auc_score
 from tqdm import tqdm
 
 from repro.maps.grid import Grid
@@ -63,7 +64,7 @@ def read(path: Path) -> ScanLog:
 def windows_of(path: Path, predictor: Predictor) -> Iterator[tuple[Window, float]]:
     """Yield the windows of a log, and the maximum range of the lidar [m].
 
-    The robot drives as far in a window as in half of those of the training, or as far as between `SHARED` scans.
+    The robot drives as far in a window as in the training (median), or as far as in ten scans if that is more.
     """
     log = read(path).crop(FOV)
     assert predictor.statistics, "published weights have them"
@@ -118,13 +119,13 @@ def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator
 
 
 def measures(counts: np.ndarray) -> np.ndarray:
-    """Compute `MEASURES` from counts, (..., 2, 256): area under the ROC curve; hits found and passed pixels free."""
-    hits, passed = counts[..., 0, :], counts[..., 1, :]
-    above = passed.sum(-1, keepdims=True) - np.cumsum(passed, -1) + passed / 2  # passed pixels more certainly free
-    free, missed, found, wrong = np.moveaxis(confusion_of(counts), -1, 0)
-    with np.errstate(invalid="ignore"):
-        auroc = (hits * above).sum(-1) / (hits.sum(-1) * passed.sum(-1))
-        return np.stack([auroc, found / (found + missed), free / (free + wrong)], axis=-1)
+    """Compute `MEASURES` from counts, (2, 256); NaN without hits or without passed pixels."""
+    if not counts.any(axis=1).all():
+        return np.full(len(MEASURES), np.nan)
+    is_passed, level = np.indices(counts.shape).reshape(2, -1)
+    free, missed, found, wrong = confusion_of(counts)
+    auroc = roc_auc_score(is_passed, level, sample_weight=counts.ravel())
+    return np.array([auroc, found / (found + missed), free / (free + wrong)])
 
 
 def summarize(windows: pd.DataFrame) -> pd.DataFrame:

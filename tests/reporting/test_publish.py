@@ -31,7 +31,7 @@ from repro.runs.keys import CELL, KEY
 from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"
-DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
+DIRECTORIES = sorted(path for path in RESULTS.glob("*") if path.is_dir() and path.name != "robot_logs")
 
 
 @pytest.fixture(autouse=True)

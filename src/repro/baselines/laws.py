@@ -63,7 +63,7 @@ def knows(spec: dict[str, Any]) -> bool:
     """Return whether the laws of a world spec are those that these predictors draw from, the paper's."""
     is_exact = not spec["robot"]["sensors"][0].get("noise")
     has_zone = spec["motion"]["name"] in ("rotate", "square")
-    return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]  # rooms have no zone
+    return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
 
 
 def check_laws(spec: dict[str, Any]) -> None:

@@ -88,18 +88,14 @@ def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) ->
     Returns:
         the values of `agreement`, named by a prefix of `COMPARISONS` and a name of `SHARES`.
     """
-    compared: dict[str, float] = {}
-
-    def add(prefix: str, free: np.ndarray, scan: Scans) -> None:
-        shares = agreement(free, measured(scan, grid, range_max_m))
-        compared.update({prefix + name: share for name, share in zip(SHARES, shares, strict=True)})
-
+    shares: dict[str, tuple[float, float]] = {}
     if window.following:
-        add("", free, window.following)
+        shares[""] = agreement(free, measured(window.following, grid, range_max_m))
     if window.held_out:
-        add("held_out_", free, window.held_out)
-        add("last_hits_held_out_", last_hits(window.scans, grid, range_max_m)[0], window.held_out)
-    return compared
+        scan = measured(window.held_out, grid, range_max_m)
+        shares["held_out_"] = agreement(free, scan)
+        shares["last_hits_held_out_"] = agreement(last_hits(window.scans, grid, range_max_m)[0], scan)
+    return {prefix + name: share for prefix, pair in shares.items() for name, share in zip(SHARES, pair, strict=True)}
 
 
 def last_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:

@@ -54,7 +54,7 @@ def sample_rooms(rng: np.random.Generator, rooms: dict[str, Any], width_m: float
         width_m: side of the square map [m].
 
     Returns:
-        the walls that are on the map, as obstacles that IR-SIM reads: line strings between the doors.
+        the walls that are on the map, each piece between two doors as a fixed obstacle of conf/world, a line string.
     """
     floor = _Floor(rng, rooms)
     half = width_m / math.sqrt(2)  # of the diagonal
@@ -64,11 +64,7 @@ def sample_rooms(rng: np.random.Generator, rooms: dict[str, Any], width_m: float
     pieces = [np.array(piece) @ turn + width_m / 2 for wall in floor.walls for piece in wall.pieces()]
     on_map = shapely.intersects(shapely.linestrings(pieces), shapely.box(0, 0, width_m, width_m)) if pieces else []
     return [
-        {
-            "shape": {"name": "linestring", "vertices": piece.tolist()},
-            "state": [0.0, 0.0, 0.0],
-            "kinematics": {"name": "static"},
-        }
+        {"shape": {"name": "linestring", "vertices": piece.tolist()}}
         for piece, is_on_map in zip(pieces, on_map, strict=True)
         if is_on_map
     ]

@@ -10,6 +10,7 @@ Paper: "Simulation Approach". Unstated details: DEVIATIONS D1 to D6.
 import copy
 import hashlib
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,8 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
     rng = np.random.default_rng([experiment_number(spec["experiment"]), seed])
     world, attempts = copy.deepcopy(spec["world"]), Attempts()
     for _ in range(_RESTARTS):
-        fixed = fixed_obstacles(spec)
-        if spec.get("rooms"):
-            fixed += sample_rooms(rng, spec["rooms"], world["width"])
+        rooms = sample_rooms(rng, spec["rooms"], world["width"]) if spec.get("rooms") else []
+        fixed = fixed_obstacles(spec, rooms)
         walls, motion = union(fixed), spec["motion"]
         if motion["name"] == "random_goals":
             motion = to_waypoints(rng, motion, world, walls, spec["robot"]["shape"]["radius"])
@@ -77,11 +77,11 @@ def _site(spec: dict[str, Any], motion: dict[str, Any], walls: shapely.Geometry 
     return Site(size_m, spec["clear_radius_m"], path, walls, lines, world["step_time"])
 
 
-def fixed_obstacles(spec: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the obstacles that stand in every world of an experiment, as IR-SIM reads them."""
+def fixed_obstacles(spec: dict[str, Any], rooms: Sequence[dict[str, Any]] = ()) -> list[dict[str, Any]]:
+    """Return the obstacles of every world of an experiment, and the walls of rooms, as IR-SIM reads them."""
     return [
         {"shape": each["shape"], "state": each.get("state", [0.0, 0.0, 0.0]), "kinematics": {"name": "static"}}
-        for each in copy.deepcopy(spec.get("fixed", []))
+        for each in copy.deepcopy([*spec.get("fixed", []), *rooms])
     ]
 
 
