@@ -110,6 +110,8 @@ class NetworkParameters(TypedDict, total=False):
 NO_DECAY = "-no-decay"
 OLDEST_GRAY = 0.8  # default in conf/config.yaml
 RECURRENT = ("convgru", "convlstm", "deeptracking")  # architectures that need a series of images
+LOSSES = ("map", "visible")  # see `learning.losses`
+EVERY_PART = ("deeptracking",)  # architectures that predict a map after every part of a series, for the loss `visible`
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 
@@ -160,6 +162,7 @@ class Training:
     dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
+    loss: Annotated[str, choice(*LOSSES)] = "map"
 
 
 @dataclass(frozen=True)

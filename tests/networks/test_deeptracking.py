@@ -34,6 +34,16 @@ def test_the_state_is_updated_from_the_oldest_part_to_the_newest():
         assert torch.allclose(network(torch.cat([hits, free], dim=1)), expected, atol=1e-6)
 
 
+def test_the_map_after_a_part_is_that_of_the_series_up_to_it():
+    torch.manual_seed(0)
+    network, images = DeepTracking(8, frames=4).eval(), torch.rand(1, 8, 16, 16)
+    with torch.inference_mode():
+        maps = network(images, every_part=True)
+        assert torch.equal(maps[:, 3:], network(images))
+        network.frames = 2
+        assert torch.allclose(maps[:, 1:2], network(images[:, [0, 1, 4, 5]]), atol=1e-6)
+
+
 def test_a_network_is_saved_and_loaded(tmp_path):
     network, images = DeepTracking(8, frames=4).eval(), torch.rand(1, 8, 32, 32)
     network.save_pretrained(tmp_path)

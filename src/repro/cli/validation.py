@@ -11,6 +11,7 @@ from repro.cli.config import TRAINING_TASKS, Config, to_typed
 from repro.cli.limits import cpu_errors, recording_seconds
 from repro.cli.suggestions import with_suggestion
 from repro.config import (
+    EVERY_PART,
     NETWORKS,
     OLDEST_GRAY,
     PAPER_ENCODER,
@@ -87,6 +88,9 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
     if architecture in RECURRENT and "frames" not in config.encoding.parameters:
         expected = f"model {architecture} takes a series of images: encoding=series10 or encoding=stack10"
         errors.append(ConfigError("encoding", config.encoding.name, expected))
+    if config.train.loss == "visible" and not (architecture in EVERY_PART and "series" in config.encoding.name):
+        expected = f"visible is for model={', '.join(EVERY_PART)} with encoding=series10 or encoding=series100"
+        errors.append(ConfigError("train.loss", config.train.loss, expected))
     return errors
 
 

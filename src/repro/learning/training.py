@@ -27,7 +27,7 @@ from repro.learning.callbacks import Checkpoint, CPUContention, History, Stop, e
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.compilation import compile_network
 from repro.learning.kernels import accelerate
-from repro.learning.losses import MapLoss
+from repro.learning.losses import create_loss
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.maps.statistics import Statistics
 from repro.networks.create import Network, check_output, create_network
@@ -49,7 +49,7 @@ class TrainingModule(L.LightningModule):
     def __init__(self, network: Network, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
         super().__init__()
         self.network = network
-        self.loss = MapLoss(settings.dice_eps)
+        self.loss = create_loss(settings.loss, settings.dice_eps)
         self.pairs: dict[str, Pairs] = {"train": train, "val": val}
         self.settings = settings
         self.seed = seed
@@ -94,7 +94,7 @@ class TrainingModule(L.LightningModule):
 
     def _batch_loss(self, batch: tuple[Tensor, Tensor]) -> Tensor:
         image, target = batch
-        return self.loss(self.network(image.to(memory_format=torch.channels_last)), target)
+        return self.loss.of_batch(self.network, image.to(memory_format=torch.channels_last), target)
 
     def _epoch_seed(self) -> int:
         return self.seed * 1_000_003 + self.current_epoch

@@ -1,8 +1,8 @@
 """The network of DeepTracking: a recurrent network at full resolution, a baseline for networks with a series of images.
 
 Ondruska and Posner, "Deep Tracking: Seeing Beyond Seeing Using Recurrent Neural Networks", AAAI 2016, with the layers
-of version 1.1 of their code. The authors train it on later scans, without ground truth; here it is trained with the
-true map, as all other networks.
+of version 1.1 of their code. Here it is trained with the true map, as all other networks, or with train=visible as its
+authors do, without true maps, see `learning.losses.VisibleLoss`.
 """
 
 import torch
@@ -30,10 +30,19 @@ class DeepTracking(nn.Module, PyTorchModelHubMixin):
         self.transition = nn.Conv2d(ENCODED + STATE, STATE, SIZE, padding="same")
         self.to_map = nn.Conv2d(STATE, 1, SIZE, padding="same")
 
-    def forward(self, images: Tensor) -> Tensor:
-        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
+    def forward(self, images: Tensor, *, every_part: bool = False) -> Tensor:
+        """Predict a map of logits from the images of a window.
+
+        Args:
+            images: images of a window, (B, C, H, W).
+            every_part: predict a map after every part of the window.
+
+        Returns:
+            logits of the last map, (B, 1, H, W), or of all maps, (B, K, H, W).
+        """
         encoded = each_part(self.encoder, images, self.frames).sigmoid()
-        state = encoded.new_zeros(images.shape[0], STATE, *images.shape[-2:])
+        states = [encoded.new_zeros(images.shape[0], STATE, *images.shape[-2:])]
         for part in encoded.unbind(1):
-            state = self.transition(torch.cat([part, state], dim=1)).sigmoid()
-        return self.to_map(state)
+            states.append(self.transition(torch.cat([part, states[-1]], dim=1)).sigmoid())
+        maps = [self.to_map(state) for state in (states[1:] if every_part else states[-1:])]
+        return torch.cat(maps, dim=1)
