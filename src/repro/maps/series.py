@@ -40,12 +40,7 @@ class Stack:
         return self.frames
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        parts = self._parts(scans)
-        pixels, hit = hit_pixels(parts, grid)
-        images = torch.full((len(parts), grid.size_px**2), 255, dtype=torch.uint8, device=hit.device)
-        gray = torch.where(hit, 0, 255).to(torch.uint8)
-        images.scatter_reduce_(1, pixels.flatten(1), gray.flatten(1), reduce="amin")
-        return images.view(-1, self.frames, grid.size_px, grid.size_px)
+        return _draw_hits(self._parts(scans), grid).unflatten(0, (-1, self.frames))
 
     def to_input(self, images: Tensor) -> Tensor:
         return 1 - images.float() / 255  # networks learn slowly from many images of mostly ones
@@ -87,6 +82,20 @@ class Series(Stack):
         return 2 * self.frames
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        free = newest_visible(self._parts(scans), grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
-        images = (free == 0).to(torch.uint8).mul_(255).unflatten(0, (-1, self.frames))
-        return torch.cat([super().encode(scans, grid), images], dim=1)
+        parts = self._parts(scans)
+        passed = newest_visible(parts, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
+        images = torch.stack([_draw_hits(parts, grid), _gray(passed > 0)])  # (2, B K, H, W)
+        return images.unflatten(1, (-1, self.frames)).transpose(0, 1).flatten(1, 2)
+
+
+def _draw_hits(scans: Scans, grid: Grid) -> Tensor:
+    """Draw the hits of each window, black on white, uint8, (B, H, W)."""
+    pixels, hit = hit_pixels(scans, grid)
+    images = torch.full((len(scans), grid.size_px**2), 255, dtype=torch.uint8, device=hit.device)
+    images.scatter_reduce_(1, pixels.flatten(1), _gray(hit).flatten(1), reduce="amin")
+    return images.view(-1, grid.size_px, grid.size_px)
+
+
+def _gray(seen: Tensor) -> Tensor:
+    """Return black where something is seen and white elsewhere, uint8, of the same shape."""
+    return (~seen).to(torch.uint8).mul_(255)

@@ -38,11 +38,12 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     reach = reach.double().cpu().numpy() / grid.resolution_m
     poses = scans.poses.double().cpu().numpy()
     poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)
-    first = float(scans.angles[0]) - spacing / 2
+    bounds = float(scans.angles[0]) + spacing * (np.arange(len(scans.angles) + 1) - 0.5)  # of the beams' sectors
+    bounds = np.stack([np.cos(bounds), np.sin(bounds)], axis=-1)
     newest = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int16)
 
     def draw(part: np.ndarray) -> None:
-        _draw_windows(newest, reach, poses, part, first, spacing)
+        _draw_windows(newest, reach, poses, part, bounds, spacing)
 
     threads = torch.get_num_threads()
     with ThreadPoolExecutor(threads) as pool:
@@ -73,7 +74,7 @@ def beam_spacing(angles: Tensor) -> float:
 
 @compiled
 def _draw_windows(
-    newest: np.ndarray, reach: np.ndarray, poses: np.ndarray, part: np.ndarray, first: float, spacing: float
+    newest: np.ndarray, reach: np.ndarray, poses: np.ndarray, part: np.ndarray, bounds: np.ndarray, spacing: float
 ) -> None:
     """Draw the steps of some windows, oldest first, each as the sectors covered by its beams.
 
@@ -83,7 +84,7 @@ def _draw_windows(
         poses: column and row from below of the robot [px], with pixel centers at integers, and heading [rad],
             (B, T, 3).
         part: indices of the windows.
-        first: start of the first beam's sector in the robot's frame [rad].
+        bounds: direction (cosine, sine) of the bounds between the sectors of the beams in the robot's frame, (N + 1, 2).
         spacing: angle between two adjacent beams [rad].
     """
     beams = reach.shape[2]
@@ -92,20 +93,22 @@ def _draw_windows(
             x, y, heading = poses[window, step]
             if not math.isfinite(x + y + heading):
                 continue  # nothing is visible from an unknown pose
-            beam, start = 0, _direction(heading + first)
+            turn = (math.cos(heading), math.sin(heading))
+            beam, start = 0, _turned(bounds[0], turn)
             while beam < beams:
                 radius, end = reach[window, step, beam], beam + 1
                 while end < beams and reach[window, step, end] == radius and (end + 1 - beam) * spacing < math.pi / 2:
                     end += 1  # adjacent beams of equal reach, such as misses, form one sector
-                stop = _direction(heading + first + end * spacing)
+                stop = _turned(bounds[end], turn)
                 if radius >= 0:
                     _draw_sector(newest[window], x, y, start, stop, radius, step + 1)
                 beam, start = end, stop
 
 
 @compiled
-def _direction(bearing: float) -> tuple[float, float]:
-    return math.cos(bearing), math.sin(bearing)
+def _turned(direction: np.ndarray, turn: tuple[float, float]) -> tuple[float, float]:
+    """Turn a direction (cosine, sine) by an angle with this cosine and sine."""
+    return direction[0] * turn[0] - direction[1] * turn[1], direction[1] * turn[0] + direction[0] * turn[1]
 
 
 @compiled
