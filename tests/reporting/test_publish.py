@@ -336,7 +336,7 @@ def test_the_ssim_in_the_calibration_is_the_published_one():
     runs = of_paper(read_published(RESULTS / "workstation")).query("model == 'unet' and seed == 0")
     order = [*((experiment, PROJECTION) for experiment in "1234"), *((e, PROJECTION_NO_DECAY) for e in "34")]
     rows = runs.set_index(["experiment", "encoding"]).loc[order]
-    lines = (ROOT / "docs" / "calibration.md").read_text().splitlines()
+    lines = (ROOT / "docs" / "choices.md").read_text().splitlines()
     for column, name in (("ssim", "of the probabilities (reported)"), ("ssim_binary", "of the thresholded map")):
         cells = next(line for line in lines if line.startswith(f"| {name} |")).split("|")[2:-1]
         assert [float(cell) for cell in cells] == [round(value, 3) for value in rows[column]]

@@ -63,11 +63,11 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
     def _state(self, images: Tensor) -> Tensor:
         """Run the GRU over the parts of the window, oldest first; return its last state, (B, hidden, h, w)."""
         encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
-        state = torch.zeros_like(encoded[:, 0].chunk(2, dim=1)[0])
-        for part in encoded.unbind(1):
-            update, candidate = part.chunk(2, dim=1)
-            new = (candidate + self.candidate(state)).tanh()
-            state = torch.lerp(state, new, (update + self.gate(state)).sigmoid())
+        update, candidate = encoded.chunk(2, dim=2)
+        state = update[:, 0].sigmoid() * candidate[:, 0].tanh()  # the state before the first part is zero
+        for part in range(1, self.frames):
+            new = (candidate[:, part] + self.candidate(state)).tanh()
+            state = state + (update[:, part] + self.gate(state)).sigmoid() * (new - state)
         return state
 
 
