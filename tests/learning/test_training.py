@@ -1,3 +1,5 @@
+import gc
+import weakref
 from types import SimpleNamespace
 
 import pandas as pd
@@ -86,6 +88,26 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
 
     begin(tmp_path / "plain", recorded, **{**settings, "ema_decay": None})
     assert not same_weights(run.path, tmp_path / "plain")
+
+
+@pytest.mark.slow
+def test_the_data_of_a_training_is_freed_before_that_of_the_next_is_loaded(recorded, tmp_path, monkeypatch):
+    load, loaded, alive = training.load_pairs_of_run, [], []
+
+    def load_and_watch(*arguments):
+        alive.append(sum(images() is not None for images in loaded))
+        pairs = load(*arguments)
+        loaded.append(weakref.ref(pairs.images))
+        return pairs
+
+    monkeypatch.setattr(training, "load_pairs_of_run", load_and_watch)
+    gc.disable()
+    try:
+        begin(tmp_path / "first", recorded, max_epochs=1)
+        begin(tmp_path / "second", recorded, max_epochs=1)
+    finally:
+        gc.enable()
+    assert alive == [0, 1, 0, 1]  # training and validation pairs of each
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ checkpoint is written at the end of every epoch. Interrupted runs therefore resu
 Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and patience 5.
 """
 
+import gc
 import logging
 import multiprocessing
 import shutil
@@ -135,6 +136,7 @@ def train(
         if budget and budget.is_spent():
             return Status.paused
         config = run.config()
+        gc.collect()  # the data of the training before: its trainer and its module refer to each other
         forget_peak_memory()
         check_worlds(recordings, config.data.worlds)
         run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))

@@ -6,6 +6,7 @@ from torch import Tensor
 from repro.maps.grid import Grid
 
 LINE, CONVEX, CONCAVE = 0, 1, 2  # kinds of outlines
+AT_ONCE = 100  # outlines, whose crossings with every row are in memory
 _SMALL = 1e-9  # of the squared size of an outline: an area below is rounding
 
 
@@ -36,14 +37,12 @@ def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid:
     edges = torch.zeros(count * grid.size_px * stride, dtype=torch.int16, device=x.device)
     kinds = kinds_of(outlines)
     for kind, intervals in ((CONVEX, _of_convex), (CONCAVE, _of_concave), (LINE, _of_line)):
-        chosen = kinds == kind
-        if not chosen.any():
-            continue
-        rows = (owner[chosen, None] * grid.size_px + torch.arange(grid.size_px, device=x.device)) * stride
-        left, right, sign = intervals(x[chosen], y[chosen], grid)  # (K, H) or (K, V, H)
-        start = rows if left.dim() == 2 else rows[:, None]
-        edges.scatter_add_(0, (start + left).flatten(), sign.flatten())
-        edges.scatter_add_(0, (start + right).flatten(), -sign.flatten())
+        for chosen in (kinds == kind).nonzero()[:, 0].split(AT_ONCE):
+            rows = (owner[chosen, None] * grid.size_px + torch.arange(grid.size_px, device=x.device)) * stride
+            left, right, sign = intervals(x[chosen], y[chosen], grid)  # (K, H) or (K, V, H)
+            start = rows if left.dim() == 2 else rows[:, None]
+            edges.scatter_add_(0, (start + left).flatten(), sign.flatten())
+            edges.scatter_add_(0, (start + right).flatten(), -sign.flatten())
     cover = edges.view(count, grid.size_px, stride).cumsum(2, dtype=torch.int16)[..., :-1]
     return (cover == 0).to(torch.uint8)
 
