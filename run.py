@@ -62,7 +62,7 @@ def report_failure(config: Config, error: Exception) -> None:
 def print_notes(configs: list[Config], arguments: argparse.Namespace) -> None:
     """Print the scale where it was not chosen, what it costs, and warnings."""
     scale, chosen = configs[0].scale, any(override.startswith("scale=") for override in arguments.overrides)
-    if not chosen and configs[0].task not in ("docs", "predict", "demo", "floor"):
+    if not chosen and configs[0].task not in ("docs", "predict", "demo", "floor", "world"):
         why = "a CUDA GPU is visible" if has_gpu() else "no CUDA GPU is visible"
         other = "laptop" if scale.name == "paper" else "paper"
         takes = OmegaConf.load(CONF / "scale" / f"{other}.yaml").takes

@@ -16,8 +16,8 @@ class Scans:
     """One window of scans, or a batch of them (B), as NumPy arrays or as tensors.
 
     Args:
-        ranges: lidar ranges [m], (T, N) or (B, T, N); a miss is inf, an invalid reading is NaN (ROS REP 117).
-            The pixels that a miss passes over were observed to be free; a NaN says nothing.
+        ranges: lidar ranges [m], (T, N) or (B, T, N), the oldest step first; a miss is inf, an invalid reading is NaN
+            (ROS REP 117). The pixels that a miss passes over were observed to be free; a NaN says nothing.
         angles: beam angles in the frame of the poses [rad], (N,), shared by all windows.
         poses: robot poses at each step, x, y [m] and heading [rad], (T, 3) or (B, T, 3).
 

@@ -37,7 +37,7 @@ CALLS = {  # arguments, and what the message must contain
     "task=report floor_map=a": ["floor_map=a: is for task=floor only"],
     "task=predict scans=a prediction.center=here": ["prediction.center=here: must be robot, start, or [x,y]"],
     "task=predict scans=a prediction.center=[nan,1]": ["must be robot, start, or [x,y]"],
-    "task=predict scans=a prediction.fov_deg=0": ["prediction.fov_deg=0.0: must be greater than 0"],
+    "task=predict scans=a prediction.fov_deg=0": ["prediction.fov_deg=0.0: must be greater than or equal to 10"],
     "task=predict scans=a prediction.steps=0": ["prediction.steps=0: must be greater than or equal to 1"],
     "runtime.accelerator=gpu": ["no CUDA GPU is visible"],
     "model=convlstm": ["encoding=projection", "a series of images: encoding=series10 or encoding=stack10"],
@@ -48,7 +48,9 @@ CALLS = {  # arguments, and what the message must contain
         "model.parameters.stride=3: must be 2 or 4",
     ],
     "model=convgru encoding=series10 +model.parameters.hiden=32": ["hiden=32: is not a parameter of convgru"],
-    "+model.parameters.hidden=32": ["parameters are for networks of our own"],
+    "+model.parameters.hidden=32": [
+        "parameters are for the architectures convgru, convlstm, deeptracking: set model.architecture"
+    ],
 }
 
 

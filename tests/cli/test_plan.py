@@ -1,3 +1,6 @@
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from repro.cli.tasks.plan import plan_study
@@ -8,12 +11,13 @@ from repro.runs.config import Data, RunConfig
 PAIRS = PairCounts(10000, 128, 500)
 TRAINING = Training(learning_rate=1e-4, min_delta=1e-3, patience=5, batch_size=2, max_epochs=100, dice_eps=1e-6)
 PAPER = RunConfig("4", 0, paper_model("unet"), Encoding("projection", {}), Data("paper", 32, 50.0, PAIRS, ""), TRAINING)
+RUNTIME: Any = SimpleNamespace(accelerator="cpu", precision="32-true")
 
 
 @pytest.mark.slow
 def test_plan_lists_recordings_trainings_evaluations_and_the_total():
     trainings = {"unet": 6, "fpn": 0, "upernet": 1, "segformer": 2}
-    text = "\n".join(plan_study(PAPER, "32-true", 1000, 12.0, trainings, 9))
+    text = "\n".join(plan_study(PAPER, RUNTIME, 1000, 12.0, trainings, 9))
     assert "1000 recordings: 12 s" in text
     assert all(part in text for part in ("6 x unet: ", "fpn: done", "1 x upernet: ", "2 x segformer: "))
     assert "evaluation and analysis of 9 runs: 45 s" in text
@@ -22,7 +26,7 @@ def test_plan_lists_recordings_trainings_evaluations_and_the_total():
 
 def test_a_finished_study_is_not_measured(monkeypatch):
     monkeypatch.setattr(cost, "seconds_per_image", None)
-    assert [line.strip() for line in plan_study(PAPER, "32-true", 0, 0.0, dict.fromkeys(NETWORKS, 0), 0)] == [
+    assert [line.strip() for line in plan_study(PAPER, RUNTIME, 0, 0.0, dict.fromkeys(NETWORKS, 0), 0)] == [
         "recordings: done",
         *(f"{name}: done" for name in NETWORKS),
     ]

@@ -26,7 +26,6 @@ def check(ranges=RANGES, angles=ANGLES, poses=POSES, **options):
     [
         {},
         {"ranges": with_value(RANGES, np.inf)},
-        {"ranges": with_value(RANGES, 0.0)},
         {"ranges": with_value(RANGES, np.nan)},
         {"poses": POSES + np.array([0, 0, 5 * np.pi])},
         {"ranges": RANGES.astype(np.float32)},
@@ -42,13 +41,15 @@ def test_scans_of_a_lidar_on_the_map_are_accepted(scans):
     ("scans", "message"),
     [
         ({"ranges": RANGES * np.nan}, "1 of 1 windows are without a valid reading: expected meters, inf for a miss"),
-        ({"ranges": with_value(RANGES, -0.1)}, "1 of 600 ranges are negative"),
-        ({"ranges": with_value(RANGES, -np.inf)}, "1 of 600 ranges are negative"),
+        ({"ranges": with_value(RANGES, -0.1)}, "1 of 600 ranges are zero or negative"),
+        ({"ranges": with_value(RANGES, 0.0)}, "1 of 600 ranges are zero or negative"),
+        ({"ranges": with_value(RANGES, -np.inf)}, "1 of 600 ranges are zero or negative"),
         ({"angles": np.degrees(ANGLES)}, "angles are beyond a full turn: expected radians"),
         ({"angles": ANGLES * np.nan}, "30 of 30 angles are not finite"),
         ({"poses": with_value(POSES, np.inf)}, "1 of 60 poses are not finite"),
         ({"poses": with_value(POSES, np.nan)}, "1 of 60 poses are not finite"),
         ({"poses": POSES + np.array([0, 0, 270])}, "headings are beyond ten turns: expected radians"),
+        ({"poses": POSES + np.linspace(-50, 50, len(POSES))[:, None] * [0, 0, 1]}, "headings that jump at most steps"),
     ],
 )
 @pytest.mark.parametrize("allow_empty", [False, True])

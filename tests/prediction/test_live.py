@@ -129,6 +129,20 @@ def test_maps_with_transforms_are_those_of_the_batch(predictor, lag, center):
     check(robot, expected(predictor, 40, center))
 
 
+def test_a_lidar_upside_down_may_have_no_pose_for_a_while(predictor):
+    turned = TYPES["Quaternion"](1.0, 0.0, 0.0, 0.0)  # half a turn about x
+    mount = TYPES["Transform"](TYPES["Vector3"](MOUNT_M, 0.0, 0.0), turned)
+    mount = TYPES["TFMessage"]([TYPES["TransformStamped"](header(0, "base_link"), "laser", mount)])
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(mount, is_static=True)
+    lost = range(40, 40 + 2 * MOST_OTHERS)
+    for step in range(60):
+        if step not in lost:
+            robot.mapper.add_transforms(base(step))
+        robot.mapper.add_scan(scan(step, ranges=EXAMPLE["ranges"][step, ::-1].astype(np.float32)))
+    assert not any("the beams of the lidar have changed" in each for each in robot.warnings)
+
+
 def test_maps_with_odometry_are_those_of_the_batch(predictor):
     robot = Robot(predictor)
     for step in range(30):

@@ -3,6 +3,7 @@
 import gzip
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from repro.prediction.logs import ScanLog
+from repro.prediction.logs import ScanLog, collect
 from repro.prediction.readers import read_log
 from repro.prediction.readings import LogScan, valid_ranges
 
@@ -286,6 +287,26 @@ def test_times_that_go_back_again_and_again_are_refused(tmp_path):
     np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
     with pytest.raises(ValueError, match=r"time goes back by more than 10 s \d+ times: its times are lost"):
         read_log(tmp_path / "log.npz", 0.05)
+
+
+def test_headings_in_degrees_below_one_turn_are_refused(tmp_path):
+    arrays = {"ranges": np.full((200, 5), 3.0), "angles": np.linspace(-1, 1, 5), "stamps": 0.1 * np.arange(200)}
+    poses = np.stack([np.ones(200), np.ones(200), 50 * np.sin(np.arange(200) / 8)], axis=1)
+    np.savez(tmp_path / "log.npz", **arrays, poses=poses)
+    with pytest.raises(ValueError, match="the headings look like degrees, they jump from scan to scan"):
+        read_log(tmp_path / "log.npz", 0.05)
+    np.savez(tmp_path / "log.npz", **arrays, poses=poses * [1, 1, np.pi / 180])
+    assert len(read_log(tmp_path / "log.npz", 0.05)) == 200
+
+
+def test_the_beams_are_those_of_the_scans_with_a_pose():
+    """Without a pose it is not known whether a lidar is upside down, so its angles may have the other sign."""
+    placed = [LogScan(0.1 * step, np.full(5, 3.0), 0.4, -0.1, 0.1, 30.0, (0.0, 0.0, 0.0)) for step in range(60)]
+    scans = [replace(each, first_angle=-0.4, spacing=0.1, pose=None) for each in placed[:40]] + placed[40:]
+    log = collect(scans, Path("log"), 0.05)
+    assert len(log) == 20
+    assert log.skipped == {"without a pose": 40}
+    assert log.angles == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
 
 
 def test_scans_without_beams_are_skipped_and_counted(tmp_path):

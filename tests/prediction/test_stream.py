@@ -77,7 +77,7 @@ def test_uneven_scans_are_resampled_to_the_steps(small, rate):
     random = np.random.default_rng(rate)
     stamps = 1e9 + np.cumsum(random.uniform(0.5, 1.5, 6 * rate)) / rate
     ranges = random.uniform(2, 12, (len(stamps), 20)).astype(np.float32)
-    poses = random.uniform(20, 30, (len(stamps), 3))
+    poses = random.uniform(20, 30, (len(stamps), 3)) * [1, 1, 0.02] + [0, 0, 25]  # headings of a robot
     angles = np.linspace(-0.7, 0.7, 20)
     stream, kept, count = PredictionStream(small, angles, center=(25, 25), steps=STEPS), [], 0
     for number, stamp in enumerate(stamps):

@@ -207,6 +207,12 @@ def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
     assert f"exp=3 encoding=series10 seed=0 {shared} train.batch_size=2 train.ema_decay=0.9 run" in page
 
 
+def test_a_network_without_a_file_in_conf_is_not_published():
+    scale = Scale(*("tiny", "a minute", 32, PairCounts(24, 8, 8), 1e-3, 8, 3, False, None))
+    with pytest.raises(ValueError, match=r"the published command needs a file of model big: add .*big\.yaml"):
+        usual_settings(scale, {}, "big", "ages")
+
+
 def test_readme_tables_are_those_of_the_report(tmp_path):
     outputs = tmp_path / "laptop"
     fake_study(outputs)

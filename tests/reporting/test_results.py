@@ -122,6 +122,12 @@ def test_a_network_that_was_trained_differently_is_marked(tmp_path):
     assert text.endswith("Not trained like the others: FPN in exp 4 (train.learning_rate=0.5).")
 
 
+def test_a_network_of_our_own_is_not_compared_by_its_encoder(tmp_path):
+    fake_run(tmp_path, "3", "unet", 0.5)
+    fake_run(tmp_path, "3", "dilated", 0.5, encoder_name=None, parameters={"hidden": 8})
+    assert "Not trained like the others" not in caption(read_results(Outputs(tmp_path)))
+
+
 def test_seeds_with_different_settings_are_not_averaged(tmp_path):
     """The main table would show their mean as that of one network."""
     fake_run(tmp_path, "3", "convgru", 0.5, parameters={"hidden": 48})

@@ -49,6 +49,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     (broken.path / "provenance.json").write_text("{")
     lost = fake_run(tmp_path, "3", "segformer", 0.9)
     lost.metrics.unlink()
+    (lost.path.parent / "seed0-old").mkdir()
     fake_run(tmp_path, "3", "tracker", 0.9)
     directory = outputs.recordings("3")
     directory.mkdir(parents=True)
@@ -70,6 +71,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     ):
         assert row in text, text
     assert "Of the study's 20 trainings with seed 0: 16 missing" in text
+    assert "seed0-old is passed over: its name is not that of a run" in text
     assert " of training remain, estimated from finished trainings" in text
 
 

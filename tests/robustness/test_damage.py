@@ -204,7 +204,10 @@ def test_a_copied_run_is_left_out(copy, key, capsys):
         ("train.dice_eps=1e-5", "holds a run of another configuration (train.dice_eps is 1e-06, requested 1e-05)"),
         ("oldest_gray=0.5", "holds a run of another configuration (encoding.parameters.oldest_gray is 0.8, requested"),
         ("scale.size_px=32", "has other data (size_px is 64, requested 32)"),
-        ("world.obstacles.moving.disc_share=1", "has other data (worlds is"),
+        (
+            "world.obstacles.moving.disc_share=1",
+            "has other data (worlds: the file of conf/world is another or has changed since",
+        ),
     ],
 )
 def test_another_configuration_in_the_same_directory_is_refused(copy, override, problem):

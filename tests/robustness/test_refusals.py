@@ -55,6 +55,7 @@ GROUPS = {  # groups take one name
     "model=unte": "did you mean unet?",
     "scale=lapto": "did you mean laptop?",
     "encoding=stack5": "must be one of ages",
+    "encoding=series100 exp=3 world.motions.rotate.steps=50": "divides a window into 100 parts, those of exp 3 have 50",
     "train.loss=bce": "must be one of map, visible",
     "train=visible": "visible is for model=deeptracking with encoding=series10 or encoding=series100",
     "train=visible model=deeptracking encoding=stack10": "visible is for model=deeptracking",

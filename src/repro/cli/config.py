@@ -71,7 +71,7 @@ class Prediction:
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
     center: Annotated[Any, AfterValidator(_is_center)]
-    fov_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] | None
+    fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
     range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
     animate: bool
     scan_topic: str | None

@@ -14,8 +14,10 @@ def print_cost(jobs: list[Job]) -> None:
         return
     print("measuring what paper scale costs on this machine", flush=True)
     kinds = {_kind(job): job for job in left}
-    seconds = {kind: training_seconds(job.config, job.call.runtime.precision) for kind, job in kinds.items()}
-    total = sum(seconds[_kind(job)] for job in left) / min(len(left), trainings_at_once(left[0].config))
+    runtime = left[0].call.runtime
+    each = {kind: training_seconds(job.config, runtime.precision, runtime.accelerator) for kind, job in kinds.items()}
+    at_once = min(len(left), trainings_at_once(left[0].config, runtime.accelerator))
+    total = sum(each[_kind(job)] for job in left) / at_once
     trainings = "this training takes" if len(left) == 1 else f"these {len(left)} trainings take"
     print(
         f"warning: no CUDA GPU is visible: {trainings} about {duration(total)}. For less, use scale=laptop.",

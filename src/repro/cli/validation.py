@@ -24,6 +24,7 @@ from repro.config import (
     config_errors_of,
     world_spec,
 )
+from repro.simulation.motions import recorded_steps
 from repro.simulation.schema import world_errors
 from repro.system.resources import has_gpu
 
@@ -46,7 +47,8 @@ def all_errors(values: dict[str, Any]) -> list[ConfigError]:
         return errors
     config = to_typed(values)
     errors = _path_errors(config.outputs, config.recordings) + _library_errors(config)
-    return errors or _encoding_errors(config.encoding) + _device_errors(config.runtime.accelerator)
+    errors = errors or _encoding_errors(config.encoding) + _device_errors(config.runtime.accelerator)
+    return errors or _window_errors(config)
 
 
 def config_errors(values: dict[str, Any]) -> list[ConfigError]:
@@ -66,7 +68,7 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         return [e for e in errors if not (e.key.startswith("train.") and e.key.replace("train", "scale") in keys)]
     errors = []
     experiments = config.world.get("experiments") or {}
-    if config.exp not in experiments:
+    if experiments and config.exp not in experiments:
         errors.append(ConfigError("exp", config.exp, f"must be one of {', '.join(experiments)}"))
     if config.task in (*TRAINING_TASKS, "plan") and config.train.batch_size > config.scale.pairs.train:
         expected = f"must be at most the {config.scale.pairs.train} training pairs"
@@ -152,6 +154,16 @@ def _encoding_errors(encoding: Encoding) -> list[ConfigError]:
         key = "encoding.parameters" if encoding.name in ENCODINGS else "encoding.name"
         return [ConfigError(key, None, str(error))]
     return []
+
+
+def _window_errors(config: Config) -> list[ConfigError]:
+    """Return an error if the windows of the experiment have fewer steps than the encoding has parts."""
+    frames = config.encoding.parameters.get("frames", 1)
+    steps = recorded_steps(config.world["experiments"][config.exp]["motion"])
+    if config.task not in (*TRAINING_TASKS, "evaluate") or frames <= steps:
+        return []
+    expected = f"divides a window into {frames} parts, those of exp {config.exp} have {steps} steps"
+    return [ConfigError("encoding", config.encoding.name, expected)]
 
 
 def _device_errors(accelerator: str) -> list[ConfigError]:

@@ -30,10 +30,10 @@ RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both sh
 
 
 def noisy_ranges(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
-    """Add normal noise to the range of every hit, at least 0 afterwards; scans are NumPy arrays, `std_m` in meters."""
+    """Add normal noise to the range of every hit, above 0 afterwards; scans are NumPy arrays, `std_m` in meters."""
     noise = rng.normal(0, std_m, scans.ranges.shape)
     hit = np.isfinite(scans.ranges)
-    return dataclasses.replace(scans, ranges=np.where(hit, (scans.ranges + noise).clip(0), scans.ranges))
+    return dataclasses.replace(scans, ranges=np.where(hit, (scans.ranges + noise).clip(1e-3), scans.ranges))
 
 
 def noisy_poses(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:

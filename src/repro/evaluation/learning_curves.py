@@ -5,8 +5,8 @@ Every metric m for n training pairs and maps of p x p pixels follows
     1 - m(n, p) = c + a (n / 1000)^-alpha + b (p / 64)^-beta        with a, b, c >= 0,
 
 a saturating power law (Hestness et al., "Deep Learning Scaling is Predictable, Empirically", 2017). Each curve (an
-experiment with or without decay) has its own a, b and c; all curves share the exponents. With fewer than three
-resolutions the law has no term in p and applies to the measured resolution only. Only the exponents need a search; for
+experiment with or without decay) has its own a, b and c; all curves share the exponents. With a single
+resolution the law has no term in p and applies to that resolution only. Only the exponents need a search; for
 given exponents, a, b and c solve a non-negative least-squares problem.
 """
 

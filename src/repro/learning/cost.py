@@ -17,14 +17,21 @@ USUAL_EPOCHS = 20  # early stopping usually ends a training by then
 
 
 def seconds_per_image(
-    model: Model, size_px: int, batch_size: int, precision: str, steps: int = 2, channels: int = 1, frames: int = 1
+    model: Model,
+    size_px: int,
+    batch_size: int,
+    precision: str,
+    steps: int = 2,
+    channels: int = 1,
+    frames: int = 1,
+    accelerator: str = "auto",
 ) -> float:
     """Measure forward pass, backward pass and optimizer step per image on this machine [s].
 
     Raises:
         ValueError: the network does not map images to logits of one map.
     """
-    device = resolve_device()
+    device = resolve_device(accelerator)
     network = create_network(model, channels, frames)
     check_output(network, channels)
     network.to(device)
@@ -42,22 +49,22 @@ def seconds_per_image(
     return (clock(device) - began) / steps / batch_size
 
 
-def training_seconds(config: RunConfig, precision: str) -> float:
+def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto") -> float:
     """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread."""
-    device, size_px, encoding = resolve_device(), config.data.size_px, encoding_of(config)
+    device, size_px, encoding = resolve_device(accelerator), config.data.size_px, encoding_of(config)
     quick = device == "cuda" or size_px <= 64  # a smaller batch suffices on a CPU at high resolution
     batch_size, steps = (_training(config).batch_size, 8) if quick else (min(_training(config).batch_size, 4), 2)
     precision = resolve_precision(precision, device)
     with one_thread() if device == "cpu" else nullcontext():
         seconds = seconds_per_image(
-            config.model, size_px, batch_size, precision, steps, encoding.channels, encoding.frames
+            config.model, size_px, batch_size, precision, steps, encoding.channels, encoding.frames, accelerator
         )
     return seconds * config.data.pairs.train * usual_epochs(config)
 
 
-def trainings_at_once(config: RunConfig) -> int:
+def trainings_at_once(config: RunConfig, accelerator: str = "auto") -> int:
     """Return how many trainings like this one a sweep runs at the same time with the default launcher."""
-    if resolve_device() == "cuda":
+    if resolve_device(accelerator) == "cuda":
         return 1
     channels = encoding_of(config).channels
     return parallel_trainings(config.data.size_px, _training(config).batch_size, config.data.pairs.train, channels)

@@ -13,6 +13,8 @@ from repro.maps.projection import newest_hits
 from repro.scans import Scans
 
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
+JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
+MIN_STEPS = 10  # of which most are jumps
 DEGREES = ("beyond ten turns", "expected radians, from -pi to pi if the robot turns often")
 
 
@@ -25,17 +27,18 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
         allow_empty: accept windows without a hit on the map and poses outside it.
 
     Raises:
-        ValueError: a window has no valid reading, a range is negative, an angle or pose is not finite or seems to be in
-            degrees; or, unless `allow_empty`, a window has no hit on the map or a pose outside it.
+        ValueError: a window has no valid reading, a range is not positive, an angle or pose is not finite or seems to
+            be in degrees; or, unless `allow_empty`, a window has no hit on the map or a pose outside it.
     """
     ranges, angles, poses = windows.ranges, windows.angles, windows.poses
     expected = "expected meters, inf for a miss, NaN for an invalid reading"
     _refuse(torch.isnan(ranges).flatten(1).all(1), "windows", "without a valid reading", expected)
-    _refuse(ranges < 0, "ranges", "negative", expected)
+    _refuse(ranges <= 0, "ranges", "zero or negative", expected)
     _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
     _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
     _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
     _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", *DEGREES)
+    _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", DEGREES[1])
     if allow_empty:
         return
     inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)
@@ -48,6 +51,14 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
             f"{int(empty.sum())} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
             "expected ranges in meters, and poses in the frame of the map"
         )
+
+
+def jumps(headings: Tensor) -> Tensor:
+    """Return whether headings (..., T) change by more than `JUMP` at most steps, as in degrees; bool, (...)."""
+    if headings.shape[-1] < MIN_STEPS:
+        return torch.zeros(headings.shape[:-1], dtype=torch.bool)
+    turns = torch.remainder(headings.diff(dim=-1) + math.pi, 2 * math.pi) - math.pi
+    return turns.abs().median(dim=-1).values > JUMP
 
 
 def _refuse(wrong: Tensor, name: str, problem: str, expected: str) -> None:

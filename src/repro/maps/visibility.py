@@ -84,7 +84,7 @@ def _draw_windows(
         poses: column and row from below of the robot [px], with pixel centers at integers, and heading [rad],
             (B, T, 3).
         part: indices of the windows.
-        bounds: direction (cosine, sine) of the bounds between the sectors of the beams in the robot's frame, (N + 1, 2).
+        bounds: directions (cosine, sine) between the sectors of the beams in the robot's frame, (N + 1, 2).
         spacing: angle between two adjacent beams [rad].
     """
     beams = reach.shape[2]

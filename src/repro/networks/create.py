@@ -111,7 +111,8 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         unknown = {key: value for key, value in model.parameters.items() if key not in allowed}
         return errors + [ConfigError(f"model.parameters.{key}", value, expected) for key, value in unknown.items()]
     if model.parameters:
-        expected = f"parameters are for networks of our own, {', '.join(OWN_ARCHITECTURES)}"
+        known = ", ".join(OWN_ARCHITECTURES)
+        expected = f"parameters are for the architectures {known}: set model.architecture if the name is another"
         return [ConfigError("model.parameters", model.parameters, expected)]
     smp_networks = _smp_networks()
     if architecture not in smp_networks.ARCHITECTURES:

@@ -146,7 +146,8 @@ class LiveMapper:
             if self.first is not None and scan.pose is not None and root != self.root:
                 self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")
                 self.first = None
-            if self.first is not None and len(scan.ranges) and not has_same_beams(scan, self.first):
+            is_placed = scan.pose is not None and len(scan.ranges) > 0  # without a pose it may be upside down
+            if self.first is not None and is_placed and not has_same_beams(scan, self.first):
                 self.others += 1
                 if self.others > MOST_OTHERS:
                     self.warn("the beams of the lidar have changed: the window begins again")

@@ -8,9 +8,12 @@ from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
+import torch
 
+from repro.maps.validity import DEGREES, jumps
 from repro.prediction.readings import (
     NOT_LATER,
+    WITHOUT_POSE,
     LogScan,
     check_beams,
     check_heading,
@@ -138,7 +141,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
 
 
 def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
-    scans = iter(scans)
+    scans = _with_pose(scans, skipped)  # a lidar without a pose may be upside down: its angles are not known
     head = list(islice(scans, HEAD))
     first = _with_most_frequent_beams(head)
     if first:
@@ -157,6 +160,14 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
             yield scan
 
 
+def _with_pose(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
+    for scan in scans:
+        if scan.pose is None:
+            skipped[WITHOUT_POSE] += 1
+        else:
+            yield scan
+
+
 def _check_values(kept: np.ndarray, path: Path, skipped: Counter[str]) -> None:
     """Check that the rows of a log have times that increase, ranges in meters and headings in radians.
 
@@ -164,14 +175,15 @@ def _check_values(kept: np.ndarray, path: Path, skipped: Counter[str]) -> None:
         ValueError: they do not.
     """
     if skipped[NOT_LATER] > MOSTLY * len(kept):
-        raise ValueError(
-            f"{path}: {skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later: its times are lost"
-        )
+        counts = f"{skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later"
+        raise ValueError(f"{path}: {counts}: its times are lost, or its scans are not in the order of their times")
     sample = kept["ranges"][:: max(1, len(kept) // 1000)]
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
         raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     check_heading(float(np.abs(kept["pose"][:, 2]).max()), f"{path}: the headings look")
+    if jumps(torch.as_tensor(kept["pose"][:, 2].copy())):
+        raise ValueError(f"{path}: the headings look like degrees, they jump from scan to scan: {DEGREES[1]}")
 
 
 def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:
@@ -193,7 +205,8 @@ def _longest_part(kept: np.ndarray, path: Path, skipped: Counter[str]) -> np.nda
     parts = np.split(kept, np.flatnonzero(np.diff(kept["stamp"]) < 0) + 1)
     if len(parts) > MOSTLY:
         raise ValueError(
-            f"{path}: time goes back by more than {SET_BACK_S:g} s {len(parts) - 1} times: its times are lost"
+            f"{path}: time goes back by more than {SET_BACK_S:g} s {len(parts) - 1} times: its times are lost, or its "
+            "scans are not in the order of their times"
         )
     longest = max(parts, key=len)
     if len(longest) < len(kept):

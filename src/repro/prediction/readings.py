@@ -9,7 +9,8 @@ from repro.maps.validity import MAX_HEADING
 
 MAX_BEAMS = 100_000
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
-NOT_LATER, WITHOUT_RANGE = "not later than the one before", "without a valid maximum range"
+NOT_LATER, WITHOUT_POSE = "not later than the one before", "without a pose"
+WITHOUT_RANGE = "without a valid maximum range"
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
     if not len(scan.ranges):
         return "without beams"
     if scan.pose is None or not np.isfinite(scan.pose).all():
-        return "without a pose"
+        return WITHOUT_POSE
     if first and len(scan.ranges) != len(first.ranges):
         return f"with another number of beams than {len(first.ranges)}"
     if first and not has_same_beams(scan, first):

@@ -5,7 +5,7 @@ import pandas as pd
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.names import model_title
 from repro.reporting.paper import read_paper
-from repro.reporting.settings import changed, read_cells, usual
+from repro.reporting.settings import Settings, changed, read_cells, usual
 from repro.runs.keys import CELL
 
 
@@ -53,11 +53,18 @@ def missing(results: pd.DataFrame, encoding: str) -> str:
     return f" Not trained: {'; '.join(parts)}."
 
 
+def _comparable(settings: Settings) -> Settings:
+    """Return the settings without those of the model if it is a network of our own, which no other network has."""
+    if settings.get("model.encoder_name"):
+        return settings
+    return {key: value for key, value in settings.items() if not key.startswith("model.")}
+
+
 def _unlike(networks: pd.DataFrame) -> str:
     """Name the networks of a table that were trained with other settings than most."""
     if "settings" not in networks:  # all were published before the column existed
         return ""
-    settings = read_cells(networks["settings"])
+    settings = [_comparable(each) for each in read_cells(networks["settings"])]
     reference = usual(settings)
     texts = [", ".join(f"{key}={value}" for key, value in changed(each, reference).items()) for each in settings]
     groups = networks.assign(changed=texts).query("changed != ''").groupby(["changed", "model"])

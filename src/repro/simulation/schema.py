@@ -59,6 +59,9 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
     Returns:
         the config errors; empty if the worlds of every experiment can be recorded.
     """
+    if "experiments" not in world:
+        expected = "is missing; worlds are sampled from the keys in docs/worlds.md, a plain world of IR-SIM is not read"
+        return [ConfigError("world.experiments", None, expected)]
     numbers = [key for key in world.get("experiments") or {} if not isinstance(key, str)]
     if numbers:
         quoted = ", ".join(f'"{key}"' for key in numbers)
@@ -119,7 +122,10 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
         moving = [population["behavior"] for population in populations(spec) if population.get("behavior")]
         fastest = max((behavior["speed_m_s"][1] for behavior in moving), default=0.0)
         if fastest * step_time * steps > width:
-            return f"obstacles of {fastest} m/s would cross the whole map in a recording: make them slower"
+            return (
+                f"obstacles of {fastest} m/s would cross the whole map of {width:g} m in {steps * step_time:g} s: make "
+                "them slower or the window shorter"
+            )
         if message := _error_of_steps(spec):
             return message
         if (speeds > spec["robot"]["vel_max"]).any() or (-speeds < spec["robot"]["vel_min"]).any():

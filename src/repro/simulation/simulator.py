@@ -169,7 +169,7 @@ def drive_robot(world: World) -> np.ndarray:
     """Compute the pose of the robot after each step with IR-SIM's differential kinematics, (T, 3)."""
     robot = world["robot"]
     behavior = json.dumps(robot["behavior"], sort_keys=True)  # a key of the cache
-    return _drive(behavior, tuple(robot["state"]), tuple(robot["vel_max"]), world["world"]["step_time"])
+    return _drive(behavior, tuple(robot["state"]), tuple(robot["vel_max"]), world["world"]["step_time"]).copy()
 
 
 @lru_cache(maxsize=16)

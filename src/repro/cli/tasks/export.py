@@ -20,6 +20,6 @@ def run(job: Job) -> None:
         difference = export_onnx(job.run, target)
         print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
         return
-    target = job.published / name
+    target = job.published / (name + (f"-seed{job.key.seed}" if job.key.seed else ""))
     export_weights(job.run, target, force=job.call.publish.force)
     print(target)

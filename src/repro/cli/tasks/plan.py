@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from repro.cli.config import Runtime
 from repro.cli.jobs import Job
 from repro.cli.limits import recording_seconds
 from repro.config import NETWORKS, paper_model
@@ -27,14 +28,14 @@ def run(job: Job) -> None:
     runs = Study(job.outputs, experiments, job.call.seed).runs()
     trainings = {name: sum(k.model == name and not run.is_trained for k, run in runs.items()) for name in NETWORKS}
     evaluations = sum(not run.is_evaluated for run in runs.values())
-    recordings, precision = sum(missing.values()), job.call.runtime.precision
-    for line in plan_study(job.config, precision, recordings, seconds, trainings, evaluations):
+    recordings, runtime = sum(missing.values()), job.call.runtime
+    for line in plan_study(job.config, runtime, recordings, seconds, trainings, evaluations):
         print(line, flush=True)
 
 
 def plan_study(
     config: RunConfig,
-    precision: str,
+    runtime: Runtime,
     recordings: int,
     recording_seconds: float,
     trainings: Mapping[str, int],
@@ -44,17 +45,18 @@ def plan_study(
 
     Args:
         config: a run of the study.
-        precision: see `devices.resolve_precision`.
+        runtime: accelerator and precision of the trainings.
         recordings: number of remaining recordings.
         recording_seconds: time to record them [s].
         trainings: number of remaining trainings of each of the paper's networks.
         evaluations: number of remaining runs to evaluate.
     """
-    total, at_once = recording_seconds, trainings_at_once(config)
+    total, at_once = recording_seconds, trainings_at_once(config, runtime.accelerator)
     yield f"  {recordings} recordings: {duration(total)}" if recordings else "  recordings: done"
     for name, count in trainings.items():
         if count:
-            seconds = count * training_seconds(replace(config, model=paper_model(name)), precision)
+            run = replace(config, model=paper_model(name))
+            seconds = count * training_seconds(run, runtime.precision, runtime.accelerator)
             total += seconds / at_once
             yield f"  {count} x {name}: {duration(seconds)}"
         else:

@@ -196,6 +196,10 @@ def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
                 f"warning: {TITLES.get(name, name)}: {spread} in {is_outside.sum()} of {len(table)} windows, {known} "
                 f"in the {statistics.windows} windows of the training"
             )
+            if name == "occupied_share" and values.max() > high:
+                print(
+                    "  hits are smeared by wrong poses: check their columns, units, sign and times in a window's figure"
+                )
 
 
 def _describe(log: ScanLog) -> None:

@@ -52,9 +52,17 @@ def overrides_of(job: Job) -> str:
 
 
 def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: str) -> dict[str, Any]:
-    """Return the settings of a network and an encoding at a scale without overrides, see `reporting.settings`."""
+    """Return the settings of a network and an encoding at a scale without overrides, see `reporting.settings`.
+
+    Raises:
+        ValueError: conf/ has no file of the network or the encoding, which the published command would need.
+    """
     names = {"model": model, "encoding": encoding, "train": "paper"}
-    parts = {group: OmegaConf.load(CONF / group / f"{name}.yaml") for group, name in names.items()}
+    files = {group: CONF / group / f"{name}.yaml" for group, name in names.items()}
+    for group, path in files.items():
+        if not path.is_file():
+            raise ValueError(f"the published command needs a file of {group} {names[group]}: add {path}")
+    parts = {group: OmegaConf.load(path) for group, path in files.items()}
     shared = {"scale": asdict(scale), "world": world, "decay": True, "oldest_gray": OLDEST_GRAY}
     values = plain(OmegaConf.create({**shared, **parts}))
     return settings_of(Model(**values["model"]), Encoding(**values["encoding"]), Training(**values["train"]))
