@@ -31,7 +31,7 @@ from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds, draw_weights
 from repro.metrics.counts import LEVELS, confusion_of
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.agreement import last_hits, measured, predicted
+from repro.prediction.agreement import last_hits, observed, predicted
 from repro.prediction.logs import ScanLog, collect
 from repro.prediction.output import draw
 from repro.prediction.readers import carmen_scans
@@ -103,7 +103,7 @@ def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator
     """
     for window, reach_m in tqdm(windows_of(path, predictor), desc=path.name, disable=None):
         assert window.held_out, "the log is cropped"
-        scan = measured(window.held_out, predictor.grid, reach_m)
+        scan = observed(window.held_out, predictor.grid, reach_m)
         baseline, seen = distance_to_hits(window.scans, predictor.grid, reach_m)
         free = predictor.with_range(reach_m).predict(window.scans, allow_empty=True)[0].numpy()
         if (path.name, window.number) == DRAWN and figures:

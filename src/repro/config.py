@@ -17,16 +17,25 @@ PAPER_ENCODER = "mit_b0"
 LONGEST = 200  # characters of a value in a message
 UNKNOWN_KEY = "is not a known key"
 
-STRICT = ConfigDict(extra="forbid")  # unknown keys are errors
+KNOWN_KEYS = ConfigDict(extra="forbid")  # unknown keys are errors, and values are converted to their types
+STRICT = ConfigDict(extra="forbid", strict=True)  # values of other types are errors as well
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Epochs = Annotated[int, Field(ge=1, le=100_000)]
 SmallPositive = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
-Name = Annotated[str, Field(pattern=r"^[\w-]+$")]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 Gray = Annotated[float, Field(ge=0, le=254 / 255, allow_inf_nan=False)]  # of a hit; 0 is black, 1 the white background
 FrameCount = Annotated[int, Field(ge=1, le=100)]
+
+
+def ordered(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Check in a pydantic validator that values do not decrease."""
+    if sorted(values) != list(values):
+        raise ValueError("must be ordered, low to high")
+    return values
 
 
 def choice(*allowed: str) -> AfterValidator:
@@ -52,7 +61,7 @@ class Model:
         parameters: further parameters of one of our own networks.
     """
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     name: Name
     architecture: str | None = None
@@ -70,7 +79,7 @@ def paper_model(name: str) -> Model:
 class Encoding:
     """How scans become the input of a network: a name and the parameters of `maps.encodings.create_encoding`."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     name: Name
     parameters: dict[str, Any]
@@ -120,7 +129,7 @@ PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 class PairCounts:
     """Number of pairs in each split; a world and its twin are two."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     train: Even
     val: Even
@@ -135,7 +144,7 @@ class Scale:
         takes: how long the study takes, in words.
     """
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     name: Name
     takes: str
@@ -152,7 +161,7 @@ class Scale:
 class Training:
     """Training settings of a network; see conf/train."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     learning_rate: SmallPositive
     min_delta: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)]

@@ -57,7 +57,7 @@ def saved(tmp_path):
 
 def test_an_encoding_that_the_page_cannot_draw_is_refused(saved):
     with pytest.raises(ValueError, match=r"has the encoding ages, expected projection, negative, stack, series"):
-        networks.load_network(saved("exp4-unet", "ages"))
+        networks.load_demo_network(saved("exp4-unet", "ages"))
 
 
 @pytest.mark.slow
@@ -72,7 +72,7 @@ def test_a_network_is_described_by_its_directory(saved, monkeypatch):
     exported = networks._onnx_of(first, load_predictor(first))
     monkeypatch.setattr(networks, "_onnx_of", lambda *_: exported)  # their weights are the same
     for directory, expected in names.items():
-        loaded = networks.load_network(saved(directory, "projection"))
+        loaded = networks.load_demo_network(saved(directory, "projection"))
         assert (loaded.title, loaded.experiment) == expected
         assert loaded.grid.size_px == 32
         assert loaded.encoding == {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}}

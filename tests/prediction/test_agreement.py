@@ -3,7 +3,7 @@ import math
 import numpy as np
 
 from repro.maps.grid import Grid
-from repro.prediction.agreement import agreement, last_hits, measured
+from repro.prediction.agreement import agreement, last_hits, observed
 from repro.scans import Scans
 
 GRID = Grid(100, 50.0)
@@ -22,7 +22,7 @@ def right_of(x_m: float) -> np.ndarray:
 
 
 def shares(free: np.ndarray, scan: Scans) -> tuple[float, float]:
-    return agreement(free, measured(scan, GRID, 30.0))
+    return agreement(free, observed(scan, GRID, 30.0))
 
 
 def test_agreement_counts_hits_on_obstacles_and_passed_pixels():
@@ -39,7 +39,7 @@ def test_agreement_counts_hits_on_obstacles_and_passed_pixels():
 def test_invalid_readings_are_not_compared():
     scan = wall(5)
     scan.ranges[0, :50] = np.nan
-    half, whole = (measured(each, GRID, 30.0) for each in (scan, wall(5)))
+    half, whole = (observed(each, GRID, 30.0) for each in (scan, wall(5)))
     assert 0 < half.hits.sum() < whole.hits.sum()
     assert 0 < half.passed.sum() < 0.6 * whole.passed.sum()
 
@@ -47,7 +47,7 @@ def test_invalid_readings_are_not_compared():
 def test_a_scan_may_be_compared_on_some_pixels_only():
     left = np.zeros((100, 100), dtype=bool)
     left[:, :55] = True
-    scan = measured(wall(5), GRID, 30.0).within(left)
+    scan = observed(wall(5), GRID, 30.0).within(left)
     assert scan.hits.sum() == 0
     assert scan.passed[:, :55].sum() == scan.passed.sum() > 0
 

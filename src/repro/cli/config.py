@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_type_hints
 from omegaconf import MISSING
 from pydantic import AfterValidator, Field, TypeAdapter
 
-from repro.config import STRICT, Encoding, Gray, Model, NotNegative, Scale, Training, choice
+from repro.config import KNOWN_KEYS, Encoding, Gray, Model, NotNegative, Scale, Training, choice
 
 RUN_TASKS = (
     *("all", "record", "train", "evaluate", "world", "animate"),
@@ -28,7 +28,7 @@ MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
 class Runtime:
     """Settings that may differ between calls of the same run."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     workers: Annotated[int, Field(ge=1, le=MAX_WORKERS)]
     accelerator: Annotated[str, choice("auto", "cpu", "gpu")]
@@ -64,7 +64,7 @@ class Prediction:
         mcap: whether to write an MCAP file, too.
     """
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     weights: Directory
     steps: Annotated[int, Field(ge=1, le=10_000)] | None
@@ -88,7 +88,7 @@ class Demo:
         runtime: npm package of ONNX Runtime Web; None takes it from the user's cache or downloads it.
     """
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     networks: Annotated[list[Directory], Field(min_length=1)]
     runtime: Directory | None
@@ -103,7 +103,7 @@ class Publish:
         add: add runs to the published results instead of replacing them.
     """
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     force: bool
     add: bool
@@ -113,7 +113,7 @@ class Publish:
 class Config:
     """The whole configuration of a call."""
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = KNOWN_KEYS
 
     task: Annotated[str, choice(*RUN_TASKS, *STUDY_TASKS)]
     exp: str

@@ -44,7 +44,7 @@ class DemoNetwork:
     onnx: bytes
 
 
-def load_network(directory: Path) -> DemoNetwork:
+def load_demo_network(directory: Path) -> DemoNetwork:
     """Load a trained or exported network for the page: a directory, or an ONNX file.
 
     Raises:

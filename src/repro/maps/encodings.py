@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.config import Positive, config_errors_of
+from repro.config import STRICT, Positive, config_errors_of
 from repro.maps.grid import Grid
-from repro.maps.projection import CHECKED, Projection
+from repro.maps.projection import Projection
 from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_visible
 from repro.scans import Scans
@@ -44,7 +44,7 @@ class Encoding(Protocol):
         """Convert images to the input of a network, float32 in [0, 1], of the same shape."""
 
 
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class Negative(Projection):
     """The projection with inverted intensities as the input: hits are bright and the background is zero."""
 
@@ -54,7 +54,7 @@ class Negative(Projection):
         return 1 - images.float() / 255
 
 
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class Exponential(Projection):
     """The projection with an exponential decay: a hit of age `half_life` is halfway from black to `oldest_gray`.
 
@@ -73,7 +73,7 @@ class Exponential(Projection):
         return self.oldest_gray * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
 
 
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class Ages(Negative):
     """The position of the hits and their age as separate images.
 
@@ -89,7 +89,7 @@ class Ages(Negative):
         return torch.cat([torch.where(faded < 255, 0, 255).to(torch.uint8), faded], dim=1)
 
 
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class ObservedFree(Negative):
     """The projection, and a second image of when each pixel was last observed to be free.
 

@@ -3,18 +3,15 @@
 from typing import ClassVar
 
 import torch
-from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.config import OLDEST_GRAY, Gray
+from repro.config import OLDEST_GRAY, STRICT, Gray
 from repro.maps.grid import Grid
 from repro.scans import Scans
 
-CHECKED = ConfigDict(extra="forbid", strict=True)  # parameters have their types and ranges; the error is a ValueError
 
-
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class Projection:
     """The cumulative dynamic sensor projection: one gray-scale image, 0 black to 255 white.
 

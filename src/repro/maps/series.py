@@ -7,14 +7,14 @@ from pydantic.dataclasses import dataclass
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from repro.config import FrameCount, Positive
+from repro.config import STRICT, FrameCount, Positive
 from repro.maps.grid import Grid
-from repro.maps.projection import CHECKED, hit_pixels
+from repro.maps.projection import hit_pixels
 from repro.maps.visibility import newest_visible
 from repro.scans import Scans
 
 
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class Stack:
     """A series of images: the hits of each part of the window in a separate image, oldest part first, all black.
 
@@ -58,7 +58,7 @@ class Stack:
         return Scans(ranges.flatten(0, 1), scans.angles, poses.flatten(0, 1))
 
 
-@dataclass(frozen=True, config=CHECKED)
+@dataclass(frozen=True, config=STRICT)
 class Series(Stack):
     """Two series of images: the hits of each part of the window, then the pixels observed to be free in each part.
 

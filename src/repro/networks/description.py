@@ -3,23 +3,15 @@
 import json
 from typing import Annotated, Any, Literal, NotRequired
 
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, with_config
 from typing_extensions import TypedDict
 
-from repro.config import config_errors_of
+from repro.config import STRICT, Finite, config_errors_of, ordered
 
-STRICT = ConfigDict(extra="forbid", strict=True)
 MAX_ERRORS = 3  # in a message
 
 
-def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
-    if sorted(values) != list(values):
-        raise ValueError("must be ordered, low to high")
-    return values
-
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Quantiles = Annotated[tuple[Finite, Finite, Finite, Finite, Finite], AfterValidator(_ordered)]
+Quantiles = Annotated[tuple[Finite, Finite, Finite, Finite, Finite], AfterValidator(ordered)]
 
 
 @with_config(STRICT)

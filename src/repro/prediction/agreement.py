@@ -23,7 +23,7 @@ COMPARISONS = {  # what is compared, by the prefix of its columns
 
 
 @dataclass(frozen=True)
-class Measured:
+class Observed:
     """What one scan shows of a map.
 
     Args:
@@ -34,12 +34,12 @@ class Measured:
     hits: np.ndarray
     passed: np.ndarray
 
-    def within(self, pixels: np.ndarray) -> "Measured":
+    def within(self, pixels: np.ndarray) -> "Observed":
         """Return what the scan shows of some pixels, bool, (H, W)."""
-        return Measured(self.hits & pixels, self.passed & pixels)
+        return Observed(self.hits & pixels, self.passed & pixels)
 
 
-def measured(scan: Scans, grid: Grid, range_max_m: float) -> Measured:
+def observed(scan: Scans, grid: Grid, range_max_m: float) -> Observed:
     """Return what a scan shows of a map.
 
     Args:
@@ -50,10 +50,10 @@ def measured(scan: Scans, grid: Grid, range_max_m: float) -> Measured:
     scan = scan.tensors()
     hits = (newest_hits(scan, grid) > 0)[0].numpy()
     passed = (newest_visible(scan, grid, range_max_m, margin_m=-grid.resolution_m) > 0)[0].numpy()
-    return Measured(hits, passed & ~hits)
+    return Observed(hits, passed & ~hits)
 
 
-def predicted(free: np.ndarray, scan: Measured) -> tuple[np.ndarray, np.ndarray]:
+def predicted(free: np.ndarray, scan: Observed) -> tuple[np.ndarray, np.ndarray]:
     """Return what a map predicts for the pixels of a scan.
 
     Args:
@@ -67,7 +67,7 @@ def predicted(free: np.ndarray, scan: Measured) -> tuple[np.ndarray, np.ndarray]
     return minimum_filter(free, 3)[scan.hits], free[scan.passed]
 
 
-def agreement(free: np.ndarray, scan: Measured) -> tuple[float, float]:
+def agreement(free: np.ndarray, scan: Observed) -> tuple[float, float]:
     """Compare a map with a scan.
 
     Args:
@@ -90,9 +90,9 @@ def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) ->
     """
     shares: dict[str, tuple[float, float]] = {}
     if window.following:
-        shares[""] = agreement(free, measured(window.following, grid, range_max_m))
+        shares[""] = agreement(free, observed(window.following, grid, range_max_m))
     if window.held_out:
-        scan = measured(window.held_out, grid, range_max_m)
+        scan = observed(window.held_out, grid, range_max_m)
         shares["held_out_"] = agreement(free, scan)
         shares["last_hits_held_out_"] = agreement(last_hits(window.scans, grid, range_max_m)[0], scan)
     return {prefix + name: share for prefix, pair in shares.items() for name, share in zip(SHARES, pair, strict=True)}

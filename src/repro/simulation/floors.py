@@ -12,6 +12,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
 
+from repro.config import Finite
 from repro.simulation.schema_parts import MAX_FIXED, MAX_VERTICES
 from repro.simulation.shapes import Obstacle
 from repro.system.files import read_typed
@@ -20,7 +21,6 @@ MAX_CELLS = 10_000  # along one side of a map
 FORMATS = ("PNG", "PPM", "BMP", "TIFF", "JPEG", "GIF")  # of images; PPM includes PGM. Others may start programs.
 MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")  # of images with up to 8 bits per color
 UNKNOWN = 205  # gray of an unknown cell from map_saver, which Nav2's default free_thresh would take for free
-Coordinate = Annotated[float, Field(allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class MapFile:
 
     image: str
     resolution: Annotated[float, Field(gt=0, le=100)]  # side of a cell [m]
-    origin: tuple[Coordinate, Coordinate, Coordinate]  # lower left corner x, y [m], heading [rad]
+    origin: tuple[Finite, Finite, Finite]  # lower left corner x, y [m], heading [rad]
     negate: Literal[0, 1] = 0
     free_thresh: Annotated[float, Field(gt=0, le=1)] = 0.25
     mode: Literal["trinary", "scale"] = "trinary"

@@ -11,9 +11,9 @@ from typing import Annotated, Any
 import shapely
 from pydantic import Field, ValidationError, model_validator
 
-from repro.config import ConfigError, config_errors_of, populations, world_spec
+from repro.config import ConfigError, Name, config_errors_of, populations, world_spec
 from repro.simulation.motions import recorded_steps, top_speeds
-from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Name, Part, Populations, Robot, Rooms, World
+from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Part, Populations, Robot, Rooms, World
 from repro.simulation.shapes import geometry, shape_radius
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
 

@@ -7,11 +7,7 @@ from typing import Annotated, Any, Literal
 import shapely
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
-
-def _ordered(pair: tuple) -> tuple:
-    if pair[0] > pair[1]:
-        raise ValueError("must be ordered, low to high")
-    return pair
+from repro.config import STRICT, ordered
 
 
 def _amount(value: Any) -> str:
@@ -20,28 +16,27 @@ def _amount(value: Any) -> str:
 
 # Ranges in which IR-SIM, the recorder and float32 compute what the value says
 Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
-LengthRange = Annotated[tuple[Length, Length], AfterValidator(_ordered)]
+LengthRange = Annotated[tuple[Length, Length], AfterValidator(ordered)]
 Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
 Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
-SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(_ordered)]
+SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(ordered)]
 SpeedOrRange = Annotated[
     Annotated[Speed, Tag("<one>")] | Annotated[SpeedRange, Tag("<several>")], Discriminator(_amount)
 ]
 Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
 Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
-RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(_ordered)]
+RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(ordered)]
 Steps = Annotated[int, Field(ge=1, le=1_000_000)]
-StepsRange = Annotated[tuple[Steps, Steps], AfterValidator(_ordered)]
+StepsRange = Annotated[tuple[Steps, Steps], AfterValidator(ordered)]
 Coordinate = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]  # [m]
 Point = tuple[Coordinate, Coordinate]
 Number = Annotated[int, Field(ge=1, le=1000)]
-NumberRange = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+NumberRange = Annotated[tuple[Number, Number], AfterValidator(ordered)]
 MAX_VERTICES, MAX_FIXED = 100, 1000  # of a polygon or line string, of the fixed obstacles of a floor
 
 
 class Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(**STRICT, frozen=True)
 
 
 class World(Part):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from repro.cli.jobs import Job
-from repro.demo.networks import load_network
+from repro.demo.networks import load_demo_network
 from repro.demo.page import render
 from repro.demo.runtime import load_runtime
 from repro.simulation.motions import recorded_steps
@@ -17,7 +17,7 @@ def run(job: Job) -> None:
         ValueError: a network or the runtime cannot be used, or the page would be too large.
     """
     runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
-    networks = [load_network(Path(directory)) for directory in job.call.demo.networks]
+    networks = [load_demo_network(Path(directory)) for directory in job.call.demo.networks]
     spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.call.world["experiments"]}
     page = render(networks, runtime, spec, job.call.prediction.steps or recorded_steps(job.spec["motion"]))
     path = job.outputs.path / "demo.html"
