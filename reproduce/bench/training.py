@@ -22,6 +22,7 @@ from repro.config import NETWORKS, Model, Training, paper_model
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.training import TrainingModule, quiet
+from repro.maps.bits import pack_bits
 from repro.maps.datasets import Pairs
 from repro.maps.encodings import Encoding, create_encoding
 from repro.networks.create import Network, create_network
@@ -158,7 +159,7 @@ def our_epoch(
     encoding = encoding_of(name)
     shape = (pairs, encoding.channels, size_px, size_px)
     images = torch.randint(0, 256, shape, dtype=torch.uint8, device=device)
-    data = Pairs(images, images[:, :1] // 128, encoding)
+    data = Pairs(pack_bits(images) if encoding.is_binary else images, images[:, :1] // 128, encoding)
     network = network_of(name)
     accelerate(network, device)
     keep_freed_memory()

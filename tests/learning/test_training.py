@@ -97,7 +97,7 @@ def test_the_data_of_a_training_is_freed_before_that_of_the_next_is_loaded(recor
     def load_and_watch(*arguments):
         alive.append(sum(images() is not None for images in loaded))
         pairs = load(*arguments)
-        loaded.append(weakref.ref(pairs.images))
+        loaded.append(weakref.ref(pairs.stored))
         return pairs
 
     monkeypatch.setattr(training, "load_pairs_of_run", load_and_watch)
@@ -187,12 +187,12 @@ def test_the_best_weights_are_saved_not_the_last(recorded, tmp_path):
 
 
 def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
-    forward = training.MapLoss.forward
+    forward = MapLoss.forward
 
     def poisoned(self, logits, target):
         return forward(self, logits, target) * (float("nan") if self.training else 1.0)
 
-    monkeypatch.setattr(training.MapLoss, "forward", poisoned)
+    monkeypatch.setattr(MapLoss, "forward", poisoned)
     with pytest.raises(FloatingPointError, match="the loss is nan at epoch 0, batch 0"):
         begin(tmp_path, recorded)
     assert Run(tmp_path).status is Status.failed
@@ -201,12 +201,12 @@ def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch
 
 
 def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
-    forward = training.MapLoss.forward
+    forward = MapLoss.forward
 
     def poisoned(self, logits, target):
         return forward(self, logits, target) * (1.0 if self.training else float("nan"))
 
-    monkeypatch.setattr(training.MapLoss, "forward", poisoned)
+    monkeypatch.setattr(MapLoss, "forward", poisoned)
     with pytest.raises(FloatingPointError, match="the validation loss is nan at epoch 0"):
         begin(tmp_path, recorded)
     assert Run(tmp_path).status is Status.failed

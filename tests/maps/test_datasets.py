@@ -3,8 +3,10 @@ import torch
 from conftest import world_spec
 
 from repro.maps.datasets import Batches, Pairs, load_pairs
+from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.recordings.reader import read_shards
 from repro.scans import Scans
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import simulate
@@ -43,6 +45,18 @@ def test_decay_changes_grays_but_not_which_pixels_are_hit(recorded):
     )
     assert torch.equal(with_decay < 255, without < 255)
     assert not torch.equal(with_decay, without)
+
+
+def test_a_series_is_stored_as_bits_and_given_as_drawn(recorded):
+    grid, encoding = Grid(36, 50.0), create_encoding("series4", {"frames": 4})  # the last byte of a row has four pixels
+    pairs = load_pairs(recorded, "val", grid, encoding)
+    assert pairs.stored.shape == (8, 8, 36, 5)
+    drawn = torch.cat([encoding.encode(shard.scans.tensors(), grid) for shard in read_shards(recorded, "val")])
+    assert torch.equal(pairs.images, drawn)
+    image, target = pairs.batch(torch.tensor([3, 5]))
+    assert torch.equal(image, encoding.to_input(drawn[[3, 5]]))
+    assert image.is_contiguous()
+    assert target.shape == (2, 1, 36, 36)
 
 
 def test_batches_are_shuffled_by_seed_and_drop_the_incomplete_last_one():

@@ -176,7 +176,8 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
 
 def _compile(module: TrainingModule, device: str, precision: str) -> bool:
     """Compile the network if it can be compiled for the batches and the precision of the training; return whether."""
-    batch = (module.settings.batch_size, *module.pairs["train"].images.shape[1:])
+    pairs = module.pairs["train"]
+    batch = (module.settings.batch_size, pairs.encoding.channels, *pairs.maps.shape[-2:])
     return compile_network(module.network, batch, device, create_trainer(1, device, precision, []).precision_plugin)
 
 

@@ -1,5 +1,6 @@
 """Pairs for training and evaluation: (encoded scans, true map) as uint8 images in memory."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -11,6 +12,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from repro.maps.bits import pack_bits, unpack_bits
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
@@ -28,21 +30,29 @@ class Pairs:
     """All pairs of one split.
 
     Args:
-        images: encoded scans, uint8, (M, C, H, W).
+        stored: encoded scans, uint8, (M, C, H, W); those of a binary encoding as bits, (M, C, H, W / 8).
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
         encoding: the encoding that drew the images.
     """
 
-    images: Tensor
+    stored: Tensor
     maps: Tensor
     encoding: Encoding
 
     def __len__(self) -> int:
-        return len(self.images)
+        return len(self.maps)
+
+    @property
+    def images(self) -> Tensor:
+        """All encoded scans, uint8, (M, C, H, W)."""
+        return self._drawn(self.stored)
 
     def batch(self, index: Tensor) -> tuple[Tensor, Tensor]:
         """Return the pairs of an index (B,) as float32: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W)."""
-        return self.encoding.to_input(self.images[index]), self.maps[index].float()
+        return self.encoding.to_input(self._drawn(self.stored[index])), self.maps[index].float()
+
+    def _drawn(self, stored: Tensor) -> Tensor:
+        return unpack_bits(stored, self.maps.shape[-1]) if self.encoding.is_binary else stored
 
     def __deepcopy__(self, _: dict) -> "Pairs":
         """Return the pairs themselves: they are immutable, so that a copied training module can share them."""
@@ -131,7 +141,7 @@ class Batches:
             order = torch.randperm(len(self.pairs), generator=generator)
             if self.flip_augmentation:
                 flipped = torch.rand(len(self.pairs), generator=generator) < 0.5
-        device = self.pairs.images.device
+        device = self.pairs.maps.device
         batches = zip(order.to(device).split(self.batch_size), flipped.to(device).split(self.batch_size), strict=True)
         for index, flip in islice(batches, len(self)):
             image, target = self.pairs.batch(index)
@@ -162,17 +172,19 @@ def load_pairs(
     """
     shards = tqdm(read_shards(recordings, split, count), desc=f"drawing {split}", delay=2, leave=False, disable=None)
     room = count or read_manifest(recordings).pairs[split]
-    images, maps = (  # filled shard by shard: joining them at the end would take twice the memory
-        torch.empty(room, channels, grid.size_px, grid.size_px, dtype=torch.uint8, device=device)
-        for channels in (encoding.channels, 1)
+    width = math.ceil(grid.size_px / 8) if encoding.is_binary else grid.size_px
+    stored, maps = (  # filled shard by shard: joining them at the end would take twice the memory
+        torch.empty(room, *shape, dtype=torch.uint8, device=device)
+        for shape in ((encoding.channels, grid.size_px, width), (1, grid.size_px, grid.size_px))
     )
     first = 0
     for shard in shards:
         drawn = slice(first, first + len(shard.scans))
-        images[drawn] = encoding.encode(shard.scans.tensors(device), grid)
+        images = encoding.encode(shard.scans.tensors(device), grid)
+        stored[drawn] = pack_bits(images) if encoding.is_binary else images
         maps[drawn, 0] = true_maps(shard, grid, device)
         first = drawn.stop
-    return Pairs(images, maps, encoding)
+    return Pairs(stored, maps, encoding)
 
 
 def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:

@@ -37,6 +37,10 @@ class Encoding(Protocol):
     def frames(self) -> int:
         """Number of parts of the window that have images of their own; C is a multiple of it."""
 
+    @property
+    def is_binary(self) -> bool:
+        """Whether the images have no other values than 0 and 255, so that a bit per pixel is stored."""
+
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draw the images of a batch of scans, uint8, (B, C, H, W)."""
 

@@ -33,6 +33,7 @@ class Projection:
     name: ClassVar[str] = "projection"
     channels: ClassVar[int] = 1
     frames: ClassVar[int] = 1
+    is_binary: ClassVar[bool] = False
 
     decay: bool = True
     oldest_gray: Gray = OLDEST_GRAY

@@ -28,6 +28,7 @@ class Stack:
     """
 
     kind: ClassVar[str] = "stack"
+    is_binary: ClassVar[bool] = True
 
     frames: FrameCount
 

@@ -106,18 +106,19 @@ def total_memory_gb() -> float:
 def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> float:
     """Estimate the memory of one training on a CPU [GB], from above.
 
-    The libraries and the scans that are being drawn take 1.4 GB, the images a byte per pixel and a tenth more, and the
-    activations of a batch the size of 600 float32 images per image, or of 60 per channel: a recurrent network has them
-    for every part of the window. Published trainings have taken from 20 % less to 10 % more.
+    The libraries and the scans that are being drawn take 1.4 GB, the images a byte per pixel, those of a series a bit,
+    and a tenth more, and the activations of a batch the size of 600 float32 images per image, or of 60 per channel: a
+    recurrent network has them for every part of the window. Published trainings have taken from 20 % less to 10 % more.
 
     Args:
         size_px: pixels along one side.
         batch_size: images per batch.
         pairs: pairs in memory, those of training and validation.
-        channels: channels of the encoding.
+        channels: channels of the encoding; more than two are those of a series.
     """
-    data, activations = 1.1 * (channels + 1) * pairs, 4 * 60 * max(10, channels) * batch_size
-    return 1.4 + size_px**2 * (data + activations) / 1e9
+    images = channels if channels <= 2 else channels / 8
+    activations = 4 * 60 * max(10, channels) * batch_size
+    return 1.4 + size_px**2 * (1.1 * (images + 1) * pairs + activations) / 1e9
 
 
 def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> int:
