@@ -57,12 +57,12 @@ def test_the_processes_of_a_pool_end_with_it(fails):
         (128, 8, 3000, 1, 1.54),
         (256, 8, 3000, 1, 2.65),
         (256, 16, 10_000, 1, 5.28),
-        (64, 8, 2000, 200, 4.54),  # DeepTracking
-        (128, 2, 16_000, 20, 7.09),  # ConvGRU
+        (64, 8, 2000, 200, 2.48),  # DeepTracking
+        (128, 2, 20_000, 20, 3.40),  # ConvGRU
     ],
 )
-def test_the_memory_of_a_training_is_estimated_within_a_quarter(size_px, batch, pairs, channels, measured_gb):
-    assert 0.9 * measured_gb < training_memory_gb(size_px, batch, pairs, channels) < 1.25 * measured_gb
+def test_the_memory_of_a_training_is_estimated_within_a_third(size_px, batch, pairs, channels, measured_gb):
+    assert 0.9 * measured_gb < training_memory_gb(size_px, batch, pairs, channels) < 1.34 * measured_gb
 
 
 def test_the_limit_of_a_container_counts(monkeypatch, tmp_path):
