@@ -9,8 +9,8 @@ from repro.system.compiled import compiled
 
 CALL = """
 from repro.maps import visibility
-visibility._direction(0.5)
-print(sum(visibility._direction.stats.cache_hits.values()))
+visibility._whole(0.5, 2.5, 4)
+print(sum(visibility._whole.stats.cache_hits.values()))
 """
 
 
