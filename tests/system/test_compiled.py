@@ -8,9 +8,10 @@ from conftest import ROOT
 from repro.system.compiled import compiled
 
 CALL = """
+import numpy as np
 from repro.maps import visibility
-visibility._whole(0.5, 2.5, 4)
-print(sum(visibility._whole.stats.cache_hits.values()))
+visibility._turned(np.array([1.0, 0.0]), (1.0, 0.0))
+print(sum(visibility._turned.stats.cache_hits.values()))
 """
 
 
