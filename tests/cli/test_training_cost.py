@@ -21,7 +21,7 @@ def jobs_of(outputs, seeds, *overrides) -> list[Job]:
 
 def test_without_gpu_the_cost_of_paper_scale_and_an_alternative_are_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(cost, "training_seconds", lambda *_: 3600.0)
-    monkeypatch.setattr(cost, "trainings_at_once", lambda _: 2)
+    monkeypatch.setattr(cost, "trainings_at_once", lambda *_: 2)
     print_cost(jobs_of(tmp_path, range(8)))
     warning = capsys.readouterr().err
     assert "no CUDA GPU" in warning
@@ -33,9 +33,9 @@ def test_every_network_and_input_is_measured_once(tmp_path, monkeypatch, capsys)
     durations = {"projection": 3600.0, "series10": 7200.0}
     measured = []
     monkeypatch.setattr(
-        cost, "training_seconds", lambda config, _: measured.append(config) or durations[config.encoding.name]
+        cost, "training_seconds", lambda config, *_: measured.append(config) or durations[config.encoding.name]
     )
-    monkeypatch.setattr(cost, "trainings_at_once", lambda _: 1)
+    monkeypatch.setattr(cost, "trainings_at_once", lambda *_: 1)
     series = jobs_of(tmp_path, range(2), "model=convgru", "encoding=series10", "train=small_batches")
     print_cost(jobs_of(tmp_path, range(2)) + jobs_of(tmp_path, [0], "exp=3") + series)
     assert [config.train.batch_size for config in measured] == [16, 2]
