@@ -52,7 +52,7 @@ def test_the_processes_of_a_pool_end_with_it(fails):
 @pytest.mark.parametrize(
     ("size_px", "batch", "pairs", "channels", "measured_gb"),
     [
-        (64, 8, 2000, 1, 1.31),  # U-Net, as all others without a name
+        (64, 8, 2000, 1, 1.31),  # U-Net, as those without a comment
         (64, 8, 2000, 1, 1.56),  # UPerNet
         (128, 8, 3000, 1, 1.54),
         (256, 8, 3000, 1, 2.65),
@@ -62,7 +62,7 @@ def test_the_processes_of_a_pool_end_with_it(fails):
     ],
 )
 def test_the_memory_of_a_training_is_estimated_within_a_third(size_px, batch, pairs, channels, measured_gb):
-    assert 0.9 * measured_gb < training_memory_gb(size_px, batch, pairs, channels) < 1.34 * measured_gb
+    assert 0.95 * measured_gb < training_memory_gb(size_px, batch, pairs, channels) < 1.35 * measured_gb
 
 
 def test_the_limit_of_a_container_counts(monkeypatch, tmp_path):

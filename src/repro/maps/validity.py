@@ -15,7 +15,7 @@ from repro.scans import Scans
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
 JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
 MIN_STEPS = 10  # of which most are jumps
-DEGREES = ("beyond ten turns", "expected radians, from -pi to pi if the robot turns often")
+RADIANS = "expected radians, from -pi to pi if the robot turns often"
 
 
 def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> None:
@@ -37,8 +37,8 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
     _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
     _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
-    _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", *DEGREES)
-    _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", DEGREES[1])
+    _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", "beyond ten turns", RADIANS)
+    _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", RADIANS)
     if allow_empty:
         return
     inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from repro.maps.validity import DEGREES, jumps
+from repro.maps.validity import RADIANS, jumps
 from repro.prediction.readings import (
     NOT_LATER,
     WITHOUT_POSE,
@@ -183,7 +183,7 @@ def _check_values(kept: np.ndarray, path: Path, skipped: Counter[str]) -> None:
         raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     check_heading(float(np.abs(kept["pose"][:, 2]).max()), f"{path}: the headings look")
     if jumps(torch.as_tensor(kept["pose"][:, 2].copy())):
-        raise ValueError(f"{path}: the headings look like degrees, they jump from scan to scan: {DEGREES[1]}")
+        raise ValueError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")
 
 
 def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:

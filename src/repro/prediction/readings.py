@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from repro.maps.validity import MAX_HEADING
+from repro.maps.validity import MAX_HEADING, RADIANS
 
 MAX_BEAMS = 100_000
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
@@ -93,8 +93,7 @@ def check_heading(heading: float, subject: str) -> None:
         ValueError: it is more than ten turns; the message begins with the subject.
     """
     if abs(heading) > MAX_HEADING:
-        expected = "expected radians, from -pi to pi if the robot turns often"
-        raise ValueError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {expected}")
+        raise ValueError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {RADIANS}")
 
 
 def valid_ranges(scan: LogScan) -> np.ndarray:

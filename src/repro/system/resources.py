@@ -107,8 +107,8 @@ def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int 
     """Estimate the memory of one training on a CPU [GB], from above.
 
     The libraries and the scans that are being drawn take 1.45 GB, the images a byte per pixel, those of a series a bit,
-    and 30 % more, and the activations of a batch the size of 600 float32 images per image, or of 60 per channel: a
-    recurrent network has them for every part of the window. Measured trainings took from a quarter less to 10 % more.
+    and 45 % more, and the activations of a batch the size of 600 float32 images per image, or of 60 per channel: a
+    recurrent network has them for every part of the window. Measured trainings took from a quarter less to 5 % more.
 
     Args:
         size_px: pixels along one side.
@@ -118,7 +118,7 @@ def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int 
     """
     images = channels if channels <= 2 else channels / 8
     activations = 4 * 60 * max(10, channels) * batch_size
-    return 1.45 + size_px**2 * (1.3 * (images + 1) * pairs + activations) / 1e9
+    return 1.45 + size_px**2 * (1.45 * (images + 1) * pairs + activations) / 1e9
 
 
 def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> int:

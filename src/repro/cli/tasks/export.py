@@ -8,8 +8,11 @@ from repro.runs.keys import RunKey
 
 def suffix_of(key: RunKey) -> str:
     """Return the input and the seed of a network for a file name, where they are not the projection and 0."""
-    encoding = "" if key.encoding == PROJECTION else f"-{key.encoding}"
-    return encoding + (f"-seed{key.seed}" if key.seed else "")
+    return ("" if key.encoding == PROJECTION else f"-{key.encoding}") + _seed_suffix(key)
+
+
+def _seed_suffix(key: RunKey) -> str:
+    return f"-seed{key.seed}" if key.seed else ""
 
 
 def run(job: Job) -> None:
@@ -20,6 +23,6 @@ def run(job: Job) -> None:
         difference = export_onnx(job.run, target)
         print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
         return
-    target = job.published / (name + (f"-seed{job.key.seed}" if job.key.seed else ""))
+    target = job.published / f"{name}{_seed_suffix(job.key)}"
     export_weights(job.run, target, force=job.call.publish.force)
     print(target)

@@ -197,9 +197,7 @@ def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
                 f"in the {statistics.windows} windows of the training"
             )
             if name == "occupied_share" and values.max() > high:
-                print(
-                    "  hits are smeared by wrong poses: check their columns, units, sign and times in a window's figure"
-                )
+                print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
 
 
 def _describe(log: ScanLog) -> None:
