@@ -29,7 +29,7 @@ from repro.cli.streams import complete_standard_streams, discard_output
 from repro.cli.tasks import run_task
 from repro.cli.validation import warnings_of
 from repro.config import plain
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 from repro.system.resources import has_gpu, use_one_thread
 
 register()

@@ -22,7 +22,8 @@ from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.runs import provenance
 from repro.runs.config import Data, RunConfig
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.simulation.recorder import record_experiment
 

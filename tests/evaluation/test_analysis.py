@@ -17,8 +17,8 @@ from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
 from repro.metrics.counts import count_quantized, pooled_scores
 from repro.recordings.reader import read_shards
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.simulation.recorder import record_experiment
 
 GRID = Grid(32, 50.0)

@@ -8,7 +8,7 @@ from conftest import fake_run
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts
 from repro.evaluation import learning_curves
 from repro.evaluation.learning_curves import FITTED_METRICS, extrapolate, fit_law, read_points
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 CURVES = {("3", PROJECTION): (0.95, 0.02, 0.01), ("3", PROJECTION_NO_DECAY): (0.93, 0.03, 0.02)}
 

@@ -9,8 +9,8 @@ from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published, read_results
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})

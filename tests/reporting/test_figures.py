@@ -21,8 +21,8 @@ from repro.reporting.figures import (
     method_overview,
     results,
 )
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate

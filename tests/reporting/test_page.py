@@ -10,7 +10,7 @@ from conftest import ROOT
 from repro.baselines.names import BASELINES
 from repro.evaluation.samples import load_samples
 from repro.reporting.claims import read_claims
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 pytestmark = pytest.mark.slow
 

@@ -26,8 +26,8 @@ from repro.reporting.readme import with_results
 from repro.reporting.results import OURS, read_published, read_results
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import TABLE_ENCODINGS, write_tables
-from repro.runs.directories import Outputs
 from repro.runs.keys import CELL, KEY
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"

@@ -10,7 +10,7 @@ from repro.reporting.captions import caption, missing
 from repro.reporting.paper import read_paper
 from repro.reporting.results import compare, read_results
 from repro.reporting.tables import make_tables
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 

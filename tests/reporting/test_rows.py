@@ -11,7 +11,7 @@ from repro.reporting.readme import with_results
 from repro.reporting.results import read_origins, read_published
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.verification import verify
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 
 @pytest.fixture

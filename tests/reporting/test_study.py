@@ -6,8 +6,8 @@ from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.reporting.names import duration
 from repro.reporting.status import describe_outputs
 from repro.reporting.study import Study
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 PAIRS = PairCounts(200, 4, 4)

@@ -2,7 +2,7 @@ import pandas as pd
 from conftest import fake_run, fake_study
 
 from repro.reporting.tables import Table, costs_to_markdown, write_tables
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 
 def test_three_forms_of_both_tables(tmp_path):

@@ -6,8 +6,8 @@ from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.verification import verification_to_markdown, verify
-from repro.runs.directories import Outputs
 from repro.runs.keys import KEY
+from repro.runs.outputs import Outputs
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from repro.cli.errors import explain
 from repro.cli.jobs import resolve
 from repro.cli.tasks import run_task
 from repro.config import PROJECTION, plain
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 
 composition.register()
 

@@ -21,7 +21,8 @@ from repro.prediction.readers import read_log
 from repro.recordings.reader import read_manifest, read_shards
 from repro.reporting.claims import read_claims
 from repro.reporting.verification import verify
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.files import sha256
 

@@ -3,8 +3,9 @@ import json
 import pytest
 from conftest import prepared, run_config
 
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 

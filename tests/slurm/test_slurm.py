@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 from repro.config import NETWORKS
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 pytestmark = [
     pytest.mark.slow,

@@ -24,7 +24,8 @@ from repro.reporting.results import audits, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import write_tables
 from repro.reporting.uptodate import mark_up_to_date
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
+from repro.runs.outputs import Outputs
 from repro.system.errors import is_about_input
 from repro.system.files import write_text
 

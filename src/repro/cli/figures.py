@@ -7,8 +7,8 @@ from repro.evaluation.examples import load_example
 from repro.recordings.format import SPLITS
 from repro.recordings.reader import read_manifest
 from repro.reporting.figures import write_figures
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.simulation.worlds import sample_world
 
 

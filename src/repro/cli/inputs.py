@@ -3,7 +3,7 @@
 from repro.cli.jobs import ROOT
 from repro.reporting.paper import WORLDS
 from repro.reporting.uptodate import inputs_hash
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 CLAIMS = ROOT / "reproduce" / "claims.yaml"
 GENERALIZATION = "generalization"  # rows of task=generalization, and the name of their file

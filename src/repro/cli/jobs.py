@@ -10,8 +10,9 @@ from repro.config import world_spec
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
 from repro.runs.config import Data, RunConfig
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "reproduce" / "results"

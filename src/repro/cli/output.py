@@ -6,7 +6,7 @@ import pandas as pd
 
 from repro.metrics.names import SUMMARY
 from repro.reporting.tables import write_tables
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 
 
 def summary_line(metrics: pd.Series) -> str:

@@ -27,8 +27,9 @@ from repro.metrics.calibration import fit_temperature, reliability, summary, tem
 from repro.metrics.counts import count_quantized, pooled_scores
 from repro.metrics.names import SUMMARY
 from repro.networks.predictor import load_predictor
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
 from repro.runs.keys import CELL
+from repro.runs.outputs import Outputs
 from repro.system.errors import is_about_input
 
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit

@@ -20,7 +20,8 @@ from repro.metrics.scores import THRESHOLD, confusion, scores, ssim
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import check_worlds, recordings_hash
 from repro.runs.config import RunConfig
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
 from repro.system.files import open_arrays, read_table, replacing, sha256, write_text

@@ -7,8 +7,8 @@ import numpy as np
 from repro.evaluation.evaluate import read_predictions
 from repro.maps.datasets import encoding_of, grid_of, true_maps
 from repro.recordings.reader import read_recording
-from repro.runs.directories import Outputs
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.scans import Scans
 
 

@@ -19,7 +19,8 @@ from scipy.optimize import minimize, nnls
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.bootstrap import bounds
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
+from repro.runs.outputs import Outputs
 
 FITTED_METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
 CURVE = ["experiment", "encoding"]

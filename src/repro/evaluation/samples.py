@@ -11,7 +11,8 @@ from repro.evaluation.evaluate import read_quantized
 from repro.maps.datasets import encoding_of, grid_of, true_maps
 from repro.maps.projection import Projection
 from repro.recordings.reader import read_shards
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
+from repro.runs.outputs import Outputs
 
 Sample = dict[str, Any]
 COUNT = 8  # recordings on the page, fewer if the first shard has fewer

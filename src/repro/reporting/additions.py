@@ -12,8 +12,8 @@ from repro.reporting.published_readme import Recipe
 from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.settings import conflicts
-from repro.runs.directories import Outputs
 from repro.runs.keys import KEY, RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 

@@ -21,8 +21,8 @@ from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.settings import conflicts
 from repro.reporting.tables import make_tables
 from repro.reporting.uptodate import STAMP
-from repro.runs.directories import Outputs
 from repro.runs.keys import KEY, RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 

@@ -14,8 +14,9 @@ from repro.reporting.names import TITLES
 from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import MEASURED, check_runs, keys_of, read_rows
 from repro.reporting.settings import conflicts, settings_cell
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
 from repro.runs.keys import CELL, KEY, RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance, Status
 from repro.system.files import read_typed
 

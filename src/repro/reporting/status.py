@@ -9,8 +9,9 @@ from repro.recordings.format import recordings_in
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import duration, model_title
 from repro.reporting.study import Study
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, is_moving
 from repro.reporting.names import duration, predictor_title
-from repro.runs.directories import Outputs, Run
+from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from repro.reporting.captions import caption, missing
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.results import OURS, compare, read_results, select
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 from repro.system.files import write_text
 
 HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 from repro.system.files import write_text
 
 SOURCE = Path(__file__).parents[1]

@@ -9,8 +9,8 @@ from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
 from repro.reporting.results import SIZES, read_origins, read_published, read_results
 from repro.reporting.rows import MEASURED, keys_of
-from repro.runs.directories import Outputs
 from repro.runs.keys import KEY, RunKey
+from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 
 

@@ -1,25 +1,20 @@
-"""Run directories and the outputs directory around them.
+"""A run directory, below an outputs directory: one network, trained and evaluated, or a baseline.
 
-outputs/<scale>/
-    recordings/exp3/                    see `recordings.reader`
-    runs/exp3/unet/projection/seed0/    a run directory: one network, trained and evaluated
-        config.yaml      everything that determines its result (`RunConfig`), written first
-        provenance.json  its status, and one entry per step: recordings, commit, hardware, versions, time
-        history.csv      one row per epoch
-        model/           best weights with their encoding and grid; `networks.predictor.load_predictor` reads them
-        predictions.npz  probability of free on the test set, quantized to uint8
-        metrics.csv      pooled test metrics, one row; validation.csv holds those of the validation set
-        per_image.csv    metrics of every test image
-        checkpoints/     of an unfinished training
-    baselines/exp3/tracker/             run directory of a baseline, which has no encoding, seed or weights
-    tables/ figures/ analysis/ worlds/ predictions/ exports/ generalization/
-    report.html
+runs/exp3/unet/projection/seed0/
+    config.yaml      everything that determines its result (`RunConfig`), written first
+    provenance.json  its status, and one entry per step: recordings, commit, hardware, versions, time
+    history.csv      one row per epoch
+    model/           best weights with their encoding and grid; `networks.predictor.load_predictor` reads them
+    predictions.npz  probability of free on the test set, quantized to uint8
+    metrics.csv      pooled test metrics, one row; validation.csv holds those of the validation set
+    per_image.csv    metrics of every test image
+    checkpoints/     of an unfinished training
 """
 
 import dataclasses
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +23,6 @@ from pydantic import TypeAdapter
 
 from repro.metrics.names import TABLE_METRICS
 from repro.runs.config import RunConfig, differences
-from repro.runs.keys import RunKey
 from repro.runs.provenance import Provenance, Status, environment
 from repro.system.files import clear_leftovers, lock, read_table, read_typed, sha256, write_json, write_text
 
@@ -175,80 +169,3 @@ class Run:
         if provenance.error is None:
             del content["error"]
         write_json(self.path / "provenance.json", content)
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """An outputs directory: the results of one scale, or of a variant of it.
-
-    Args:
-        path: the directory.
-        shared: directory of its recordings if outside `path`; several outputs directories may share it.
-    """
-
-    path: Path
-    shared: Path | None = None
-
-    @property
-    def analysis(self) -> Path:
-        return self.path / "analysis"
-
-    @property
-    def curves(self) -> Path:
-        """Directory of the learning curves, beside the outputs directories that they are fitted to."""
-        return self.path.parent / "curves"
-
-    @property
-    def tables(self) -> Path:
-        return self.path / "tables"
-
-    @property
-    def figures(self) -> Path:
-        return self.path / "figures"
-
-    @property
-    def worlds(self) -> Path:
-        return self.path / "worlds"
-
-    def recordings(self, experiment: str) -> Path:
-        return self._recordings / f"exp{experiment}"
-
-    def recorded(self) -> dict[str, Path]:
-        """Return the directories of the completely recorded experiments, by name."""
-        manifests = sorted(self._recordings.glob("exp*/manifest.json"))
-        return {path.parent.name.removeprefix("exp"): path.parent for path in manifests}
-
-    @property
-    def _recordings(self) -> Path:
-        return self.shared or self.path / "recordings"
-
-    def run(self, key: RunKey) -> Run:
-        return Run(self.path / key.path)
-
-    def check_data(self, config: RunConfig) -> None:
-        """Check that a run belongs beside the others: same scale, grid and pairs, and per experiment the same worlds.
-
-        Runs that differ in the seed alone must have the same settings, because tables average them. Runs that cannot be
-        read are passed over; the tables name them.
-
-        Raises:
-            ValueError: another run has other data, or another seed other settings; the message names the differences.
-        """
-        for run in self.runs():
-            try:
-                other = run.config()
-            except ValueError:
-                continue
-            ignored = frozenset[str]() if other.experiment == config.experiment else frozenset(["worlds"])
-            listing = differences(other.data, config.data, ignored)
-            if listing:
-                raise ValueError(f"{run} has other data ({listing}): delete it, or set outputs=")
-            if replace(other.key, seed=config.seed) == config.key and other.key != config.key:
-                listing = differences(replace(other, seed=config.seed), config)
-                if listing:
-                    raise ValueError(f"{run}, another seed, has other settings ({listing}): delete it, or set outputs=")
-
-    def runs(self) -> Iterator[Run]:
-        """Yield every run directory, of networks and of baselines."""
-        for pattern in ("runs/exp*/*/*/seed*", "baselines/exp*/*"):
-            yield from (Run(path) for path in sorted(self.path.glob(pattern)) if path.is_dir())

@@ -5,7 +5,7 @@ from repro.evaluation.learning_curves import CURVE, FEWEST, extrapolate, read_po
 from repro.metrics.names import METRICS
 from repro.reporting.paper import read_paper
 from repro.reporting.summaries import extrapolated_to_markdown
-from repro.runs.directories import Outputs
+from repro.runs.outputs import Outputs
 from repro.system.files import write_text
 
 
