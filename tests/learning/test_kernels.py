@@ -7,7 +7,7 @@ from torch import nn
 from repro.config import NETWORKS, paper_model
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
 from repro.networks.create import create_network, load_network
-from repro.networks.smp_networks import FusedSegformerDecoder, LeanUnetBlock
+from repro.networks.smp_networks import FusedSegformerDecoder, LeanMergeBlock, LeanUnetBlock
 
 
 def gradients(network, image):
@@ -40,14 +40,15 @@ def test_the_slow_modules_of_fpn_are_replaced_on_a_cpu_only():
     assert (kinds.count(DepthwiseConv2d), kinds.count(FloatGroupNorm), kinds.count(nn.GroupNorm)) == (8, 7, 0)
 
 
-def test_only_the_decoders_of_segformer_and_unet_are_replaced_and_their_saved_form_is_that_of_smp(tmp_path):
+def test_only_decoders_of_smp_are_replaced_and_their_saved_form_is_that_of_smp(tmp_path):
+    expected = {"fpn": [LeanMergeBlock], "segformer": [FusedSegformerDecoder], "unet": 5 * [LeanUnetBlock]}
     for architecture in NETWORKS:
         network = create_network(paper_model(architecture))
         before = [type(module) for module in network.modules()]
         accelerate(network, "cuda")
         after = [type(module) for module in network.modules()]
         replaced = [new for old, new in zip(before, after, strict=True) if new is not old]
-        assert replaced == {"segformer": [FusedSegformerDecoder], "unet": 5 * [LeanUnetBlock]}.get(architecture, [])
+        assert replaced == expected.get(architecture, [])
         network.save_pretrained(tmp_path / architecture)
         loaded = load_network(tmp_path / architecture, "smp")
         assert [type(module) for module in loaded.modules()] == before

@@ -1,5 +1,6 @@
 """The architectures of segmentation-models-pytorch (smp); imported only where one is used, which takes seconds."""
 
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import segmentation_models_pytorch as smp
 import timm
 import torch
 from segmentation_models_pytorch.base.modules import Activation
+from segmentation_models_pytorch.decoders.fpn.decoder import MergeBlock
 from segmentation_models_pytorch.decoders.segformer.decoder import SegformerDecoder
 from segmentation_models_pytorch.decoders.unet.decoder import UnetDecoderBlock
 from segmentation_models_pytorch.encoders import encoders
@@ -37,6 +39,14 @@ class LeanUnetBlock(UnetDecoderBlock):
         return self.attention2(self.conv2(self.conv1(decoded)))
 
 
+class LeanMergeBlock(MergeBlock):
+    """The end of FPN's decoder, which adds its four features without stacking them in a tensor of their own."""
+
+    def forward(self, features: list[Tensor]) -> Tensor:
+        """Return the sum or the concatenation of features (B, C, H, W), as smp does."""
+        return reduce(torch.add, features) if self.policy == "add" else super().forward(features)
+
+
 class FusedSegformerDecoder(SegformerDecoder):
     """The decoder of Segformer, which convolves before it upsamples.
 
@@ -54,7 +64,11 @@ class FusedSegformerDecoder(SegformerDecoder):
         return activation(normalization(sum(F.interpolate(each, size, mode="bilinear") for each in fused)))
 
 
-FASTER: dict[type, type] = {SegformerDecoder: FusedSegformerDecoder, UnetDecoderBlock: LeanUnetBlock}
+FASTER: dict[type, type] = {
+    MergeBlock: LeanMergeBlock,
+    SegformerDecoder: FusedSegformerDecoder,
+    UnetDecoderBlock: LeanUnetBlock,
+}
 
 
 def replace_slow_modules(network: torch.nn.Module) -> None:
