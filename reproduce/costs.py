@@ -73,7 +73,7 @@ def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame) -> fl
     """Measure a few training steps on one CPU thread and return the time of a training of all published steps [min]."""
     with one_thread():
         size_px, precision = int(runs["size_px"].iloc[0]), resolve_precision("auto", "cpu")
-        seconds = seconds_per_image(model, size_px, 16, precision, 6, encoding.channels, encoding.frames)
+        seconds = seconds_per_image(model, encoding, size_px, 16, precision, 6)
     return seconds * runs["train_pairs"].max() * runs["epochs"].max() / 60
 
 

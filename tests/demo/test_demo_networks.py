@@ -65,6 +65,7 @@ def test_a_network_is_described_by_its_directory(saved, monkeypatch):
     names = {
         "exp2-unet": ("U-Net, experiment 2", "2"),
         "exp1-unet-seed1": ("U-Net, experiment 1", "1"),
+        "expmy-own-unet": ("U-Net, experiment my-own", "my-own"),
         "runs/exp3/unet/projection/seed0/model": ("U-Net, experiment 3", "3"),
         "mine": ("U-Net, mine", None),
     }
@@ -80,10 +81,10 @@ def test_a_network_is_described_by_its_directory(saved, monkeypatch):
 
 
 def test_an_onnx_file_is_described_by_its_directory(saved, tmp_path):
-    file = tmp_path / "exp4-unet-stack4-seed1" / "model.onnx"
+    file = tmp_path / "exp4-unet-projection-no-decay-seed1" / "model.onnx"
     file.parent.mkdir()
-    load_predictor(saved("first", "projection")).save_onnx(file)
-    assert networks._names(file, load_predictor(file)) == ("U-Net, experiment 4", "4")
+    load_predictor(saved("first", "projection", decay=False)).save_onnx(file)
+    assert networks._names(file, load_predictor(file)) == ("U-Net, no decay, experiment 4", "4")
 
 
 @pytest.mark.parametrize(("behavior", "kind"), [({"name": "drift"}, "moving"), (None, "static")])

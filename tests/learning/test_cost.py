@@ -5,11 +5,22 @@ import pytest
 from repro.config import Encoding, Model, PairCounts, Training, paper_model
 from repro.learning import cost
 from repro.learning.cost import training_seconds, trainings_at_once
+from repro.learning.losses import MapLoss, VisibleLoss
 from repro.runs.config import Data, RunConfig
 
 PAIRS = PairCounts(10000, 128, 500)
 TRAINING = Training(learning_rate=1e-4, min_delta=1e-3, patience=5, batch_size=2, max_epochs=100, dice_eps=1e-6)
 PAPER = RunConfig("4", 0, paper_model("unet"), Encoding("projection", {}), Data("paper", 32, 50.0, PAIRS, ""), TRAINING)
+
+
+def test_the_loss_of_the_training_is_measured(monkeypatch):
+    series = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
+    config = replace(PAPER, model=Model("deeptracking"), encoding=series, train=replace(TRAINING, loss="visible"))
+    used = []
+    original = VisibleLoss.of_batch
+    monkeypatch.setattr(VisibleLoss, "of_batch", lambda *given: used.append(1) or original(*given))
+    assert training_seconds(config, "32-true", "cpu") > 0
+    assert used
 
 
 def test_a_recurrent_network_is_measured_with_its_series(monkeypatch):
@@ -18,5 +29,7 @@ def test_a_recurrent_network_is_measured_with_its_series(monkeypatch):
     series = Encoding("series4", {"frames": 4, "range_max_m": 30.0})
     config = replace(PAPER, model=Model("convgru"), encoding=series, train=replace(TRAINING, max_epochs=5))
     assert training_seconds(config, "32-true", "cpu") == pytest.approx(0.001 * 10000 * 5)
-    assert calls == [(Model("convgru"), 32, 2, "32-true", 8, 8, 4, "cpu")]
+    ((model, encoding, *numbers, loss, accelerator),) = calls
+    assert (model, encoding.channels, encoding.frames, accelerator) == (Model("convgru"), 8, 4, "cpu")
+    assert (numbers, type(loss)) == ([32, 2, "32-true", 8], MapLoss)
     assert trainings_at_once(replace(config, data=replace(config.data, size_px=4096))) == 1

@@ -129,6 +129,24 @@ def test_maps_with_transforms_are_those_of_the_batch(predictor, lag, center):
     check(robot, expected(predictor, 40, center))
 
 
+@pytest.mark.parametrize("ahead", [10, 15, 1e5])
+def test_a_localizer_may_stamp_its_poses_ahead_of_time(predictor, ahead):
+    """A localizer stamps the pose of the odometry in the map into the future; an unrelated frame may be far ahead."""
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    for step in range(15):
+        robot.mapper.add_transforms(transform(step, "map", "odom", (0.0, 0.0, 0.0)))
+    for step in range(42):
+        if step < 40:
+            robot.mapper.add_scan(scan(step))
+        robot.mapper.add_transforms(transform(step + min(ahead, 15), "map", "odom", (0.0, 0.0, 0.0)))
+        robot.mapper.add_transforms(transform(step + ahead, "elsewhere", "unrelated", (0.0, 0.0, 0.0)))
+        if step >= 2:
+            robot.mapper.add_transforms(base(step - 2))
+    assert robot.warnings == []
+    assert [frame for _, frame, _ in robot.maps] == ["map"] * (40 - STEPS + 1)
+
+
 def test_a_lidar_upside_down_may_have_no_pose_for_a_while(predictor):
     turned = TYPES["Quaternion"](1.0, 0.0, 0.0, 0.0)  # half a turn about x
     mount = TYPES["Transform"](TYPES["Vector3"](MOUNT_M, 0.0, 0.0), turned)

@@ -225,6 +225,8 @@ def test_the_papers_rows_include_the_scores_of_all_free():
     assert rows.networks == 4
     with pytest.raises(KeyError):
         rows.m("accuracy", "7")
+    rows.numbers["tables", "accuracy", "4", "inference", "", "all"] = 0.97
+    assert rows.m("accuracy", "4", model="inference") == 0.97
     assert set(paper_rows()["metric"]) == set(METRICS)
 
 

@@ -28,6 +28,7 @@ def test_different_keys_have_different_paths(one, other):
         "runs/exp3/unet/projection",
         "runs/exp3/unet/projection/seed",
         "runs/exp3/unet/projection/seed-1",
+        "runs/exp3/unet/projection/copy1",
         "runs/exp3/unet/projection/seedless",
         "runs/exp3/unet/projection/seed0/model",
         "runs/3/unet/projection/seed0",

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,3 +132,7 @@ def test_replay_check_notices_another_scan():
     assert check_replay(world, recording) < 1e-9
     with pytest.raises(ValueError, match="plain IR-SIM"):
         check_replay(world, simulate(reverse_direction(world)))
+    scans = recording.scans
+    for changed in (replace(scans, poses=scans.poses + 1e-3), replace(scans, angles=scans.angles / 2)):
+        with pytest.raises(ValueError, match="plain IR-SIM differs by"):
+            check_replay(world, replace(recording, scans=changed))

@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import joblib
 import psutil
@@ -68,10 +69,25 @@ def test_the_memory_of_a_training_is_estimated_within_a_third(size_px, batch, pa
 def test_the_limit_of_a_container_counts(monkeypatch, tmp_path):
     free = available_memory_gb()
     (tmp_path / "memory.max").write_text("3000000000\n")
-    (tmp_path / "memory.current").write_text("1000000000\n")
+    (tmp_path / "memory.current").write_text("2900000000\n")
+    (tmp_path / "memory.stat").write_text("anon 1000000000\ninactive_file 1900000000\nactive_file 0\n")
+    (tmp_path / "own").write_text("1:name=systemd:/\n0::/\n")
     monkeypatch.setattr(resources, "CGROUP", tmp_path)
+    monkeypatch.setattr(resources, "OWN_GROUP", tmp_path / "own")
     assert available_memory_gb() == 2
     assert total_memory_gb() == 3
+    job = tmp_path / "system.slice" / "job1"
+    job.mkdir(parents=True)
+    (job / "memory.max").write_text("1500000000\n")
+    (job / "memory.current").write_text("600000000\n")
+    (job / "memory.stat").write_text("inactive_file 100000000\n")
+    (tmp_path / "own").write_text("0::/system.slice/job1\n")
+    assert (available_memory_gb(), total_memory_gb()) == (1, 1.5)
+    (job / "memory.max").write_text("max\n")
+    assert (available_memory_gb(), total_memory_gb()) == (2, 3)
+    (tmp_path / "own").write_text("0::/../outside\n")
+    assert total_memory_gb() == 3
+    (tmp_path / "own").unlink()
     (tmp_path / "memory.max").write_text("max\n")
     assert available_memory_gb() == pytest.approx(free, abs=2)
     assert total_memory_gb() >= available_memory_gb()
@@ -83,11 +99,13 @@ def test_the_limit_of_a_container_counts(monkeypatch, tmp_path):
 def test_a_single_training_uses_several_threads_on_idle_cores_only(idle, printed, threads, monkeypatch, capsys):
     monkeypatch.setattr(resources, "count_cores", lambda: 4)
     monkeypatch.setattr(resources, "cores_are_idle", lambda: idle)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "torch")
+    loaded = SimpleNamespace(set_num_threads=lambda number: taken.append(number))
+    monkeypatch.setitem(sys.modules, "torch", loaded)
+    taken: list[int] = []
     use_idle_cores()
     assert printed in capsys.readouterr().out
     assert os.environ.get("OMP_NUM_THREADS") == threads
+    assert taken == [int(threads or 4)]
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
 
 

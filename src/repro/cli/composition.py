@@ -49,10 +49,14 @@ def register() -> None:
     OmegaConf.register_new_resolver("default_scale", lambda: "paper" if has_gpu() else "laptop", replace=True)
     OmegaConf.register_new_resolver("default_launcher", lambda: "basic" if has_gpu() else "cores", replace=True)
     OmegaConf.register_new_resolver("home", os.path.expanduser, replace=True)  # Hydra does not expand ~
-    OmegaConf.register_new_resolver("parallel_trainings", parallel_trainings, replace=True)
+    OmegaConf.register_new_resolver("parallel_trainings", _parallel_trainings, replace=True)
     OmegaConf.register_new_resolver("most_channels", most_channels, replace=True)
     OmegaConf.register_new_resolver("first_key", lambda mapping: next(iter(mapping or {}), ""), replace=True)
     ConfigStore.instance().store(name="schema", node=schema())
+
+
+def _parallel_trainings(size_px: int, batch_size: int, pairs: DictConfig, channels: int) -> int:
+    return parallel_trainings(size_px, batch_size, pairs.train + pairs.val, channels)
 
 
 def compose_jobs(arguments: argparse.Namespace) -> list[Config]:

@@ -11,6 +11,7 @@ import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
 
+from repro.config import NO_DECAY
 from repro.maps.grid import Grid
 from repro.networks.onnx_files import OnnxNetwork
 from repro.networks.predictor import ONNX, Predictor, load_predictor
@@ -123,10 +124,11 @@ def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
 def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:
     """Return the title of a network and its experiment, from the path of an exported folder or a run directory."""
     parts = (directory.parent if directory.is_file() else directory).resolve().parts
-    exported = re.fullmatch(r"exp(\w+?)-(\w+?)(?:-.*)?", parts[-1])
+    label = predictor.encoding.name + ("" if getattr(predictor.encoding, "decay", True) else NO_DECAY)
+    exported = re.fullmatch(rf"exp(.+?)-([^-]+?)(?:-{label})?(?:-seed\d+)?", parts[-1])
     if exported:
         experiment, model = exported.groups()
-        return f"{predictor_title(model, predictor.encoding.name)}, experiment {experiment}", experiment
+        return f"{predictor_title(model, label)}, experiment {experiment}", experiment
     if parts[-1] == "model" and "runs" in parts[-6:-5]:
         key = RunKey.parse(Path(*parts[-6:-1]))
         return f"{predictor_title(key.model, key.encoding)}, experiment {key.experiment}", key.experiment

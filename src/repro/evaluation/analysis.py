@@ -118,9 +118,9 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         draws = {cell: measurement.draws for cell, measurement in measurements.items()}
         counted = {cell: measurement.measured for cell, measurement in measurements.items()}
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
-        for cell, table in averages(counted, seeds, shared.weights):
+        for cell, table, common in averages(counted, seeds, shared.weights):
             draws[cell] = table
-            analysis.add("intervals", interval(table), _columns(cell))
+            analysis.add("intervals", interval(table).assign(seeds=common), _columns(cell))
         for rows, columns in differences(draws):
             analysis.add("differences", rows, columns)
     if errors and "calibration" not in analysis.rows:

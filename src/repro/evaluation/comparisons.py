@@ -15,10 +15,10 @@ PAPERS_METHOD = ("unet", PROJECTION)  # the paper's best model and its input
 
 def averages(
     counted: dict[Cell, Measured], seeds: dict[Cell, list[int | None]], weights: np.ndarray
-) -> Iterator[tuple[Cell, pd.DataFrame]]:
+) -> Iterator[tuple[Cell, pd.DataFrame, int]]:
     """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated.
 
-    It is taken over the seeds that all four have, as in the tables.
+    It is taken over the seeds that all four have, as in the tables; the last value is their number.
     """
     for experiment, encoding in dict.fromkeys((cell[0], cell[2]) for cell in counted):
         cells: list[Cell] = [(experiment, name, encoding) for name in NETWORKS]
@@ -31,7 +31,7 @@ def averages(
         for cell in cells:
             chosen = [seeds[cell].index(seed) for seed in common]
             draws.append(resample(Measured(counted[cell].counts[chosen], counted[cell].ssim[chosen]), weights))
-        yield (experiment, "average", encoding), sum(draws[1:], draws[0]) / len(draws)
+        yield (experiment, "average", encoding), sum(draws[1:], draws[0]) / len(draws), len(common)
 
 
 def differences(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, dict[str, str]]]:

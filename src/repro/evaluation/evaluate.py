@@ -172,7 +172,7 @@ def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> 
     run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
     device = resolve_device(accelerator)
     pairs = load_pairs_of_run(recordings, split, config, device)
-    return pairs, load_predictor(run.model).to(device).predict_images(pairs.images)
+    return pairs, load_predictor(run.model).to(device).predict_images(pairs.image_batches(32))
 
 
 def _write_row(row: pd.Series, path: Path) -> None:

@@ -6,8 +6,9 @@ import torch
 
 from repro.config import Model, Training
 from repro.learning.kernels import accelerate
-from repro.learning.losses import MapLoss
+from repro.learning.losses import MapLoss, VisibleLoss, create_loss
 from repro.maps.datasets import encoding_of
+from repro.maps.encodings import Encoding
 from repro.networks.create import check_output, create_network
 from repro.runs.config import RunConfig
 from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
@@ -18,46 +19,56 @@ USUAL_EPOCHS = 20  # early stopping usually ends a training by then
 
 def seconds_per_image(
     model: Model,
+    encoding: Encoding,
     size_px: int,
     batch_size: int,
     precision: str,
     steps: int = 2,
-    channels: int = 1,
-    frames: int = 1,
+    loss: MapLoss | VisibleLoss | None = None,
     accelerator: str = "auto",
 ) -> float:
-    """Measure forward pass, backward pass and optimizer step per image on this machine [s].
+    """Measure forward pass, backward pass and optimizer step per image on this machine [s], after a warm-up step.
+
+    Args:
+        model: the network.
+        encoding: its input.
+        size_px: pixels along one side.
+        batch_size: images per step.
+        precision: precision of the trainer, 32-true or bf16-mixed.
+        steps: measured steps.
+        loss: the training loss; None for that of the paper.
+        accelerator: auto, cpu or gpu.
 
     Raises:
         ValueError: the network does not map images to logits of one map.
     """
     device = resolve_device(accelerator)
-    network = create_network(model, channels, frames)
-    check_output(network, channels)
+    network = create_network(model, encoding.channels, encoding.frames)
+    check_output(network, encoding.channels)
     network.to(device)
     accelerate(network, device)
-    optimizer, loss = torch.optim.Adam(network.parameters()), MapLoss()
-    image = torch.rand(batch_size, channels, size_px, size_px, device=device)
+    optimizer, loss = torch.optim.Adam(network.parameters()), loss or MapLoss()
+    image = torch.rand(batch_size, encoding.channels, size_px, size_px, device=device)
     for step in range(steps + 1):
         if step == 1:  # the first step is a warm-up
             began = clock(device)
         with torch.autocast(device, torch.bfloat16, enabled=precision.startswith("bf16")):
-            logits = network(image)
+            value = loss.of_batch(network, image, image[:, :1])
         optimizer.zero_grad()
-        loss(logits, image[:, :1]).backward()
+        value.backward()
         optimizer.step()
     return (clock(device) - began) / steps / batch_size
 
 
 def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto") -> float:
     """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread."""
-    device, size_px, encoding = resolve_device(accelerator), config.data.size_px, encoding_of(config)
+    device, size_px, train = resolve_device(accelerator), config.data.size_px, _training(config)
     quick = device == "cuda" or size_px <= 64  # a smaller batch suffices on a CPU at high resolution
-    batch_size, steps = (_training(config).batch_size, 8) if quick else (min(_training(config).batch_size, 4), 2)
-    precision = resolve_precision(precision, device)
+    batch_size, steps = (train.batch_size, 8) if quick else (min(train.batch_size, 4), 2)
+    precision, loss = resolve_precision(precision, device), create_loss(train.loss, train.dice_eps)
     with one_thread() if device == "cpu" else nullcontext():
         seconds = seconds_per_image(
-            config.model, size_px, batch_size, precision, steps, encoding.channels, encoding.frames, accelerator
+            config.model, encoding_of(config), size_px, batch_size, precision, steps, loss, accelerator
         )
     return seconds * config.data.pairs.train * usual_epochs(config)
 
@@ -66,8 +77,9 @@ def trainings_at_once(config: RunConfig, accelerator: str = "auto") -> int:
     """Return how many trainings like this one a sweep runs at the same time with the default launcher."""
     if resolve_device(accelerator) == "cuda":
         return 1
-    channels = encoding_of(config).channels
-    return parallel_trainings(config.data.size_px, _training(config).batch_size, config.data.pairs.train, channels)
+    data, channels = config.data, encoding_of(config).channels
+    pairs = data.pairs.train + data.pairs.val
+    return parallel_trainings(data.size_px, _training(config).batch_size, pairs, channels)
 
 
 def usual_epochs(config: RunConfig) -> int:

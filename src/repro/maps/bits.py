@@ -13,4 +13,4 @@ def pack_bits(images: Tensor) -> Tensor:
 def unpack_bits(bits: Tensor, width: int) -> Tensor:
     """Return the images of 0 and 255, uint8, (..., W), that were packed into bits, given their width W."""
     shifts = torch.arange(7, -1, -1, dtype=torch.uint8, device=bits.device)
-    return ((bits[..., None] >> shifts) & 1).mul_(255).flatten(-2)[..., :width]
+    return (bits[..., None] >> shifts).bitwise_and_(1).mul_(255).flatten(-2)[..., :width]

@@ -47,6 +47,10 @@ class Pairs:
         """All encoded scans, uint8, (M, C, H, W)."""
         return self._drawn(self.stored)
 
+    def image_batches(self, size: int) -> Iterator[Tensor]:
+        """Yield all encoded scans in batches, uint8, (B, C, H, W), without drawing them at once."""
+        return (self._drawn(stored) for stored in self.stored.split(size))
+
     def batch(self, index: Tensor) -> tuple[Tensor, Tensor]:
         """Return the pairs of an index (B,) as float32: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W)."""
         return self.encoding.to_input(self._drawn(self.stored[index])), self.maps[index].float()

@@ -11,6 +11,7 @@ statistics and the window of the training scans, see `torch_files`. The other fo
 import contextlib
 import copy
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -121,10 +122,21 @@ class Predictor:
             return torch.cat([self.predict_images(each, batch) for each in images])[:, 0]
 
     @torch.inference_mode()
-    def predict_images(self, images: Tensor, batch: int = 32) -> Tensor:
-        """Predict the probability of free, (M, 1, H, W), on the CPU, from encoded scans, uint8, (M, C, H, W)."""
+    def predict_images(self, images: Tensor | Iterable[Tensor], batch: int = 32) -> Tensor:
+        """Predict the probability of free, (M, 1, H, W), on the CPU, from encoded scans, uint8, (M, C, H, W).
+
+        Args:
+            images: all encoded scans, or batches of them.
+            batch: images that the network receives at once, where `images` are no batches.
+        """
         self.network.eval()
-        parts = tqdm(images.split(batch), desc="predicting", delay=2, leave=False, disable=None)
+        parts = tqdm(
+            images.split(batch) if isinstance(images, Tensor) else images,
+            desc="predicting",
+            delay=2,
+            leave=False,
+            disable=None,
+        )
         return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in parts])
 
     def to(self, device: str) -> "Predictor":

@@ -78,7 +78,7 @@ class LiveMapper:
         self.waiting: deque[Any] = deque()
         self.without_transform: set[str] = set()  # frames of scans that nobody places
         self.reported: set[str] = set()  # messages about poses that cannot be used
-        self.newest_s = -np.inf  # time of the newest message
+        self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.first: LogScan | None = None
         self.range_max_m = np.inf  # smallest maximum range of the scans in the stream [m]
         self.others = 0  # scans in a row with other beams
@@ -95,22 +95,22 @@ class LiveMapper:
             if len(self.waiting) > MAX_WAITING:
                 self.waiting.popleft()
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
-            self._predict(seconds(message.header.stamp))
+            self.newest_s = max(self.newest_s, seconds(message.header.stamp))
+            self._predict()
 
     def add_transforms(self, message: Any, *, is_static: bool = False) -> None:
         """Take a TFMessage."""
         with self.lock:
             add_transforms(self.transforms, message, is_static=is_static)
             self._report()
-            stamps = [] if is_static else [seconds(each.header.stamp) for each in message.transforms]
-            self._predict(max(stamps, default=-np.inf))
+            self._predict()
 
     def add_odometry(self, message: Any) -> None:
         """Take an Odometry message."""
         with self.lock:
             add_odometry(self.transforms, message)
             self._report()
-            self._predict(seconds(message.header.stamp))
+            self._predict()
 
     def _report(self) -> None:
         """Warn once of every kind of poses that cannot be used."""
@@ -125,9 +125,8 @@ class LiveMapper:
         self.waiting.clear()
         self.newest_s = self.last_s = -np.inf
 
-    def _predict(self, stamp: float) -> None:
+    def _predict(self) -> None:
         """Predict maps for the scans that have their poses, or have waited too long for them."""
-        self.newest_s = max(self.newest_s, stamp)
         while self.waiting:
             frame, middle_s = self.waiting[0].header.frame_id, middle_of(self.waiting[0])
             is_late = self.newest_s > middle_s + MAX_GAP_S

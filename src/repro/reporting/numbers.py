@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from uncertainties import ufloat
 
-from repro.baselines.names import BASELINES
+from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.config import NETWORKS, PROJECTION
 from repro.evaluation.breakdown import HITS, measures
 from repro.evaluation.recency import RECENCY
@@ -70,7 +70,7 @@ class Numbers:
         _check("model", model, self.models)
         _check("recency", recency, {"all", *RECENCY, *HITS})
         experiments = [exp] if isinstance(exp, str) else exp
-        encoding = "" if model in BASELINES else encoding
+        encoding = "" if model in (*BASELINES, *OTHER_BOUNDS) else encoding
         return sum(self.numbers[of, metric, e, model, encoding, recency] for e in experiments) / len(experiments)
 
 

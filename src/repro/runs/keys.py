@@ -1,10 +1,12 @@
 """The identity of a run: experiment, model, encoding and seed, with its path and its columns in tidy tables."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 KEY = ["experiment", "model", "encoding", "seed"]  # columns that identify a run
 CELL = KEY[:3]  # columns that the runs of all seeds share
+SEED = re.compile(r"seed(\d+)")
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class RunKey:
         match PurePath(path).parts:
             case ("baselines", experiment, model) if experiment.startswith("exp"):
                 return cls(experiment[3:], model)
-            case ("runs", experiment, model, encoding, seed) if experiment.startswith("exp") and seed[4:].isdigit():
+            case ("runs", experiment, model, encoding, seed) if experiment.startswith("exp") and SEED.fullmatch(seed):
                 return cls(experiment[3:], model, encoding, int(seed[4:]))
         raise ValueError(
             f"expected runs/exp<name>/<model>/<encoding>/seed<n> or baselines/exp<name>/<model>, got {path}"

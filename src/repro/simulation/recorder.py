@@ -103,9 +103,9 @@ def _exclusive(directory: Path) -> Iterator[None]:
     if not os.access(directory, os.W_OK):
         yield
         return
-    with ExitStack() as locks:
-        for name in (".lock", *sorted(path.name for path in directory.glob(".lock-*-of-*"))):
-            locks.enter_context(lock(directory, name))
+    with lock(directory), ExitStack() as parts:  # no part begins while the first is held
+        for path in sorted(directory.glob(".lock-*-of-*")):
+            parts.enter_context(lock(directory, path.name))
         clear_leftovers(directory)
         yield
 
@@ -128,10 +128,12 @@ def record_part(
         ValueError: see `record_experiment`.
     """
     directory.mkdir(parents=True, exist_ok=True)
-    if (directory / "manifest.json").is_file():
-        return True
     shards, fingerprint = list(shards_of(pairs)), spec_fingerprint(spec)
-    with lock(directory, f".lock-{part}-of-{parts}"):
+    with ExitStack() as locks:
+        with lock(directory):  # while the recordings are completed, temporary files are deleted
+            locks.enter_context(lock(directory, f".lock-{part}-of-{parts}"))
+        if (directory / "manifest.json").is_file():
+            return True
         missing = [shard for shard in shards[part::parts] if not _is_whole(directory / shard.name, fingerprint, None)]
         worlds = sum(shard.worlds for shard in shards[part::parts])
         _write_shards(directory, missing, spec, workers, VERIFY_EVERY, worlds)

@@ -120,7 +120,8 @@ def check_replay(world: World, recording: Recording) -> float:
     """Replay a world in plain IR-SIM, compare, and return the largest difference of a range [m].
 
     Raises:
-        ValueError: the two disagree on which beams hit, or a range or state differs by more than 1e-6.
+        ValueError: the two disagree on which beams hit, or a range, a state of an obstacle, a pose of the robot or an
+            angle of a beam differs by more than 1e-6.
     """
     reference = _replay_world(world)
     expected, simulated = reference.scans.ranges, recording.scans.ranges
@@ -128,11 +129,15 @@ def check_replay(world: World, recording: Recording) -> float:
     if not np.array_equal(hit, np.isfinite(simulated)):
         raise ValueError(f"plain IR-SIM and the recorder disagree on which beams hit in the world {world}")
     range_error = float(np.abs(expected[hit] - simulated[hit]).max(initial=0))
-    state_error = float(np.abs(reference.states - recording.states).max())
-    if max(range_error, state_error) > 1e-6:
-        raise ValueError(
-            f"plain IR-SIM differs by {range_error} m in ranges, {state_error} in obstacle states, in the world {world}"
-        )
+    errors = {
+        "ranges [m]": range_error,
+        "obstacle states": float(np.abs(reference.states - recording.states).max()),
+        "poses": float(np.abs(reference.scans.poses - recording.scans.poses).max()),
+        "angles [rad]": float(np.abs(reference.scans.angles - recording.scans.angles).max()),
+    }
+    if max(errors.values()) > 1e-6:
+        differences = ", ".join(f"{error} in {name}" for name, error in errors.items())
+        raise ValueError(f"plain IR-SIM differs by {differences}, in the world {world}")
     return range_error
 
 

@@ -13,7 +13,8 @@ import joblib
 import psutil
 from joblib.externals.loky import get_reusable_executor
 
-CGROUP = Path("/sys/fs/cgroup")  # version 2, in which containers limit memory
+CGROUP = Path("/sys/fs/cgroup")  # version 2, in which containers and batch systems limit memory
+OWN_GROUP = Path("/proc/self/cgroup")
 LEAST_IDLE = 0.75  # share of the time of all cores that must be free for them to count as idle
 THREADS = "OMP_NUM_THREADS"
 M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4  # parameters of mallopt in the GNU C library
@@ -65,6 +66,8 @@ def use_idle_cores() -> None:
         return
     if count_cores() > 1 and cores_are_idle():
         print(f"using {count_cores()} threads, since the cores are idle; {THREADS}=1 uses one", flush=True)
+        if "torch" in sys.modules:  # which takes the cores of the machine, not those of a container
+            sys.modules["torch"].set_num_threads(count_cores())
     elif count_cores() > 1:
         print(f"using one thread, since the cores are busy; {THREADS} sets another number", flush=True)
         use_one_thread()
@@ -85,22 +88,34 @@ def keep_freed_memory() -> bool:
 
 
 def available_memory_gb() -> float:
-    """Return the memory that new processes can take [GB], within the limit of a container."""
-    available = psutil.virtual_memory().available
-    try:
-        limit, used = ((CGROUP / name).read_text(encoding="utf-8").strip() for name in ("memory.max", "memory.current"))
-        available = min(available, int(limit) - int(used))
-    except (OSError, ValueError):  # no container, or no limit: "max"
-        pass
-    return available / 1e9
+    """Return the memory that new processes can take [GB], within the limits of a container or a batch job."""
+    limits = [limit - _used_bytes(group) for group, limit in _memory_limits()]
+    return max(0, min([psutil.virtual_memory().available, *limits])) / 1e9
 
 
 def total_memory_gb() -> float:
-    """Return the memory of this machine [GB], within the limit of a container."""
-    total = psutil.virtual_memory().total
-    with suppress(OSError, ValueError):  # no container, or no limit: "max"
-        total = min(total, int((CGROUP / "memory.max").read_text(encoding="utf-8").strip()))
-    return total / 1e9
+    """Return the memory of this machine [GB], within the limits of a container or a batch job."""
+    return min([psutil.virtual_memory().total, *(limit for _, limit in _memory_limits())]) / 1e9
+
+
+def _memory_limits() -> Iterator[tuple[Path, int]]:
+    """Yield the control groups of this process that limit its memory, from its own up, and their limits [bytes]."""
+    own = ""
+    with suppress(OSError):
+        lines = OWN_GROUP.read_text(encoding="utf-8").splitlines()
+        own = next((line[3:].strip("/") for line in lines if line.startswith("0::")), "")
+    for group in (CGROUP / own, *(CGROUP / own).parents):
+        with suppress(OSError, ValueError):  # the group is outside of the container, or it has no limit: "max"
+            yield group, int((group / "memory.max").read_text(encoding="utf-8"))
+        if group == CGROUP:
+            return
+
+
+def _used_bytes(group: Path) -> int:
+    """Return the memory of a control group that the kernel cannot take back, which excludes read files."""
+    used = int((group / "memory.current").read_text(encoding="utf-8"))
+    lines = (group / "memory.stat").read_text(encoding="utf-8").splitlines()
+    return used - int(dict(line.split() for line in lines)["inactive_file"])
 
 
 def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> float:
