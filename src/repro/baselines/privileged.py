@@ -7,9 +7,9 @@ would have hit the obstacle, and of the obstacles without a hit those that start
 this the obstacles are independent of one another, so that a pixel is free with the product of their probabilities. Up
 to the number of draws, no predictor from the scans has a lower expected log loss or Brier score.
 
-`Knowledge` takes parts of this away, or adds the obstacles without a hit, to measure what each part is worth. Without
-them a network can be better, since the scans tell something of every part. An obstacle of which no draw agrees with the
-scans then stays where it was hit; the upper bound itself refuses such a case.
+`Knowledge` takes parts of this away, or adds the obstacles without a hit, to measure what each part is worth. A variant
+that lacks a part can be worse than a network, since the scans tell something about every part. An obstacle of which no
+draw agrees with the scans then stays where it was hit; the upper bound itself refuses such a case.
 
 Not modeled: obstacles without a hit start apart from one another.
 """

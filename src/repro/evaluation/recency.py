@@ -1,8 +1,7 @@
 """Recency: time since each pixel was last seen and each obstacle last hit, computed from the recording.
 
-Ages count steps back from the end of the recording; the last step has age 1. A pixel inside the field of view that was
-always hidden is `occluded`; a pixel that was never inside the field of view is `never in view`.
-"""
+Ages count steps back from the end of the recording; the last step has age 1. A pixel that was within field of view and
+range but always hidden is `occluded`; one that never was is `never in view`. """
 
 import numpy as np
 import torch

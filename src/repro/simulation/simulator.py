@@ -2,8 +2,8 @@
 
 IR-SIM is the reference (`replay`). `simulate` computes the same recording from the same world, behaviors, kinematics,
 outlines, noise and ray-segment equations, all scans at once and without IR-SIM's bookkeeping (collision, goal and
-status checks, geometry trees, YAML). The two agree to 1e-9 m; `simulation.recorder` verifies this on a sample of the
-worlds of every recorded experiment, as do the tests and the benchmark.
+status checks, geometry trees, YAML). The tests require that the two agree to 1e-9 m, and `simulation.recorder` refuses
+a difference of more than 1e-6 m in a sample of the worlds of every recorded experiment.
 
 Two cases are left to IR-SIM: noise of the beams' angles, whose random stream depends on the hits of the scan before,
 and beams through a corner of a fixed obstacle, where rounding decides between a hit and a miss.
