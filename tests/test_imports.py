@@ -15,6 +15,7 @@ PACKAGES = (  # top-level modules and packages, each importing from those before
     "config",
     "metrics",
     "scans",
+    "outlines",
     "runs",
     "recordings",
     "simulation",

@@ -69,6 +69,11 @@ class Model:
     encoder_weights: str | None = None
     parameters: dict[str, Any] = field(default_factory=dict, hash=False)
 
+    @property
+    def kind(self) -> str:
+        """Name of the architecture."""
+        return self.architecture or self.name
+
 
 def paper_model(name: str) -> Model:
     """Return one of the paper's networks with the paper's encoder, trained from scratch."""
@@ -229,6 +234,11 @@ def world_spec(world: dict[str, Any], experiment: str) -> dict[str, Any]:
         "robot": world["robot"],
         **world["experiments"][experiment],
     }
+
+
+def lidar_of(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the lidar of a world, or of what decides the worlds."""
+    return spec["robot"]["sensors"][0]
 
 
 def populations(experiment: Mapping[str, Any]) -> list[dict[str, Any]]:

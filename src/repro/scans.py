@@ -71,7 +71,7 @@ class Scans:
 
         The point of a beam without a hit is that of the lidar.
         """
-        library: Any = np if isinstance(self.ranges, np.ndarray) else _torch()  # their functions have the same names
+        library = library_of(self.ranges)
         hit, heading = library.isfinite(self.ranges), self.poses[..., 2:] + self.angles
         directions = library.stack([library.cos(heading), library.sin(heading)], -1)
         return self.poses[..., None, :2] + library.where(hit, self.ranges, 0)[..., None] * directions, hit
@@ -89,6 +89,11 @@ class Scans:
         if angles[0] > angles[-1]:
             ranges, angles = ranges.flip(-1), angles.flip(-1)
         return Scans(ranges, angles, poses) if ranges.dim() == 3 else Scans(ranges[None], angles, poses[None])
+
+
+def library_of(array: Any) -> Any:
+    """Return NumPy or torch, whose functions have the same names, for an array or a tensor."""
+    return np if isinstance(array, np.ndarray) else _torch()
 
 
 def _torch() -> Any:

@@ -15,9 +15,11 @@ from tqdm import tqdm
 
 from repro.baselines.draws import count_cover
 from repro.baselines.names import BOUNDS
+from repro.config import lidar_of
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
-from repro.recordings.format import SPLIT_SEEDS, SPLITS, widen
+from repro.outlines import padded
+from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps
 from repro.simulation.shapes import geometry
@@ -61,7 +63,7 @@ def applies(name: str, spec: dict[str, Any]) -> bool:
 
 def knows(spec: dict[str, Any]) -> bool:
     """Return whether the laws of a world spec are those that these predictors draw from, the paper's."""
-    is_exact = not spec["robot"]["sensors"][0].get("noise")
+    is_exact = not lidar_of(spec).get("noise")
     has_zone = spec["motion"]["name"] in ("rotate", "square")
     return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
 
@@ -92,7 +94,7 @@ def _sampled(content: str) -> Obstacles:
     outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]
     most = max(outline.shape[1] for outline in outlines)
     states = np.stack([obstacle_states(each, steps, step_s) for each in drawn])
-    return turned(np.concatenate([widen(outline, most) for outline in outlines]), states)
+    return turned(np.concatenate([padded(outline, most) for outline in outlines]), states)
 
 
 def turned(outlines: np.ndarray, states: np.ndarray) -> Obstacles:

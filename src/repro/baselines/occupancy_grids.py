@@ -9,7 +9,7 @@ from torch.nn import functional as F
 from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.maps.visibility import newest_visible
+from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 
 PRIOR = 0.08  # prior probability of an obstacle, its share in the paper's dynamic worlds
@@ -81,7 +81,7 @@ def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tupl
     for step in range(scans.ranges.shape[1]):
         current = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
         hit = newest_hits(current, grid) > 0
-        yield hit, (newest_visible(current, grid, range_max_m, margin_m=-grid.resolution_m / 2) > 0) & ~hit
+        yield hit, (newest_passed(current, grid, range_max_m) > 0) & ~hit
 
 
 def _parts(recorded: Recorded) -> list[Scans]:

@@ -24,7 +24,7 @@ from repro.baselines.privileged import Knowledge, privileged
 from repro.baselines.tracker import draw, track
 from repro.maps.datasets import Recorded
 from repro.maps.projection import newest_hits
-from repro.maps.visibility import newest_visible
+from repro.maps.visibility import newest_passed
 from repro.metrics.scores import confusion, scores
 
 Settings = dict[str, Any]
@@ -127,7 +127,7 @@ def steps_since_free(recorded: Recorded) -> Tensor:
     """
     scans, grid = recorded.scans, recorded.grid
     steps = scans.ranges.shape[1]
-    passed = newest_visible(scans, grid, recorded.range_max_m, margin_m=-grid.resolution_m / 2).long()
+    passed = newest_passed(scans, grid, recorded.range_max_m).long()
     return torch.where(passed > newest_hits(scans, grid), steps - passed, steps)[:, None]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from repro.config import ConfigError, Encoding, Scale
+from repro.config import ConfigError, Encoding, Scale, lidar_of
 from repro.simulation.motions import recorded_steps
 from repro.system.resources import total_memory_gb, training_memory_gb
 
@@ -38,5 +38,5 @@ def recording_seconds(spec: dict[str, Any], recordings: int) -> float:
         spec: what decides the worlds, see `worlds.sample_world`.
         recordings: number of recordings.
     """
-    readings = recorded_steps(spec["motion"]) * spec["robot"]["sensors"][0]["number"]
+    readings = recorded_steps(spec["motion"]) * lidar_of(spec)["number"]
     return recordings * readings * SECONDS_PER_READING

@@ -86,7 +86,7 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         if (config.task == task) != (value is not None):
             expected = f"is needed with task={task}" if value is None else f"is for task={task} only"
             errors.append(ConfigError(key, value, expected))
-    architecture = config.model.architecture or config.model.name
+    architecture = config.model.kind
     if architecture in RECURRENT and "frames" not in config.encoding.parameters:
         expected = f"model {architecture} takes a series of images: encoding=series10 or encoding=stack10"
         errors.append(ConfigError("encoding", config.encoding.name, expected))
@@ -134,7 +134,7 @@ def _library_errors(config: Config) -> list[ConfigError]:
     """Return what is wrong with the network, the parameters of the encoding, and the sizes that the CPU can train."""
     errors = _model_errors(config.model)
     errors += _parameter_errors(EncodingParameters, "encoding.parameters.", config.encoding.parameters)
-    if (config.model.architecture or config.model.name) in RECURRENT:
+    if config.model.kind in RECURRENT:
         errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
     on_cpu = config.task in TRAINING_TASKS and (config.runtime.accelerator == "cpu" or not has_gpu())
     if not errors and on_cpu:
@@ -197,7 +197,7 @@ def _parameter_errors(kind: Any, prefix: str, parameters: dict[str, Any]) -> lis
 
 def _model_errors(model: Model) -> list[ConfigError]:
     """Return what is wrong with architecture, encoder and weights; imports smp for all but the paper's."""
-    if (model.architecture or model.name) in NETWORKS and model.encoder_name in MIT_ENCODERS and not model.parameters:
+    if model.kind in NETWORKS and model.encoder_name in MIT_ENCODERS and not model.parameters:
         wrong = model.encoder_weights not in MIT_WEIGHTS
         return (
             [ConfigError("model.encoder_weights", model.encoder_weights, "must be null or imagenet")] if wrong else []

@@ -16,7 +16,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 
-from repro.config import is_moving
+from repro.config import is_moving, lidar_of
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
 
@@ -41,7 +41,7 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], 
     """
     _check_worlds(spec)
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
-    lidar = spec["robot"]["sensors"][0]
+    lidar = lidar_of(spec)
     motions = {each["motion"]["name"]: each["motion"] for each in spec["experiments"].values()}
     settings = {
         "spec": spec | {"motions": motions},

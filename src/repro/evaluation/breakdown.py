@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from repro.config import lidar_of
 from repro.evaluation.recency import (
     BIN,
     BINS,
@@ -56,7 +57,7 @@ def load_test_set(recordings: Path, grid: Grid) -> TestSet:
     Raises:
         ValueError: a shard is damaged, see `recordings.reader.read_shards`.
     """
-    lidar = read_manifest(recordings).spec["robot"]["sensors"][0]
+    lidar = lidar_of(read_manifest(recordings).spec)
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     first = 0
     for shard in read_shards(recordings, "test"):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repro.config import populations
+from repro.config import lidar_of, populations
 from repro.evaluation.evaluate import quantize
 from repro.maps.datasets import Recorded, load_recorded
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
@@ -89,7 +89,7 @@ def with_field_of_view(spec: Spec, degrees: float) -> Spec:
     coincide.
     """
     changed = copy.deepcopy(spec)
-    lidar = _lidar(changed)
+    lidar = lidar_of(changed)
     factor = math.radians(degrees) / lidar["angle_range"]
     lidar |= {"angle_range": math.radians(degrees), "number": round(lidar["number"] * factor)}
     return changed
@@ -98,7 +98,7 @@ def with_field_of_view(spec: Spec, degrees: float) -> Spec:
 def with_range(spec: Spec, range_m: float) -> Spec:
     """Return a spec with another maximum range of the lidar [m]."""
     changed = copy.deepcopy(spec)
-    _lidar(changed)["range_max"] = range_m
+    lidar_of(changed)["range_max"] = range_m
     return changed
 
 
@@ -155,7 +155,7 @@ def under_changes(
     rows = []
 
     def add(shift: str, amount: float, scans: Scans, test: Recorded, changed: Spec) -> None:
-        scored = score(predictor.with_range(_lidar(changed)["range_max"]), scans, test)
+        scored = score(predictor.with_range(lidar_of(changed)["range_max"]), scans, test)
         rows.append(scored.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
 
     def record(name: str, changed: Spec) -> Recorded:
@@ -177,10 +177,6 @@ def under_changes(
             test = record(f"{name}{amount}", changed)
             add(shift, amount, test.scans, test, changed)
     return pd.concat(rows, ignore_index=True)
-
-
-def _lidar(spec: Spec) -> dict[str, Any]:
-    return spec["robot"]["sensors"][0]
 
 
 def updated(earlier: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:

@@ -1,7 +1,7 @@
 """Recency: time since each pixel was last seen and each obstacle last hit, computed from the recording.
 
 Ages count steps back from the end of the recording; the last step has age 1. A pixel that was within field of view and
-range but always hidden is `occluded`; one that never was is `never in view`. """
+range but always hidden is `occluded`; one that never was is `never in view`."""
 
 import numpy as np
 import torch
@@ -9,6 +9,7 @@ import torch
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import CONVEX, kinds_of, rasterize
 from repro.maps.visibility import newest_in_view, newest_visible
+from repro.outlines import without_padding
 from repro.recordings.format import ShardContent
 from repro.scans import Scans
 
@@ -91,7 +92,7 @@ def _steps_touching(
     x, y = offset[step, beam].unbind(-1)
     own = torch.stack([x * cos + y * sin, y * cos - x * sin], dim=-1)  # in the obstacle's frame, (P, 2)
     if not is_convex:  # the padding repeats the last vertex
-        outline = torch.cat([outline[:1], outline[1:][(outline[1:] != outline[:-1]).any(-1)]])
+        outline = without_padding(outline)
     edge = outline.roll(-1, 0) - outline  # (V, 2)
     length = edge.square().sum(-1)
     if not is_convex:

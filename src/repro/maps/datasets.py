@@ -12,12 +12,14 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from repro.config import lidar_of
 from repro.maps.bits import pack_bits, unpack_bits
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.statistics import Statistics, summarize
-from repro.recordings.format import ShardContent, widen
+from repro.outlines import padded
+from repro.recordings.format import ShardContent
 from repro.recordings.reader import read_manifest, read_shards
 from repro.runs.config import RunConfig
 from repro.scans import Scans
@@ -201,7 +203,7 @@ def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
     ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
     maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
     spec = read_manifest(recordings).spec
-    range_max_m, step_s = spec["robot"]["sensors"][0]["range_max"], spec["world"]["step_time"]
+    range_max_m, step_s = lidar_of(spec)["range_max"], spec["world"]["step_time"]
     scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
     return Recorded(scans, maps, grid, range_max_m, step_s, _truth(shards, spec))
 
@@ -209,7 +211,7 @@ def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
 def _truth(shards: list[ShardContent], spec: dict[str, Any]) -> Truth:
     """Join the obstacles of the shards of a split."""
     most = max(shard.outlines.shape[1] for shard in shards)
-    outlines = np.concatenate([widen(shard.outlines, most) for shard in shards])
+    outlines = np.concatenate([padded(shard.outlines, most) for shard in shards])
     first = np.cumsum([0, *(len(shard.scans) // 2 for shard in shards)])
     world = np.concatenate([shard.world + start for shard, start in zip(shards, first, strict=False)])
     return Truth(outlines, np.concatenate([shard.states for shard in shards]), world, spec)

@@ -18,7 +18,7 @@ from repro.config import STRICT, Positive, config_errors_of
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.series import Series, Stack
-from repro.maps.visibility import newest_visible
+from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 
 
@@ -114,7 +114,7 @@ class ObservedFree(Negative):
     range_max_m: Positive = 30.0
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        passed = newest_visible(scans, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
+        passed = newest_passed(scans, grid, self.range_max_m)
         return torch.cat([super().encode(scans, grid), self._shade(passed.int(), scans.ranges.shape[1])], dim=1)
 
 

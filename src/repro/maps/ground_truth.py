@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from repro.maps.grid import Grid
+from repro.outlines import placed
 
 LINE, CONVEX, CONCAVE = 0, 1, 2  # kinds of outlines
 AT_ONCE = 100  # outlines, whose crossings with every row are in memory
@@ -27,10 +28,7 @@ def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid:
     Returns:
         maps, uint8, (B, H, W); 1 is free, 0 is an obstacle.
     """
-    # Outlines in the global frame, (K, V)
-    cos, sin = torch.cos(states[:, 2:]), torch.sin(states[:, 2:])
-    x = outlines[..., 0] * cos - outlines[..., 1] * sin + states[:, :1]
-    y = outlines[..., 0] * sin + outlines[..., 1] * cos + states[:, 1:2]
+    x, y = placed(outlines, states).unbind(-1)  # (K, V)
 
     # +1 where an interval begins, -1 where it ends; the cumulative sum counts the obstacles over a pixel
     stride = grid.size_px + 1

@@ -10,7 +10,7 @@ from torch.nn.utils.rnn import pad_sequence
 from repro.config import STRICT, FrameCount, Positive
 from repro.maps.grid import Grid
 from repro.maps.projection import hit_pixels
-from repro.maps.visibility import newest_visible
+from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 
 
@@ -84,7 +84,7 @@ class Series(Stack):
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         parts = self._parts(scans)
-        passed = newest_visible(parts, grid, self.range_max_m, margin_m=-grid.resolution_m / 2)
+        passed = newest_passed(parts, grid, self.range_max_m)
         images = torch.stack([_draw_hits(parts, grid), _gray(passed > 0)])  # (2, B K, H, W)
         return images.unflatten(1, (-1, self.frames)).transpose(0, 1).flatten(1, 2)
 

@@ -51,6 +51,11 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     return torch.from_numpy(newest).to(scans.ranges.device)
 
 
+def newest_passed(scans: Scans, grid: Grid, range_max_m: float) -> Tensor:
+    """Return the newest step at which a beam passed over each pixel, observed free, see `newest_visible`."""
+    return newest_visible(scans, grid, range_max_m, margin_m=-grid.resolution_m / 2)
+
+
 def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> Tensor:
     """Return the newest step at which each pixel was in view, occluded or not, see `newest_visible`."""
     return newest_visible(Scans(torch.full_like(scans.ranges, torch.inf), scans.angles, scans.poses), grid, range_max_m)

@@ -36,7 +36,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     Raises:
         ValueError: the architecture or one of its parameters is not allowed, or the encoder weights cannot be loaded.
     """
-    architecture = model.architecture or model.name
+    architecture = model.kind
     if architecture in OWN_ARCHITECTURES:
         try:
             series = {"frames": frames} if architecture in RECURRENT else {}
@@ -100,7 +100,7 @@ def replace_slow_modules(network: Network) -> None:
 
 def architecture_errors(model: Model) -> list[ConfigError]:
     """Return the config errors in the architecture of a network, its parameters, encoder and encoder weights."""
-    architecture, name, weights = model.architecture or model.name, model.encoder_name, model.encoder_weights
+    architecture, name, weights = model.kind, model.encoder_name, model.encoder_weights
     key = "model.architecture" if model.architecture else "model.name"
     if architecture in OWN_ARCHITECTURES:
         given = {"encoder_name": name, "encoder_weights": weights}

@@ -117,7 +117,7 @@ def encoder_errors(model: Model) -> list[ConfigError]:
     """Return the config errors in the encoder and the encoder weights of a network of smp."""
     name, weights = model.encoder_name, model.encoder_weights
     if name is None:
-        expected = f"architecture {model.architecture or model.name} needs an encoder, such as mit_b0"
+        expected = f"architecture {model.kind} needs an encoder, such as mit_b0"
         return [ConfigError("model.encoder_name", None, expected)]
     if name.startswith("tu-") and not timm.is_model(name.removeprefix("tu-")):
         return [ConfigError("model.encoder_name", name, "must be tu- and a model of timm, such as tu-resnet18")]

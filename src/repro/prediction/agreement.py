@@ -10,7 +10,7 @@ from scipy.ndimage import minimum_filter
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.maps.visibility import newest_visible
+from repro.maps.visibility import newest_passed, newest_visible
 from repro.prediction.windows import Window
 from repro.scans import Scans
 
@@ -111,7 +111,7 @@ def last_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray,
     """
     window = scans.tensors()
     hit = newest_hits(window, grid)[0].numpy()
-    passed = newest_visible(window, grid, range_max_m, margin_m=-grid.resolution_m / 2)[0].numpy()
+    passed = newest_passed(window, grid, range_max_m)[0].numpy()
     return np.where((hit > 0) & (hit >= passed), 0.0, 1.0), (hit > 0) | (passed > 0)
 
 

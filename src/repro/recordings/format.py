@@ -123,8 +123,3 @@ def read_shard(path: Path, fingerprint: str) -> ShardContent:
     if recorded != fingerprint:
         raise ValueError(f"shard {path} was recorded with another configuration: delete {path.parent} or set outputs=")
     return content
-
-
-def widen(outlines: np.ndarray, vertices: int) -> np.ndarray:
-    """Pad outlines (O, V, 2) to more vertices by repeating the last one."""
-    return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")

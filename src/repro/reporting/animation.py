@@ -18,6 +18,7 @@ from matplotlib.patches import Circle
 from repro.maps.ground_truth import rasterize
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
+from repro.outlines import placed
 from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
@@ -128,12 +129,7 @@ def _draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -
     """Draw the obstacles, the beams, the robot and its path at a step."""
     for drawn in (*ax.collections, *ax.patches, *ax.lines):
         drawn.remove()
-    x, y, heading = recording.states[:, step].T[..., None]
-    own_x, own_y = recording.outlines[..., 0], recording.outlines[..., 1]
-    outlines = np.stack(
-        [x + own_x * np.cos(heading) - own_y * np.sin(heading), y + own_x * np.sin(heading) + own_y * np.cos(heading)],
-        axis=-1,
-    )
+    outlines = placed(recording.outlines, recording.states[:, step])
     ax.add_collection(PolyCollection(list(outlines), facecolor="#888888", edgecolor=INK, linewidth=0.5))
     pose, scan = recording.scans.poses[step], recording.scans.ranges[step]
     bearing, reach = pose[2] + recording.scans.angles, np.minimum(scan, range_max_m)

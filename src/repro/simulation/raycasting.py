@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from repro.outlines import placed, without_padding
+
 GRAZE_M = 1e-9  # from a beam to a corner; rounding decides whether IR-SIM's beam hits there
 _MAX_SIDES = 4_000_000  # beams times corners at once, to bound the memory
 
@@ -35,7 +37,7 @@ def scan(
         radius = np.linalg.norm(outline, axis=-1).max()
         offset = state[:, :2] - poses[:, :2]  # (T, 2)
         distance = np.linalg.norm(offset, axis=-1)
-        rings = _at_states(_corners(outline), state)
+        rings = _rings(outline, state)
         begins_in = distance <= radius
         if _contains(rings[:, begins_in], poses[begins_in, :2]).any():
             raise ValueError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
@@ -62,19 +64,11 @@ def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: 
     """
     heading = poses[:, 2:] + angles
     cos, sin = np.cos(heading), np.sin(heading)
-    corners = [
-        _at_states(_corners(outline), state[:1])[:, 0].T for outline, state in zip(outlines, states, strict=True)
-    ]
+    corners = [_rings(outline, state[:1])[:, 0].T for outline, state in zip(outlines, states, strict=True)]
     return any(
         bool((np.abs(cos * (y - poses[:, 1:2]) - sin * (x - poses[:, :1])) <= GRAZE_M).any())
         for x, y in np.unique(np.concatenate(corners), axis=0)
     )
-
-
-def _corners(outline: np.ndarray) -> np.ndarray:
-    """Return an outline (V, 2) without the padding, which repeats its last vertex."""
-    changes = np.flatnonzero((outline[1:] != outline[:-1]).any(axis=-1))
-    return outline[: changes[-1] + 2]
 
 
 def _contains(rings: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -113,8 +107,6 @@ def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step:
     return nearest
 
 
-def _at_states(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Transform an outline (V, 2) to the world frame at each state (T, 3): x and y, (2, T, V)."""
-    x, y, heading = (states[:, i, None] for i in range(3))
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.stack([outline[:, 0] * cos - outline[:, 1] * sin + x, outline[:, 0] * sin + outline[:, 1] * cos + y])
+def _rings(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Return x and y of an outline (V, 2) at each state (T, 3), without its padding, (2, T, V)."""
+    return np.ascontiguousarray(np.moveaxis(placed(without_padding(outline), states), -1, 0))

@@ -16,6 +16,7 @@ import joblib
 import numpy as np
 from tqdm import tqdm
 
+from repro.outlines import padded
 from repro.recordings.format import (
     FORMAT,
     SHARD_WORLDS,
@@ -25,7 +26,6 @@ from repro.recordings.format import (
     read_shard,
     shards_of,
     spec_fingerprint,
-    widen,
 )
 from repro.recordings.reader import Manifest, ShardEntry, read_manifest
 from repro.scans import Scans
@@ -167,7 +167,7 @@ def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_ever
         "ranges": scans.ranges.astype(np.float32),
         "angles": scans.angles,
         "poses": scans.poses,
-        "outlines": np.concatenate([widen(item.outlines, longest) for item in worlds]).astype(np.float32),
+        "outlines": np.concatenate([padded(item.outlines, longest) for item in worlds]).astype(np.float32),
         "states": np.concatenate([item.states for item in worlds]).astype(np.float32),
         "world": np.repeat(np.arange(len(worlds)), [len(item.outlines) for item in worlds]),
         "seen": np.stack([np.pad(array, (0, most - len(array))) for array in seen]),

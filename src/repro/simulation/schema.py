@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import shapely
 from pydantic import Field, ValidationError, model_validator
 
-from repro.config import ConfigError, Name, config_errors_of, populations, world_spec
+from repro.config import ConfigError, Name, config_errors_of, lidar_of, populations, world_spec
 from repro.simulation.motions import recorded_steps, top_speeds
 from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Part, Populations, Robot, Rooms, World
 from repro.simulation.shapes import geometry, shape_radius
@@ -108,7 +108,7 @@ def _once(errors: list[ConfigError]) -> list[ConfigError]:
 def _error_of_spec(spec: dict[str, Any]) -> str | None:
     """Return an error in the combination of the values of an experiment; None without one."""
     step_time, steps, width = spec["world"]["step_time"], recorded_steps(spec["motion"]), spec["world"]["width"]
-    beams = spec["robot"]["sensors"][0]["number"]
+    beams = lidar_of(spec)["number"]
     try:
         if steps * beams > MAX_READINGS:
             return f"{steps} steps of {beams} beams are more than {MAX_READINGS} readings: use fewer"

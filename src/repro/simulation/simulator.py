@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from repro.recordings.format import widen
+from repro.config import lidar_of
+from repro.outlines import padded
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
 from repro.simulation.drift import obstacle_states
@@ -61,7 +62,7 @@ def simulate(world: World) -> Recording:
             obstacle reaches the robot.
     """
     poses, states, outlines = drive_robot(world), move_obstacles(world), _outlines(world)
-    lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
+    lidar, fixed = lidar_of(world), world.get("custom", {}).get("fixed", 0)
     angles, has_noise = beam_angles(lidar), lidar.get("noise", False)
     if has_noise:  # IR-SIM's first scan, before the first step, draws noise as well
         first = [obstacle["state"] for obstacle in world["obstacle"]]
@@ -212,4 +213,4 @@ def _outline(shape: Any) -> np.ndarray:
 def _pad(outlines: list[np.ndarray]) -> np.ndarray:
     """Stack outlines; shorter ones repeat their last vertex, which adds edges of zero length."""
     longest = max(len(outline) for outline in outlines)
-    return np.concatenate([widen(outline[None], longest) for outline in outlines])
+    return np.concatenate([padded(outline[None], longest) for outline in outlines])

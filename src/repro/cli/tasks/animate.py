@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from repro.cli.jobs import Job
 from repro.cli.tasks.export import suffix_of
+from repro.config import lidar_of
 from repro.networks.predictor import load_predictor
 from repro.recordings.format import SHOWN_SEED
 from repro.reporting.animation import make_frames, write_animation
@@ -31,6 +32,6 @@ def run(job: Job) -> None:
     model = "" if key.model == "unet" else f"-{key.model}"
     path = job.outputs.worlds / f"exp{key.experiment}-seed{job.call.seed}{model}{suffix_of(key)}"
     path.parent.mkdir(parents=True, exist_ok=True)
-    size_m, range_max_m = world["world"]["width"], world["robot"]["sensors"][0]["range_max"]
+    size_m, range_max_m = world["world"]["width"], lidar_of(world)["range_max"]
     for written in write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m):
         print(written)

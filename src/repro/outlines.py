@@ -1,0 +1,36 @@
+"""Outlines of obstacles: polygons and line strings in the frame of their obstacle, padded to one number of vertices."""
+
+from typing import Any
+
+import numpy as np
+
+from repro.scans import library_of
+
+
+def placed(outlines: Any, states: Any) -> Any:
+    """Transform outlines to the frame of the world.
+
+    Args:
+        outlines: outlines in their own frames [m], (..., V, 2), as NumPy arrays or as tensors.
+        states: obstacle poses x, y [m], heading [rad], (..., 3); the leading axes broadcast.
+
+    Returns:
+        outlines in the world [m], (..., V, 2).
+    """
+    library = library_of(states)
+    x, y, heading = (states[..., axis, None] for axis in range(3))
+    own_x, own_y = outlines[..., 0], outlines[..., 1]
+    cos, sin = library.cos(heading), library.sin(heading)
+    return library.stack([own_x * cos - own_y * sin + x, own_x * sin + own_y * cos + y], -1)
+
+
+def padded(outlines: np.ndarray, vertices: int) -> np.ndarray:
+    """Pad outlines (O, V, 2) to more vertices by repeating the last one."""
+    return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")
+
+
+def without_padding(outline: Any) -> Any:
+    """Return an outline, (V, 2), as a NumPy array or a tensor, without the vertices that repeat its last one."""
+    changes = (outline[1:] != outline[:-1]).any(-1).nonzero()
+    last = changes[0][-1] if isinstance(outline, np.ndarray) else changes[-1, 0]
+    return outline[: int(last) + 2]
