@@ -52,7 +52,13 @@ class Scans:
         return len(self.ranges) if len(self.ranges.shape) == 3 else 1
 
     def __getitem__(self, index: int | slice) -> Scans:
-        """Return one window (an index) or several windows (a slice) of a batch."""
+        """Return one window (an index) or several windows (a slice) of a batch.
+
+        Raises:
+            TypeError: it is one window without an axis of a batch.
+        """
+        if len(self.ranges.shape) != 3:
+            raise TypeError(f"expected a batch of windows, (B, T, N), got one window, {tuple(self.ranges.shape)}")
         return Scans(self.ranges[index], self.angles, self.poses[index])
 
     @classmethod

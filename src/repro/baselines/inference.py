@@ -4,9 +4,9 @@ The hits of a recording are explained by obstacles (`association`), whose partic
 is covered. Obstacles without a hit are drawn from other worlds, as for the upper bound, and their number from the law
 given those that were found.
 
-In expected log loss and Brier score, the best prediction from scans is at least as good as this one, which decides
-which hits belong together and lets obstacles overlap at the start, and at most as good as the upper bound, which knows
-more than the scans tell.
+In expected log loss and Brier score, the best prediction from scans lies between this one and the upper bound. This one
+is no bound: it decides which hits belong together, and lets obstacles overlap at the start. The upper bound knows more
+than the scans tell.
 """
 
 import math

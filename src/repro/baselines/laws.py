@@ -47,7 +47,7 @@ class Obstacles:
 
     @cached_property
     def starts(self) -> np.ndarray:
-        """Positions before the first step [m], (K, 2)."""
+        """Positions before the first step [m], (K, 2), extrapolated from the first two steps."""
         return 2 * self.paths[:, 0] - self.paths[:, 1]
 
 

@@ -2,7 +2,7 @@
 
 A particle is a disc or a rectangle with a path of the whole window, by the laws of the paper's worlds. Random moves
 draw from its prior, uniform in every parameter if the path starts on the map, times the likelihood of the scans to the
-power of a weight.
+power of a weight. Compiled functions call only those of their own file, see `system.compiled`.
 """
 
 import math

@@ -11,7 +11,7 @@ to the number of draws, no predictor from the scans has a lower expected log los
 that lacks a part can be worse than a network, since the scans tell something about every part. An obstacle of which no
 draw agrees with the scans then stays where it was hit; the upper bound itself refuses such a case.
 
-Not modeled: obstacles without a hit start apart from one another.
+Not modeled: obstacles without a hit start apart from one another, and an obstacle may turn at its second step.
 """
 
 from dataclasses import dataclass

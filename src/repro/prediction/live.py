@@ -80,7 +80,7 @@ class LiveMapper:
         self.reported: set[str] = set()  # messages about poses that cannot be used
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.first: LogScan | None = None
-        self.range_max_m = np.inf  # smallest maximum range of the scans in the stream [m]
+        self.stream: PredictionStream | None = None  # whose misses reach the smallest maximum range
         self.others = 0  # scans in a row with other beams
         self.root: str | None = None  # frame of the poses in the stream
         self.last_s = -np.inf  # time of the last scan in the stream
@@ -164,17 +164,10 @@ class LiveMapper:
         if predicted is not None:
             self.publish(message.header, root, predicted)
 
-    def _limit(self, range_max_m: float) -> None:
-        """Take the smallest maximum range of the scans [m] for all misses, as `collect` does; warn of a smaller one."""
-        if range_max_m < self.range_max_m:
-            self.warn(f"the maximum range changes: misses show free space up to the smallest, {range_max_m:.4g} m")
-            self.range_max_m = range_max_m
-            self.stream.predictor = self.stream.predictor.with_range(range_max_m)
-
     def _map(self, scan: LogScan) -> StreamMap | None:
         angles = scan.first_angle + scan.spacing * np.arange(len(scan.ranges))
         angles, ranges = in_order(angles, valid_ranges(scan)[None])
-        if self.first is None:
+        if self.first is None or self.stream is None:
             self.stream = PredictionStream(
                 self.predictor.with_range(scan.range_max_m),
                 angles,
@@ -184,7 +177,9 @@ class LiveMapper:
             )
             if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
                 self.warn(message)
-            self.first, self.range_max_m = scan, scan.range_max_m
-        self._limit(scan.range_max_m)
+            self.first = scan
+        elif scan.range_max_m < self.stream.predictor.reach_m:  # all misses take the smallest, as in `collect`
+            self.warn(f"the maximum range changes: misses show free space up to the smallest, {scan.range_max_m:.4g} m")
+            self.stream.limit(scan.range_max_m)
         self.last_s, self.others = scan.stamp, 0
         return self.stream.update(ranges[0], np.array(scan.pose), scan.stamp)

@@ -84,6 +84,10 @@ class PredictionStream:
         """Return the number of scans in memory."""
         return len(self._kept)
 
+    def limit(self, range_max_m: float) -> None:
+        """Let all misses show free space up to a smaller maximum range only [m], see `Predictor.with_range`."""
+        self.predictor = self.predictor.with_range(range_max_m)
+
     def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
         """Take a scan and predict the map at its time.
 

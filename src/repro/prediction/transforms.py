@@ -51,7 +51,7 @@ class Edge:
         gap = self.stamps[after] - self.stamps[after - 1]
         if gap > MAX_GAP_S:
             return None
-        share = (stamp - self.stamps[after - 1]) / gap if gap > 0 else 0.0
+        share = (stamp - self.stamps[after - 1]) / gap
         one, other = self.poses[after - 1 : after + 1]
         rotation = Slerp([0, 1], Rotation.concatenate([one.rotation, other.rotation]))(share)
         return RigidTransform.from_components((1 - share) * one.translation + share * other.translation, rotation)

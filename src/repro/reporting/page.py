@@ -191,7 +191,7 @@ def _rank(item: tuple[str, str]) -> tuple[int, str]:
 
 def _run_name(path: str) -> str:
     key = RunKey.parse(path)
-    return predictor_title(key.model, key.encoding) + (f", seed {key.seed}" if key.seed else "")
+    return predictor_title(key.model, key.encoding)
 
 
 def _input_of(path: str, inputs: dict[str, str]) -> str:

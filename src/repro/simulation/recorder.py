@@ -162,6 +162,7 @@ def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_ever
     worlds = recordings[::2]
     scans = Scans.stack([item.scans for item in recordings])
     seen = [item.seen for item in recordings if item.seen is not None]
+    assert len(seen) == len(recordings), "only replays lack it"
     most, longest = (max(array.shape[0] for array in seen), max(item.outlines.shape[1] for item in worlds))
     arrays: dict[str, Any] = {
         "ranges": scans.ranges.astype(np.float32),
