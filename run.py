@@ -54,7 +54,9 @@ def report_failure(config: Config, error: Exception) -> None:
         traceback.print_exception(error)
     line = (message or f"{type(error).__name__}: {error}").split("\n")[0]
     print(f"error: {message or line}", file=sys.stderr, flush=True)
-    job = f"exp={config.exp} model={config.model.name} decay={str(config.decay).lower()} seed={config.seed}"
+    values: dict[str, Any] = {"exp": config.exp, "model": config.model.name, "encoding": config.encoding.name}
+    values |= {"decay": str(config.decay).lower(), "seed": config.seed}
+    job = " ".join(f"{key}={value}" for key, value in values.items())
     with open(os.environ[FAILURES], "a", encoding="utf-8") as file:
         file.write(f"{job}: {line}\n")
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 from conftest import ROOT, cpu_seconds
 
-from repro.cli.tasks.predict import name_of
+from repro.cli.logs import name_of
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import load_predictor
 from repro.prediction.stream import PredictionStream
@@ -87,7 +87,12 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "rooms"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
-    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "animation.gif", "rooms.mcap"}
+    assert {path.name for path in directory.iterdir()} == names | {
+        "windows.csv",
+        "source.json",
+        "animation.gif",
+        "rooms.mcap",
+    }
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
     assert table["passed_pixels_free"][:2].min() > 0.95

@@ -1,9 +1,10 @@
+import numpy as np
 import pandas as pd
 import pytest
 import torch
 from conftest import prepared
 
-from repro.evaluation.evaluate import evaluate, read_predictions, validate
+from repro.evaluation.evaluate import evaluate, measure, read_predictions, validate
 from repro.learning.training import train
 from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
@@ -40,6 +41,21 @@ def test_per_image_metrics_agree_with_the_pooled_ones(evaluated):
     assert pooled["ssim"].item() == pytest.approx(rows["ssim"].mean(), abs=1e-5)
     assert pooled["accuracy"].item() == pytest.approx(rows["accuracy"].mean(), abs=1e-5)
     assert set(METRICS) | {"obstacle_iou", "obstacle_dice"} <= set(pooled.columns) <= set(rows.columns)
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (torch.full((1, 1, 32, 32), 0.5), r"\(4, 1, 32, 32\) as the maps, got \(1, 1, 32, 32\)"),
+        (torch.full((4, 32, 32), 0.5), r"got \(4, 32, 32\)"),
+        (np.full((4, 1, 32, 32), 0.5), "expected a tensor of probabilities of free"),
+        (torch.full((4, 1, 32, 32), 3.0), "logits need a sigmoid"),
+        (torch.full((4, 1, 32, 32), torch.nan), "logits need a sigmoid"),
+    ],
+)
+def test_what_is_no_prediction_of_the_maps_is_not_measured(free, message):
+    with pytest.raises(ValueError, match=message):
+        measure(free, torch.ones(4, 1, 32, 32, dtype=torch.uint8))
 
 
 def test_provenance_names_the_data(evaluated, recorded):

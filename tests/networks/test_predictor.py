@@ -98,6 +98,24 @@ def test_a_miss_of_a_lidar_that_reaches_less_far_shows_free_space_up_to_its_rang
             predictor.with_range(wrong)
 
 
+def test_a_directory_with_something_else_is_not_replaced(saved, tmp_path):
+    predictor, _ = saved
+    (tmp_path / "mine").mkdir()
+    predictor.save(str(tmp_path / "mine"))  # it is empty
+    predictor.save(tmp_path / "mine")  # it holds a predictor
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "notes.txt").write_text("mine")
+    for path in (tmp_path / "other", tmp_path / "other" / "notes.txt"):
+        with pytest.raises(ValueError, match="exists and is no predictor: expected a new or an empty directory"):
+            predictor.save(path)
+    assert (tmp_path / "other" / "notes.txt").read_text() == "mine"
+
+
+def test_arrays_instead_of_scans_are_named(saved, scans):
+    with pytest.raises(TypeError, match=r"expected Scans\(ranges, angles, poses\), got "):
+        saved[0].predict(scans.ranges)
+
+
 def test_plain_smp_reads_the_same_weights(saved):
     predictor, directory = saved
     state = smp.from_pretrained(directory).state_dict()
@@ -106,7 +124,7 @@ def test_plain_smp_reads_the_same_weights(saved):
 
 def test_saving_again_replaces_the_directory(saved, tmp_path):
     predictor, _ = saved
-    (tmp_path / "model").mkdir()
+    predictor.save(tmp_path / "model")
     (tmp_path / "model" / "old.txt").write_text("old")
     predictor.save(tmp_path / "model", torch.float16)
     assert {path.name for path in tmp_path.iterdir()} == {"model"}

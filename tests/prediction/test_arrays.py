@@ -31,6 +31,11 @@ ARRAYS = OTHERS | {"ranges": RANGES}
         ({"range_max_m": np.array("far")}, "range_max_m: expected real numbers, got <U3"),
         ({"ranges": RANGES + 1j}, "ranges: expected real numbers, got complex128"),
         ({"ranges": RANGES > 2.5}, "ranges: expected real numbers, got bool"),
+        (
+            {"poses": (POSES + np.array([5e5, 5.4e6, 0])).astype(np.float32)},
+            r"poses: float32 resolves 0\.5 m at positions of 5\.4e\+06 m: store them as float64",
+        ),
+        ({"poses": POSES * 1e300}, "poses: float64 resolves .* m at positions of"),
         ({"stamps": STAMPS.astype("datetime64[s]")}, r"stamps: expected real numbers, got datetime64\[s\]"),
     ],
 )

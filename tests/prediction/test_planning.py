@@ -35,6 +35,19 @@ def clearance(path: np.ndarray, obstacles) -> float:
     return min(distances)
 
 
+@pytest.mark.parametrize(
+    ("radius_m", "above"), [(-1.0, 0.5), (np.nan, 0.5), (np.inf, 0.5), (0.3, 50.0), (0.3, np.nan), (0.3, -0.1)]
+)
+def test_a_radius_or_a_probability_that_cannot_be_is_refused(radius_m, above):
+    with pytest.raises(ValueError, match="expected a robot_radius_m of at least 0 m and occupied_above from 0 to"):
+        planner_map(predicted([]), radius_m, above)
+
+
+def test_a_map_that_is_not_finite_is_refused():
+    with pytest.raises(ValueError, match="has probabilities that are not finite"):
+        planner_map(StreamMap(np.full((4, 4), np.nan), ORIGIN, RESOLUTION_M, 0.0))
+
+
 WALL = [(-1.0, 1.0, 20.0, 35.0)]  # a gap at the top only
 START, GOAL = np.array([-8.0, 22.0, 0.3]), np.array([8.0, 22.0])
 

@@ -68,6 +68,13 @@ def test_carmen(line, tmp_path):
     expect(read_log(packed, 0.05))
 
 
+def test_a_log_that_begins_with_a_byte_order_mark_loses_no_line(tmp_path):
+    lines = ["PARAM robot_front_laser_max 81.83", *(flaser(number) for number in range(SCANS))]
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8-sig")
+    expect(read_log(path, 0.05))
+
+
 def test_npz(tmp_path):
     angles = np.radians(np.arange(-90, 91))
     np.savez(tmp_path / "a.npz", ranges=RANGES, angles=angles, poses=POSES, stamps=STAMPS, range_max_m=81.83)

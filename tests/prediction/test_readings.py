@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from repro.prediction.readings import note_on_changes, note_on_repeats
+from repro.prediction.readings import note_on_changes, note_on_repeats, readings
 
 
 def ranges(misses: float, count: int) -> np.ndarray:
@@ -20,6 +20,11 @@ def test_readings_that_repeat_at_the_largest_value_look_like_the_maximum_range(m
     assert note is not None
     assert note.startswith("120 readings are exactly ")
     assert note.endswith(f"set prediction.range_max_m={option}")
+
+
+def test_masked_readings_are_invalid():
+    masked = np.ma.array([2.0, 5.0, 31.0], mask=[False, True, False])
+    np.testing.assert_array_equal(readings(masked, 0.0, 30.0), np.array([2.0, np.nan, np.inf], np.float32))
 
 
 def test_readings_without_a_largest_value_that_repeats_do_not():

@@ -233,6 +233,11 @@ def test_an_unknown_center_is_refused(small, log, center):
         PredictionStream(small, log.angles, center=center)
 
 
+def test_angles_in_degrees_are_refused_at_once(small):
+    with pytest.raises(ValueError, match="angles are beyond a full turn: expected radians"):
+        PredictionStream(small, np.linspace(-45, 45, 91))
+
+
 def test_a_heading_in_degrees_is_refused(small, log):
     stream = PredictionStream(small, log.angles, steps=STEPS)
     with pytest.raises(ValueError, match="headings look like degrees, the largest is 90: expected radians"):

@@ -1,5 +1,6 @@
 """task=predict in this process, with a small network."""
 
+import json
 import os
 import uuid
 from pathlib import Path
@@ -46,6 +47,39 @@ def test_windows_with_the_same_reason_are_one_line(run, capsys):
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left out")]
     assert len(lines) == 1
     assert "left out: 6 windows, the first is window 1 at 0.90 s: 10 of 10 poses are outside the map" in lines[0]
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "more"])
+def test_a_directory_with_other_files_is_not_replaced(run, tmp_path, name):
+    (tmp_path / "predictions" / "rooms" / name).mkdir(parents=True)
+    with pytest.raises(ValueError, match=f"rooms has files that are no prediction, such as {name}: move them"):
+        run()
+    assert (tmp_path / "predictions" / "rooms" / name).exists()
+
+
+def test_a_file_in_the_place_of_the_predictions_is_not_replaced(run, tmp_path):
+    (tmp_path / "predictions").mkdir()
+    (tmp_path / "predictions" / "rooms").write_text("mine")
+    with pytest.raises(ValueError, match="rooms has files that are no prediction, such as rooms"):
+        run()
+
+
+def test_a_log_or_weights_in_the_place_of_the_predictions_are_kept(run, tmp_path):
+    directory = tmp_path / "predictions" / "rooms"
+    directory.mkdir(parents=True)
+    (directory / "rooms.mcap").write_bytes(b"")
+    for given in ({"scans": directory / "rooms.mcap"}, {"weights": str(directory)}):
+        with pytest.raises(ValueError, match=r"rooms.* is in .*rooms, which the prediction replaces: move it"):
+            run(**given)
+    assert (directory / "rooms.mcap").is_file()
+
+
+def test_predictions_name_their_log_and_network_and_replace_earlier_ones(run, tmp_path, capsys):
+    for _ in range(2):
+        run(center=(12.5, 12.5))
+    source = json.loads((tmp_path / "predictions" / "rooms" / "source.json").read_text())
+    assert source == {"log": str(EXAMPLE), "weights": str(ROOT)}
+    assert f"network: {ROOT}" in capsys.readouterr().out
 
 
 def test_weights_that_do_not_exist_are_named(run, tmp_path):

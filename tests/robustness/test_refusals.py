@@ -261,6 +261,15 @@ def test_a_refusal_writes_nothing_and_takes_less_than_two_seconds_of_the_process
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    "sweep",
+    [("scans=a/run.npz,b/run.log",), ("scans=run.npz", "prediction.stride_s=1,2")],
+)
+def test_predictions_that_would_replace_one_another_are_refused(sweep):
+    (reason,) = refuse("-m", "task=predict", *sweep)
+    assert reason == "several predictions would write to predictions/run: make a call with outputs= for each"
+
+
 @pytest.mark.parametrize("number", ["0", "-2", "1.5", "many", "null", "true"])
 def test_a_wrong_number_of_parallel_trainings_is_refused(number):
     (reason,) = refuse("-m", "exp=3", "hydra/launcher=cores", f"hydra.launcher.n_jobs={number}")

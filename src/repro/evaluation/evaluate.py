@@ -99,7 +99,16 @@ def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
 
 
 def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
-    """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image."""
+    """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image.
+
+    Raises:
+        ValueError: they are no probabilities of free, or their shape is not that of the maps.
+    """
+    if not isinstance(probability, Tensor) or probability.shape != maps.shape:
+        got = tuple(getattr(probability, "shape", ())) or type(probability).__name__
+        raise ValueError(f"expected a tensor of probabilities of free, {tuple(maps.shape)} as the maps, got {got}")
+    if not bool(((probability >= 0) & (probability <= 1)).all()):
+        raise ValueError("expected probabilities of free in [0, 1], got others: logits need a sigmoid")
     truth = maps.cpu().float()
     counts = confusion(probability, truth)
     similarity = ssim(probability, truth)

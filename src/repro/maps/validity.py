@@ -34,9 +34,8 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     expected = "expected meters, inf for a miss, NaN for an invalid reading"
     _refuse(torch.isnan(ranges).flatten(1).all(1), "windows", "without a valid reading", expected)
     _refuse(ranges <= 0, "ranges", "zero or negative", expected)
-    _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
+    check_angles(angles)
     _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
-    _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
     _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", "beyond ten turns", RADIANS)
     _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", RADIANS)
     if allow_empty:
@@ -51,6 +50,16 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
             f"{int(empty.sum())} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
             "expected ranges in meters, and poses in the frame of the map"
         )
+
+
+def check_angles(angles: Tensor) -> None:
+    """Check the angles of the beams, (N,).
+
+    Raises:
+        ValueError: one is not finite or seems to be in degrees.
+    """
+    _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
+    _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
 
 
 def jumps(headings: Tensor) -> Tensor:

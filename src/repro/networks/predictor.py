@@ -101,7 +101,8 @@ class Predictor:
         """Predict the map at the last step of each window of scans.
 
         Args:
-            scans: one window or a batch, in meters and radians; a miss is inf, an invalid reading NaN.
+            scans: one window or a batch, in meters and radians; a miss is inf, an invalid reading NaN. The accuracy
+                falls where a window has fewer or more steps than those of the training, `steps`.
             batch: windows per forward pass.
             allow_empty: accept windows without a hit on the map and poses outside it.
 
@@ -109,8 +110,11 @@ class Predictor:
             probability of free, (B, H, W), on the CPU; row 0 is the top of the map, and below 0.5 is an obstacle.
 
         Raises:
+            TypeError: the scans are arrays instead of `Scans`.
             ValueError: the scans cannot be those of a lidar on this map, see `validity.check_windows`.
         """
+        if not isinstance(scans, Scans):
+            raise TypeError(f"expected Scans(ranges, angles, poses), got {type(scans).__name__}")
         device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
         windows = scans.tensors(device)
         check_windows(windows, self.grid, allow_empty=allow_empty)
@@ -143,21 +147,21 @@ class Predictor:
         """Return a predictor with the network on a device."""
         return dataclasses.replace(self, network=self.network.to(device))
 
-    def save(self, directory: Path, dtype: torch.dtype = torch.float32) -> str:
+    def save(self, directory: Path | str, dtype: torch.dtype = torch.float32) -> str:
         """Write the network with its encoding and grid to a directory, atomically.
 
         Args:
-            directory: directory to create or replace.
+            directory: directory to create, or to replace if it is empty or holds a predictor.
             dtype: type of the stored weights.
 
         Returns:
             the SHA-256 checksum of the weights file.
 
         Raises:
-            ValueError: the network was loaded from an ONNX file.
+            ValueError: the network was loaded from an ONNX file, or the directory holds something else.
         """
         self._check_torch()
-        return write_torch(directory, copy.deepcopy(self.network).to(dtype), self._description())
+        return write_torch(Path(directory), copy.deepcopy(self.network).to(dtype), self._description())
 
     def save_onnx(self, path: Path | str, card: str = "") -> float:
         """Write the network with its encoding and grid to an ONNX file, see `onnx_files.write_onnx`.

@@ -23,13 +23,19 @@ def write_torch(directory: Path, network: Network, description: dict[str, Any]) 
     """Write a network and its description to a directory, atomically.
 
     Args:
-        directory: directory to create or replace.
+        directory: directory to create, or to replace if it is empty or holds a predictor.
         network: a network of torch.
         description: see `networks.predictor`.
 
     Returns:
         the SHA-256 checksum of the weights file.
+
+    Raises:
+        ValueError: there is something else.
     """
+    is_other = directory.exists() and not (directory / DESCRIPTION).is_file()
+    if is_other and (not directory.is_dir() or any(directory.iterdir())):
+        raise ValueError(f"{directory} exists and is no predictor: expected a new or an empty directory")
     with replacing_directory(directory) as new:
         network.save_pretrained(new)
         content = {"architecture": architecture_of(network), **description}

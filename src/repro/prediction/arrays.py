@@ -12,6 +12,7 @@ from repro.system.resources import available_memory_gb
 
 ARRAYS = ("ranges", "angles", "poses", "stamps")
 RANGE_MAX = "range_max_m"
+RESOLUTION_M = 0.01  # of a position
 HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
@@ -36,7 +37,9 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             names = (*ARRAYS, RANGE_MAX) if RANGE_MAX in content else ARRAYS
             for name in names:
                 _check_header(path, content.zip, name)
-            found = {name: np.asarray(content[name], dtype=float) for name in names}
+            arrays = {name: content[name] for name in names}
+            _check_resolution(path, arrays["poses"])
+            found = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
     except Exception as error:  # NumPy and zipfile raise many types for damaged files
         if is_about_input(error):
             raise
@@ -46,6 +49,22 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     if range_max_m.size != 1:
         raise ValueError(f"{path}: {RANGE_MAX}: expected one number, got an array of shape {range_max_m.shape}")
     return found | {RANGE_MAX: range_max_m.reshape(())}
+
+
+def _check_resolution(path: Path, poses: np.ndarray) -> None:
+    """Check that the type of the poses resolves positions of their size.
+
+    Raises:
+        ValueError: it does not, as float32 in coordinates of a whole country.
+    """
+    places = poses[..., :2]
+    places = places[np.isfinite(places)].astype(poses.dtype if poses.dtype.kind == "f" else float)
+    step_m = float(np.spacing(np.abs(places).max(initial=0)))
+    if step_m > RESOLUTION_M:
+        raise ValueError(
+            f"{path}: poses: {poses.dtype} resolves {step_m:.2g} m at positions of {np.abs(places).max():.3g} m: "
+            "store them as float64, relative to a near origin"
+        )
 
 
 def _check_header(path: Path, archive: zipfile.ZipFile, name: str) -> None:

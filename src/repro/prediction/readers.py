@@ -56,9 +56,9 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
         raise ValueError(f"{path}: is of no known kind: expected {KINDS}")
     try:
         with (
-            gzip.open(path, "rt", encoding="utf-8", errors="replace")
+            gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
             if is_gzip
-            else path.open(encoding="utf-8", errors="replace") as lines
+            else path.open(encoding="utf-8-sig", errors="replace") as lines
         ):
             return collect(carmen_scans(lines, path), path, spacing_s)
     except (gzip.BadGzipFile, zlib.error, EOFError) as error:
@@ -68,7 +68,7 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
 def _is_carmen(head: bytes) -> bool:
     if b"\0" in head:
         return False
-    lines = head.decode("utf-8", "replace").splitlines()
+    lines = head.decode("utf-8-sig", "replace").splitlines()
     return any(line.startswith(CARMEN_WORDS) for line in lines)
 
 

@@ -104,10 +104,10 @@ def valid_ranges(scan: LogScan) -> np.ndarray:
 def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
     """Return ranges [m] with inf for a miss, at or beyond the maximum, and NaN for an invalid reading, float32.
 
-    Invalid are negative readings, zero, what is below the minimum, and NaN. Many lidars report a lost beam in these
-    ways; it must not mark the pixels along it as free.
+    Invalid are negative readings, zero, what is below the minimum, NaN, and what is masked. Many lidars report a lost
+    beam in these ways; it must not mark the pixels along it as free.
     """
-    ranges = np.asarray(ranges, dtype=np.float32)
+    ranges = np.ma.filled(np.ma.asarray(ranges).astype(np.float32), np.nan)
     is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
     return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.readings import check_heading, readings
@@ -76,6 +77,7 @@ class PredictionStream:
             )
         predictor.check_center(center)
         beam_spacing(torch.as_tensor(self.angles))
+        check_angles(torch.as_tensor(self.angles))
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
@@ -142,12 +144,11 @@ class PredictionStream:
 
     def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
-        ranges, pose = np.array(ranges, dtype=np.float32), np.array(pose, dtype=float)
+        ranges, pose = readings(ranges, 0.0, self.range_max_m), np.array(pose, dtype=float)
         if ranges.shape != self.angles.shape or pose.shape != (3,):
             raise ValueError(
                 f"expected ranges {self.angles.shape} and a pose (3,), got {ranges.shape} and {pose.shape}"
             )
-        ranges = readings(ranges, 0.0, self.range_max_m)
         if np.isnan(ranges).all():
             raise ValueError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
         if not np.isfinite(pose).all() or not math.isfinite(stamp):

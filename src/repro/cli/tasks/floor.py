@@ -83,6 +83,6 @@ def _check(floor: Floor, source: Path) -> str | None:
     if not errors:
         return None
     empty = {name: {**experiment, "obstacles": []} for name, experiment in world["experiments"].items()}
-    if world_errors({**world, "experiments": empty}):
-        raise ValueError(f"{source}: its floor of {floor.width_m:g} x {floor.width_m:g} m makes no world: {errors[0]}")
+    if reasons := world_errors({**world, "experiments": empty}):
+        raise ValueError(f"{source}: its floor of {floor.width_m:g} x {floor.width_m:g} m makes no world: {reasons[0]}")
     return str(errors[0])

@@ -1,6 +1,7 @@
 """task=predict: maps from a log of your own robot."""
 
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
@@ -11,7 +12,8 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.cli.config import Prediction
-from repro.cli.jobs import Job
+from repro.cli.jobs import ROOT, Job
+from repro.cli.logs import name_of
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import COMPARISONS, SHARES, compare
@@ -22,12 +24,12 @@ from repro.prediction.readers import read_log
 from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.windows import Window, cut
 from repro.system.errors import is_about_input
-from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 Row = dict[str, float | str]
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
+WRITTEN = re.compile(r"window-\d+\.\w+|windows\.csv|source\.json|animation\.gif|.+\.mcap")
 
 
 def run(job: Job) -> None:
@@ -39,6 +41,8 @@ def run(job: Job) -> None:
     settings = job.call.prediction
     assert job.call.scans, "validated"
     path = Path(job.call.scans)
+    target = job.outputs.path / "predictions" / name_of(path)
+    _check_target(target, path, Path(settings.weights))
     predictor = _predictor(settings.weights)
     steps, step_s = _window(settings, predictor)
     log = _log(path, step_s, settings)
@@ -46,7 +50,6 @@ def run(job: Job) -> None:
         print(message, flush=True)
     predictor, range_max_m = predictor.with_range(log.range_max_m), min(log.range_max_m, COMPARED_M)
     mcap = _mcap(log) if settings.mcap else None
-    target = job.outputs.path / "predictions" / name_of(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     grid = predictor.grid
     options = {"stride_s": settings.stride_s, "center": settings.center, "size_m": grid.size_m}
@@ -60,20 +63,40 @@ def run(job: Job) -> None:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
         if mcap:
             mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), range_max_m)
+        write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
         write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
     _warn(pd.DataFrame(rows), predictor.statistics)
     _summarize(rows, target)
 
 
+def _check_target(target: Path, *sources: Path) -> None:
+    """Check that replacing a directory deletes neither what is read nor anything but earlier predictions.
+
+    Raises:
+        ValueError: it would.
+    """
+    for source in sources:
+        if source.resolve().is_relative_to(target.resolve()):
+            raise ValueError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
+    others = [target] if target.exists() and not target.is_dir() else target.glob("*")
+    foreign = [path.name for path in others if not path.is_file() or not WRITTEN.fullmatch(path.name)]
+    if foreign:
+        raise ValueError(
+            f"{target} has files that are no prediction, such as {sorted(foreign)[0]}: move them, or set outputs="
+        )
+
+
 def _predictor(weights: str) -> Predictor:
-    """Load the network.
+    """Load the network; a path that does not exist may be relative to the project.
 
     Raises:
         ValueError: there is none.
     """
-    if not Path(weights).exists():
+    found = next((path for path in (Path(weights), ROOT / weights) if path.exists()), None)
+    if found is None:
         raise ValueError(f"prediction.weights: {weights}: no such file or directory")
-    return load_predictor(weights)
+    print(f"network: {weights}", flush=True)
+    return load_predictor(found)
 
 
 def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
@@ -104,18 +127,8 @@ def _log(path: Path, step_s: float, settings: Prediction) -> ScanLog:
 
 def _notes(log: ScanLog, predictor: Predictor) -> list[str]:
     """Return what the user should know about the maximum range of a log."""
-    notes = [note_on_range(log.range_max_m, predictor.reach_m)]
-    if math.isinf(log.range_max_m):
-        notes.append(note_on_repeats(log.ranges))
+    notes = [note_on_range(log.range_max_m, predictor.reach_m), note_on_repeats(log.ranges)]
     return [note for note in notes if note]
-
-
-def name_of(log: Path) -> str:
-    """Return the name of a log without the suffixes of its kind."""
-    name = log.resolve().name
-    while Path(name).suffix in SUFFIXES:
-        name = Path(name).stem
-    return name.strip(".") or "log"
 
 
 def _mcap(log: ScanLog) -> ModuleType:
