@@ -24,7 +24,7 @@ from matplotlib.collections import LineCollection
 from repro.config import read_world, world_spec
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.networks.predictor import load_predictor
+from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.planning import plan, planner_map
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
@@ -58,9 +58,8 @@ def true_map(env: Any, grid: Grid) -> np.ndarray:
     return rasterize(*tensors, owner, 1, grid)[0].numpy()
 
 
-def drive(env: Any, options: argparse.Namespace) -> Iterator[Frame]:
+def drive(env: Any, predictor: Predictor, options: argparse.Namespace) -> Iterator[Frame]:
     """Step an environment, and predict and plan after every step."""
-    predictor = load_predictor(options.weights)
     robot, center_m = env.robot, predictor.grid.size_m / 2
     stream = PredictionStream(
         predictor, np.array(robot.lidar.angle_list), center=(center_m, center_m), step_s=env.step_time
@@ -137,6 +136,14 @@ def arguments() -> argparse.Namespace:
 
 def main() -> None:
     options = arguments()
+    if options.save and (options.save.suffix != ".gif" or not options.save.parent.is_dir()):
+        raise SystemExit(f"--save: expected a .gif in a directory that exists, got {options.save}")
+    if options.every < 1:
+        raise SystemExit(f"--every: expected at least 1, got {options.every}")
+    try:
+        predictor = load_predictor(options.weights)
+    except ValueError as error:
+        raise SystemExit(f"--weights: {error}") from error
     if options.save:
         matplotlib.use("agg")
     elif matplotlib.get_backend().lower() == "agg":
@@ -146,7 +153,7 @@ def main() -> None:
         write_world(sample_world(spec, SHOWN_SEED + options.seed), Path(directory) / "world.yaml")
         env = make(Path(directory) / "world.yaml")
     view = View(np.array(env.robot.lidar.angle_list), spec["world"]["width"], options.goal)
-    frames = drive(env, options)
+    frames = drive(env, predictor, options)
     if options.save:
         shown = (frame for frame in frames if (frame.step + 1) % options.every == 0)
         animation = FuncAnimation(view.figure, view.show, frames=shown, cache_frame_data=False)

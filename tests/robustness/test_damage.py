@@ -124,6 +124,21 @@ def test_missing_metrics_are_measured_again(copy, name, task):
     assert path.read_text() == before
 
 
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("model/model.safetensors", "is not what was trained: delete"),
+        ("metrics.csv", "is not what was evaluated: delete"),
+        ("predictions.npz", "is not what was evaluated: delete"),
+    ],
+)
+@pytest.mark.parametrize("how", ["cut", "altered"])
+@pytest.mark.parametrize("task", ["all", "evaluate"])
+def test_a_run_of_which_a_file_is_damaged_is_not_done(copy, name, problem, how, task):
+    damage(run_of(copy) / name, how)
+    assert f"{run_of(copy) / name} {problem}" in call(copy, task, "exp=3", "model=fpn")
+
+
 @pytest.mark.parametrize("how", ["cut", "empty", "a word", "missing"])
 def test_damaged_predictions_leave_out_one_figure(copy, how, capsys):
     damage(run_of(copy, model="unet") / "predictions.npz", how)

@@ -113,9 +113,21 @@ def test_commands_beyond_the_limit_are_refused():
         simulate(world)
 
 
-def test_a_missing_world_file_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="no world YAML"):
-        make(tmp_path / "none.yaml")
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (None, "cannot be read \\(.*No such file"),
+        ("", "cannot be read \\(expected a mapping, got NoneType"),
+        ("a: [", "cannot be read \\("),
+        ("experiments: {}", "lacks world, robot, obstacle"),
+    ],
+)
+def test_what_is_no_world_file_is_refused(content, problem, tmp_path):
+    path = tmp_path / "world.yaml"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(ValueError, match=f"world.yaml {problem}.*: expected a world that task=world wrote"):
+        make(path)
 
 
 def test_a_behavior_that_irsim_skipped_is_refused(tmp_path):

@@ -71,6 +71,20 @@ class Run:
             )
         return path
 
+    def check_files(self) -> None:
+        """Check that the weights and the results of an evaluated run are those that were written.
+
+        Raises:
+            ValueError: one of them has changed; the message says what to delete.
+        """
+        origin, weights = self.provenance(), self.model / "model.safetensors"
+        for name in origin.fact("files") or {}:
+            self.check_file(name)
+        self.read_metrics()
+        expected = origin.fact("weights_sha256")
+        if expected and weights.is_file() and sha256(weights) != expected:
+            raise ValueError(f"{weights} is not what was trained: delete {self} and run the same command")
+
     @property
     def _has_begun(self) -> bool:
         return any((self.path / name).is_file() for name in ("config.yaml", "provenance.json"))

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from repro.config import lidar_of
 from repro.outlines import padded
@@ -27,6 +26,7 @@ from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps, robot_commands
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.worlds import World, write_world
+from repro.system.files import read_mapping
 
 # isort: split
 import irsim
@@ -154,11 +154,13 @@ def make(path: Path, **options: Any) -> Any:
     """Create an IR-SIM environment and check that all behaviors of its world YAML are active.
 
     Raises:
-        ValueError: the file is missing (IR-SIM would create an empty world), or a behavior is not active.
+        ValueError: the file is missing (IR-SIM would create an empty world) or no world, or a behavior is not active.
     """
-    if not Path(path).is_file():
-        raise ValueError(f"no world YAML at {path}")
-    seed = (yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("custom") or {}).get("seed")  # of the noise
+    expected = "expected a world that task=world wrote"
+    content = read_mapping(Path(path), expected)
+    if missing := [key for key in ("world", "robot", "obstacle") if key not in content]:
+        raise ValueError(f"{path} lacks {', '.join(missing)}: {expected}")
+    seed = (content.get("custom") or {}).get("seed")  # of the noise
     env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", "seed": seed, **options})
     for item in env.objects:
         if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:

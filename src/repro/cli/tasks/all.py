@@ -12,6 +12,7 @@ def run(job: Job) -> None:
     runs = [job.run, *(job.outputs.run(baseline.key) for baseline in baselines)]
     if is_validated and all(run.is_evaluated for run in runs):
         job.run.prepare(job.config)
+        job.run.check_files()
         print(f"done already: {job.run}", flush=True)
         return
     if not job.run.is_evaluated:

@@ -10,6 +10,7 @@ def run(job: Job) -> None:
     """Evaluate a run on the test set, unless it is evaluated."""
     job.run.prepare(job.config)
     if job.run.is_evaluated:
+        job.run.check_files()
         print(f"done already: {job.run}")
     else:
         print(f"evaluating {job.run}", flush=True)
