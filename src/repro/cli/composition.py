@@ -56,8 +56,8 @@ def register() -> None:
     ConfigStore.instance().store(name="schema", node=schema())
 
 
-def _parallel_trainings(size_px: int, batch_size: int, pairs: DictConfig, channels: int) -> int:
-    return parallel_trainings(size_px, batch_size, pairs.train + pairs.val, channels)
+def _parallel_trainings(size_px: int, batch_size: int, pairs: DictConfig, channels: int, loss: str) -> int:
+    return parallel_trainings(size_px, batch_size, pairs.train + pairs.val, channels, loss)
 
 
 def compose_jobs(arguments: argparse.Namespace) -> list[Config]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from repro.config import ConfigError, Encoding, Scale, lidar_of
+from repro.config import ConfigError, Encoding, Scale, Training, lidar_of
 from repro.simulation.motions import recorded_steps
 from repro.system.resources import total_memory_gb, training_memory_gb
 
@@ -11,16 +11,17 @@ SECONDS_PER_READING = 2e-6  # of the recorder on one core
 MOST_CHANNELS = 2  # of each part of the window
 
 
-def cpu_errors(scale: Scale, batch_size: int, encoding: Encoding, precision: str) -> list[ConfigError]:
+def cpu_errors(scale: Scale, train: Training, encoding: Encoding, precision: str) -> list[ConfigError]:
     """Return an error if a training on the CPU cannot compute in a precision or does not fit into the memory."""
     if precision.startswith("16"):
         return [ConfigError("runtime.precision", precision, "float16 needs a GPU, use auto, 32-true or bf16-mixed")]
     pairs, channels = scale.pairs.train + scale.pairs.val, most_channels(encoding.parameters)
-    needed, there = training_memory_gb(scale.size_px, batch_size, pairs, channels), total_memory_gb()
+    needed = training_memory_gb(scale.size_px, train.batch_size, pairs, channels, train.loss)
+    there = total_memory_gb()
     if needed <= there:
         return []
     expected = (
-        f"at {scale.size_px} px and batches of {batch_size} a training takes about {needed:.0f} GB of memory, "
+        f"at {scale.size_px} px and batches of {train.batch_size} a training takes about {needed:.0f} GB of memory, "
         f"this machine has {there:.0f} GB"
     )
     return [ConfigError("scale.pairs.train", scale.pairs.train, expected)]

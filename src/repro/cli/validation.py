@@ -138,7 +138,7 @@ def _library_errors(config: Config) -> list[ConfigError]:
         errors += _parameter_errors(NetworkParameters, "model.parameters.", config.model.parameters)
     on_cpu = config.task in TRAINING_TASKS and (config.runtime.accelerator == "cpu" or not has_gpu())
     if not errors and on_cpu:
-        errors += cpu_errors(config.scale, config.train.batch_size, config.encoding, config.runtime.precision)
+        errors += cpu_errors(config.scale, config.train, config.encoding, config.runtime.precision)
     return errors
 
 

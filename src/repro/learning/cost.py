@@ -79,7 +79,8 @@ def trainings_at_once(config: RunConfig, accelerator: str = "auto") -> int:
         return 1
     data, channels = config.data, encoding_of(config).channels
     pairs = data.pairs.train + data.pairs.val
-    return parallel_trainings(data.size_px, _training(config).batch_size, pairs, channels)
+    train = _training(config)
+    return parallel_trainings(data.size_px, train.batch_size, pairs, channels, train.loss)
 
 
 def usual_epochs(config: RunConfig) -> int:
