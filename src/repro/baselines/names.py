@@ -19,7 +19,7 @@ OTHER_BOUNDS = {  # with more or less knowledge, see `baselines.privileged`; not
     "inference": "Inference from scans",
 }
 BOUNDS = ("privileged", *OTHER_BOUNDS)
-LIMITS = ("privileged", "inference")  # between these two lies the best prediction from scans, see `baselines.inference`
+LIMITS = ("privileged", "inference")  # the best prediction from scans lies between them, see `baselines.inference`
 SLOW_BASELINES = ("inference",)  # evaluated by task=inference only
 QUICK_BASELINES = ("all_free", "last_seen")  # evaluated together with every network; task=analysis evaluates the others
 

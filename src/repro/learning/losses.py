@@ -63,7 +63,7 @@ class VisibleLoss(nn.Module):
 
 
 def hide_tenths(images: Tensor) -> Tensor:
-    """Return a series, (B, 2 K, H, W), with zeros in every other tenth of its K parts, in every other one below 20."""
+    """Return a series, (B, 2 K, H, W), with zeros in every other tenth of its K parts, or part if K is below 20."""
     frames = images.shape[1] // 2
     tenth = torch.arange(frames, device=images.device) // max(frames // 10, 1)
     shown = (tenth % 2 == 0).to(images.dtype).repeat(2)

@@ -122,8 +122,7 @@ class Predictor:
         # the encoding of a single window gains little from threads of torch, which slow down those of ONNX Runtime
         single = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
         with one_thread() if single else contextlib.nullcontext():
-            images = (self.encoding.encode(part, self.grid) for part in parts)
-            return torch.cat([self.predict_images(each, batch) for each in images])[:, 0]
+            return self.predict_images(self.encoding.encode(part, self.grid) for part in parts)[:, 0]
 
     @torch.inference_mode()
     def predict_images(self, images: Tensor | Iterable[Tensor], batch: int = 32) -> Tensor:
@@ -134,14 +133,9 @@ class Predictor:
             batch: images that the network receives at once, where `images` are no batches.
         """
         self.network.eval()
-        parts = tqdm(
-            images.split(batch) if isinstance(images, Tensor) else images,
-            desc="predicting",
-            delay=2,
-            leave=False,
-            disable=None,
-        )
-        return torch.cat([self.network(self.encoding.to_input(part)).sigmoid().cpu() for part in parts])
+        batches = images.split(batch) if isinstance(images, Tensor) else images
+        shown = tqdm(batches, desc="predicting", delay=2, leave=False, disable=None)
+        return torch.cat([self.network(self.encoding.to_input(each)).sigmoid().cpu() for each in shown])
 
     def to(self, device: str) -> "Predictor":
         """Return a predictor with the network on a device."""

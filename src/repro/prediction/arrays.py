@@ -58,11 +58,11 @@ def _check_resolution(path: Path, poses: np.ndarray) -> None:
         ValueError: it does not, as float32 in coordinates of a whole country.
     """
     places = poses[..., :2]
-    places = places[np.isfinite(places)].astype(poses.dtype if poses.dtype.kind == "f" else float)
-    step_m = float(np.spacing(np.abs(places).max(initial=0)))
+    farthest_m = np.abs(places[np.isfinite(places)]).max(initial=0)
+    step_m = np.spacing(farthest_m)
     if step_m > RESOLUTION_M:
         raise ValueError(
-            f"{path}: poses: {poses.dtype} resolves {step_m:.2g} m at positions of {np.abs(places).max():.3g} m: "
+            f"{path}: poses: {poses.dtype} resolves {step_m:.2g} m at positions of {farthest_m:.3g} m: "
             "store them as float64, relative to a near origin"
         )
 

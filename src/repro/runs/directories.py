@@ -75,7 +75,7 @@ class Run:
         """Check that the weights and the results of an evaluated run are those that were written.
 
         Raises:
-            ValueError: one of them has changed; the message says what to delete.
+            ValueError: a file differs from its checksum or cannot be read; the message names what to delete.
         """
         origin, weights = self.provenance(), self.model / "model.safetensors"
         for name in origin.fact("files") or {}:
