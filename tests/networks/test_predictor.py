@@ -173,9 +173,22 @@ def test_the_published_weights_predict_obstacles_where_beams_hit(scans):
     assert free[hit].mean() < free[~hit].mean() - 0.2
 
 
-def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
-    text = (ROOT / "README.md").read_text()
-    example = next(block for block in text.split("```python")[1:] if "load_predictor" in block).split("```")[0]
+def example_of(document):
+    """The first Python code of a document."""
+    return (ROOT / document).read_text().split("```python")[1].split("```")[0]
+
+
+def test_the_example_of_the_readme_predicts_a_map_for_every_full_window(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names = {}
+    exec(example_of("README.md"), names)
+    free = names["predicted"].free
+    assert free.shape == (128, 128)
+    assert 0 <= free.min() < 0.5 < free.max() <= 1
+
+
+def test_the_example_with_arrays_runs(tmp_path, monkeypatch):
+    example = example_of("docs/robot.md")
     world = re.search(r'replay\("(outputs/[\w/-]+/worlds/exp4-seed17-ccw\.yaml)"\)', example)[1]
     write_world(sample_world(world_spec("4"), 17), tmp_path / world)
     (tmp_path / "reproduce").symlink_to(ROOT / "reproduce")
