@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from hydra._internal.utils import get_args_parser
 
-import repro.config
+from repro import world_config
 from repro.baselines.names import BASELINES
 from repro.cli import composition
 from repro.config import NETWORKS, PAPER_ENCODER, RECURRENT, Encoding, Model, PairCounts, Training
@@ -32,7 +32,8 @@ ROOT = Path(__file__).parents[1]
 
 def world_spec(experiment: str) -> dict[str, Any]:
     """Return the world spec of an experiment of the paper."""
-    return repro.config.world_spec(repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
+    world = world_config.read_world(ROOT / "conf" / "world" / "paper.yaml")
+    return world_config.world_spec(world, experiment)
 
 
 def refuse(*arguments: str) -> list[str]:

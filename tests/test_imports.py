@@ -13,6 +13,7 @@ SOURCE = ROOT / "src" / "repro"
 PACKAGES = (  # top-level modules and packages, each importing from those before it alone
     "system",
     "config",
+    "world_config",
     "metrics",
     "scans",
     "outlines",

@@ -13,12 +13,12 @@ import pytest
 from conftest import ROOT
 from sklearn.metrics import roc_auc_score
 
-from repro.config import read_world, world_spec
 from repro.maps.grid import Grid
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
+from repro.world_config import read_world, world_spec
 
 SCRIPT = ROOT / "reproduce" / "robot_logs.py"
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from table import head, row
 
-from repro.config import read_world, world_spec
 from repro.simulation import behaviors  # noqa: F401  registers the behaviors
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world, write_world
+from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[2]
 PAPER_RUNS = 4 * (10_000 + 128 + 500)

@@ -97,6 +97,11 @@ class Scans:
         return Scans(ranges, angles, poses) if ranges.dim() == 3 else Scans(ranges[None], angles, poses[None])
 
 
+def wrapped(angles: Any) -> Any:
+    """Return the same angles between -pi and pi [rad]."""
+    return (angles + np.pi) % (2 * np.pi) - np.pi
+
+
 def library_of(array: Any) -> Any:
     """Return NumPy or torch, whose functions have the same names, for an array or a tensor."""
     return np if isinstance(array, np.ndarray) else _torch()

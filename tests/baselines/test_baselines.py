@@ -10,9 +10,9 @@ from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.registry import PREDICTORS, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
-from repro.maps.datasets import Recorded, load_recorded
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
+from repro.maps.recorded import Recorded, load_recorded
 from repro.metrics.scores import confusion, scores
 from repro.scans import Scans
 

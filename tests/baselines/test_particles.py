@@ -11,8 +11,8 @@ from repro.baselines.draws import newest_hit
 from repro.baselines.laws import turned
 from repro.baselines.particles import ASPECT, HEADING, IS_DISC, PARAMETERS, RADIUS, SPEED, TURN, X, Y
 from repro.baselines.tempering import resample, temper
-from repro.maps.datasets import load_recorded
 from repro.maps.grid import Grid
+from repro.maps.recorded import load_recorded
 from repro.simulation.drift import obstacle_states
 from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import shape_radius

@@ -6,16 +6,16 @@ import torch
 from conftest import ROOT, world_spec
 from scipy.stats import ks_2samp
 
-from repro import config
+from repro import world_config
 from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
 from repro.baselines.laws import Obstacles, applies
 from repro.baselines.names import BOUNDS
 from repro.baselines.privileged import _apart, _motion, privileged
 from repro.baselines.registry import PREDICTORS
 from repro.evaluation.recency import newest_hits_of_obstacles
-from repro.maps.datasets import load_recorded
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.maps.recorded import load_recorded
 from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
 from repro.simulation.drift import Drift
@@ -166,7 +166,7 @@ def test_bounds_apply_to_worlds_with_their_laws():
     assert [name for name in PREDICTORS if not applies(name, world_spec("3"))] == ["mean_map"]
     left_out = ["mean_map", "without_velocities", "positions"]
     assert [name for name in PREDICTORS if not applies(name, world_spec("1"))] == left_out
-    office = config.world_spec(config.read_world(ROOT / "conf" / "world" / "office.yaml"), "people")
+    office = world_config.world_spec(world_config.read_world(ROOT / "conf" / "world" / "office.yaml"), "people")
     assert [name for name in PREDICTORS if not applies(name, office)] == list(BOUNDS)
 
 

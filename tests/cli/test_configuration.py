@@ -10,7 +10,8 @@ from repro.cli import composition
 from repro.cli.config import Config, to_typed
 from repro.cli.jobs import resolve
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, OLDEST_GRAY, PAPER_ENCODER, paper_model, plain, world_spec
+from repro.config import NETWORKS, OLDEST_GRAY, PAPER_ENCODER, paper_model, plain
+from repro.world_config import world_spec
 
 composition.register()
 

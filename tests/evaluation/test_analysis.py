@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT, run_config
 
-from repro.config import NETWORKS, PROJECTION, read_world, world_spec
+from repro.config import NETWORKS, PROJECTION
 from repro.evaluation.analysis import gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
 from repro.evaluation.comparisons import averages, differences
@@ -20,6 +20,7 @@ from repro.recordings.reader import read_shards
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.simulation.recorder import record_experiment
+from repro.world_config import read_world, world_spec
 
 GRID = Grid(32, 50.0)
 

@@ -7,13 +7,13 @@ import pytest
 import torch
 from conftest import ROOT, prepared, world_spec
 
-from repro import config
+from repro import world_config
 from repro.evaluation import generalization
 from repro.evaluation.generalization import score, updated
 from repro.learning.training import train
-from repro.maps.datasets import load_recorded
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
+from repro.maps.recorded import load_recorded
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.rows import read_rows
 from repro.scans import Scans
@@ -183,7 +183,7 @@ def test_the_published_rows_are_those_of_the_published_weights(weights, publishe
         monkeypatch.setattr(generalization, name, amounts)
     results = ROOT / "reproduce" / "results"
     world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
-    spec = config.world_spec(config.read_world(world), experiment)
+    spec = world_config.world_spec(world_config.read_world(world), experiment)
     predictor = load_predictor(results / weights)
     table = generalization.under_changes(predictor, experiment, spec, tmp_path, 200, workers=2)
 

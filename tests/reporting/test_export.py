@@ -7,7 +7,7 @@ from conftest import ROOT, fake_run, prepared
 from huggingface_hub import ModelCard
 
 from repro.cli.tasks.export import suffix_of
-from repro.config import paper_model, read_world, world_spec
+from repro.config import paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.datasets import training_statistics
@@ -22,6 +22,7 @@ from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, ma
 from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.world_config import read_world, world_spec
 
 PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 

@@ -1,7 +1,7 @@
 import pytest
 from conftest import ROOT, fake_run
 
-import repro.config
+import repro.world_config
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.reporting.names import duration
 from repro.reporting.status import describe_outputs
@@ -11,7 +11,7 @@ from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 PAIRS = PairCounts(200, 4, 4)
-EXPERIMENTS = repro.config.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
+EXPERIMENTS = repro.world_config.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
 
 
 def test_the_study_has_the_papers_24_trainings(tmp_path):

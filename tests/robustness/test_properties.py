@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, Training, paper_model, read_world, world_spec
+from repro.config import NETWORKS, Training, paper_model
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.learning.training import TrainingModule
 from repro.maps.datasets import Batches, Pairs, load_pairs
@@ -26,6 +26,7 @@ from repro.recordings.format import shards_of
 from repro.recordings.reader import recordings_hash
 from repro.simulation.recorder import record_experiment, write_shard
 from repro.simulation.schema import world_errors
+from repro.world_config import read_world, world_spec
 
 pytestmark = pytest.mark.slow
 EXAMPLES = int(os.environ.get("REPRO_EXAMPLES", "12"))  # if set, the examples are new ones in every run

@@ -10,7 +10,7 @@ import shapely
 from conftest import ROOT
 from shapely import LineString, Point
 
-import repro.config
+import repro.world_config
 from repro.simulation.drift import obstacle_states
 from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import geometry, shape_radius, union
@@ -59,9 +59,9 @@ def both(spec: dict[str, Any], seed: int) -> tuple[dict, dict]:
 
 @pytest.mark.parametrize("name", ["office", "drive", "rooms"])
 def test_the_worlds_of_conf_agree_with_plain_irsim(name):
-    world = repro.config.read_world(ROOT / "conf" / "world" / f"{name}.yaml")
+    world = repro.world_config.read_world(ROOT / "conf" / "world" / f"{name}.yaml")
     for experiment in world["experiments"]:
-        for item in both(repro.config.world_spec(world, experiment), 3):
+        for item in both(repro.world_config.world_spec(world, experiment), 3):
             assert check_replay(item, simulate(item)) < 1e-9
 
 

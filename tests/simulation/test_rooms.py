@@ -7,12 +7,12 @@ import pytest
 import shapely
 from conftest import ROOT
 
-from repro.config import read_world, world_spec
 from repro.simulation.rooms import _Floor, sample_rooms
 from repro.simulation.schema import world_errors
 from repro.simulation.shapes import union
 from repro.simulation.simulator import drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
+from repro.world_config import read_world, world_spec
 
 WORLD = read_world(ROOT / "conf" / "world" / "rooms.yaml")
 SPEC = world_spec(WORLD, "people")

@@ -31,8 +31,8 @@ from repro.baselines.laws import (
     scans_of,
     share_covered,
 )
-from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
+from repro.maps.recorded import Recorded
 
 CORNERS = 64  # of a disc, as in the simulation
 

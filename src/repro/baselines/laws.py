@@ -15,9 +15,8 @@ from tqdm import tqdm
 
 from repro.baselines.draws import count_cover
 from repro.baselines.names import BOUNDS
-from repro.config import lidar_of
-from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
+from repro.maps.recorded import Recorded
 from repro.outlines import padded
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.simulation.drift import obstacle_states
@@ -25,6 +24,7 @@ from repro.simulation.motions import recorded_steps
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
 from repro.system.resources import count_cores
+from repro.world_config import lidar_of
 
 DRAWS = 512  # of each obstacle
 WORLDS = 2000  # sampled for the obstacles without a hit

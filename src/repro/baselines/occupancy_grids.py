@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
+from repro.maps.recorded import Recorded
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 

@@ -33,7 +33,7 @@ from repro.baselines.laws import (
     share_covered,
     turned,
 )
-from repro.maps.datasets import Recorded, Truth
+from repro.maps.recorded import Recorded, Truth
 
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
 LEAST_TURN_RAD = 0.01  # the stored positions are float32

@@ -22,8 +22,8 @@ from repro.baselines.inference import infer
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.privileged import Knowledge, privileged
 from repro.baselines.tracker import draw, track
-from repro.maps.datasets import Recorded
 from repro.maps.projection import newest_hits
+from repro.maps.recorded import Recorded
 from repro.maps.visibility import newest_passed
 from repro.metrics.scores import confusion, scores
 

@@ -20,8 +20,8 @@ from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import KalmanUpdater
 from torch import Tensor
 
-from repro.maps.datasets import Recorded
 from repro.maps.grid import Grid
+from repro.maps.recorded import Recorded
 from repro.scans import Scans
 from repro.system.resources import count_cores, process_pool
 

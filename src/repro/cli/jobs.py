@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from repro.cli.config import Config
-from repro.config import world_spec
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
 from repro.runs.config import Data, RunConfig
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
+from repro.world_config import world_spec
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "reproduce" / "results"

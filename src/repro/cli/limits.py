@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from repro.config import ConfigError, Encoding, Scale, Training, lidar_of
+from repro.config import ConfigError, Encoding, Scale, Training
 from repro.simulation.motions import recorded_steps
 from repro.system.resources import total_memory_gb, training_memory_gb
+from repro.world_config import lidar_of
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core
 MOST_CHANNELS = 2  # of each part of the window

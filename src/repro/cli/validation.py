@@ -22,11 +22,11 @@ from repro.config import (
     Model,
     NetworkParameters,
     config_errors_of,
-    world_spec,
 )
 from repro.simulation.motions import recorded_steps
 from repro.simulation.schema import world_errors
 from repro.system.resources import has_gpu
+from repro.world_config import world_spec
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))
 MIT_WEIGHTS = (None, "imagenet")  # the weights that smp has for each of them

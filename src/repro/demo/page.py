@@ -16,9 +16,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 
-from repro.config import is_moving, lidar_of
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
+from repro.world_config import is_moving, lidar_of
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
 RUNTIME_MODULE = "ort.mjs"

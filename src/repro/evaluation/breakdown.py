@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repro.config import lidar_of
 from repro.evaluation.recency import (
     BIN,
     BINS,
@@ -20,12 +19,13 @@ from repro.evaluation.recency import (
     obstacle_masks,
     pixel_groups,
 )
-from repro.maps.datasets import true_maps
 from repro.maps.grid import Grid
+from repro.maps.ground_truth import true_maps
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import binary_entropy, brier, entropy, log_loss
 from repro.metrics.counts import LEVELS, average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
+from repro.world_config import lidar_of
 
 HITS = {**{name: bins for name, bins in RECENCY.items() if max(bins) < BINS}, "never": range(BINS, BINS + 1)}
 

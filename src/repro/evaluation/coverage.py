@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from repro.evaluation.recency import obstacle_masks
-from repro.maps.datasets import true_maps
 from repro.maps.grid import Grid
+from repro.maps.ground_truth import true_maps
 from repro.recordings.reader import read_shards
 
 

@@ -15,7 +15,8 @@ import torch
 from torch import Tensor
 
 from repro.baselines.registry import PREDICTORS
-from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run, load_recorded
+from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run
+from repro.maps.recorded import load_recorded
 from repro.metrics.scores import THRESHOLD, confusion, scores, ssim
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import check_worlds, recordings_hash

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from repro.evaluation.evaluate import read_predictions
-from repro.maps.datasets import encoding_of, grid_of, true_maps
+from repro.maps.datasets import encoding_of, grid_of
+from repro.maps.ground_truth import true_maps
 from repro.recordings.reader import read_recording
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repro.config import lidar_of, populations
 from repro.evaluation.evaluate import quantize
-from repro.maps.datasets import Recorded, load_recorded
+from repro.maps.recorded import Recorded, load_recorded
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
 from repro.metrics.counts import count_quantized
 from repro.metrics.scores import ssim
 from repro.networks.predictor import Predictor
 from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
+from repro.world_config import lidar_of, populations
 
 Spec = dict[str, Any]
 Change = Callable[[Scans, float, np.random.Generator], Scans]

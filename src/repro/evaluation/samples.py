@@ -8,7 +8,8 @@ import numpy as np
 from PIL import Image
 
 from repro.evaluation.evaluate import read_quantized
-from repro.maps.datasets import encoding_of, grid_of, true_maps
+from repro.maps.datasets import encoding_of, grid_of
+from repro.maps.ground_truth import true_maps
 from repro.maps.projection import Projection
 from repro.recordings.reader import read_shards
 from repro.runs.directories import Run

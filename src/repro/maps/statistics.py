@@ -11,7 +11,7 @@ import torch
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.scans import Scans
+from repro.scans import Scans, wrapped
 
 LEVELS = (0.0, 0.01, 0.5, 0.99, 1.0)
 MARGIN = 0.01  # relative; some statistics are constant in training, such as the field of view
@@ -72,7 +72,7 @@ def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:
     newest = newest_hits(scans, grid).flatten(1)
     is_occupied = newest > 0
     moves = poses.diff(dim=1)
-    turns = torch.remainder(moves[..., 2] + torch.pi, 2 * torch.pi) - torch.pi
+    turns = wrapped(moves[..., 2])
     hits = torch.where(torch.isfinite(ranges), ranges, torch.nan).flatten(1)
     values = {
         "hit_share": torch.isfinite(ranges).double().mean(dim=(1, 2)),

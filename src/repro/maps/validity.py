@@ -10,7 +10,7 @@ from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.scans import Scans
+from repro.scans import Scans, wrapped
 
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
 JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
@@ -66,7 +66,7 @@ def jumps(headings: Tensor) -> Tensor:
     """Return whether headings (..., T) change by more than `JUMP` at most steps, as in degrees; bool, (...)."""
     if headings.shape[-1] < MIN_STEPS:
         return torch.zeros(headings.shape[:-1], dtype=torch.bool)
-    turns = torch.remainder(headings.diff(dim=-1) + math.pi, 2 * math.pi) - math.pi
+    turns = wrapped(headings.diff(dim=-1))
     return turns.abs().median(dim=-1).values > JUMP
 
 

@@ -25,6 +25,7 @@ from repro.prediction.readings import (
     valid_ranges,
     why_unusable,
 )
+from repro.scans import wrapped
 
 MIN_SCANS = 2
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
@@ -70,7 +71,7 @@ class ScanLog:
         Raises:
             ValueError: fewer than two beams are within it.
         """
-        ahead = _from_ahead(self.angles)
+        ahead = wrapped(self.angles)
         inside = np.flatnonzero(np.abs(ahead) <= fov_rad / 2 + 1e-6)
         if len(inside) < 2:
             raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
@@ -92,14 +93,9 @@ class ScanLog:
         if self.uncropped is None:
             return None
         angles, ranges = self.uncropped.angles, self.uncropped.ranges[index : index + 1]
-        ahead = _from_ahead(angles)
+        ahead = wrapped(angles)
         kept = (ahead >= self.angles[0]) & (ahead <= self.angles[-1])
         return np.where(kept, np.nan, ranges), angles
-
-
-def _from_ahead(angles: np.ndarray) -> np.ndarray:
-    """Return angles from -pi to pi [rad]; a lidar may count them from 0 to a full turn."""
-    return (angles + math.pi) % (2 * math.pi) - math.pi
 
 
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repro.prediction.logs import ScanLog
-from repro.scans import Scans
+from repro.scans import Scans, wrapped
 
 MOST_BETWEEN_S = 30.0  # between two scans of a lidar
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; a larger gap leaves out the window
@@ -156,7 +156,7 @@ def on_map(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, origin: np
     """
     poses = poses.copy()
     poses[:, :2] -= origin
-    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    poses[:, 2] = wrapped(poses[:, 2])
     return Scans(np.ascontiguousarray(ranges), angles, poses)
 
 

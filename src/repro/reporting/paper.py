@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, read_world, world_spec
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.reporting.audit import free_share
 from repro.runs.keys import CELL
+from repro.world_config import read_world, world_spec
 
 TABLES = files("repro.reporting") / "paper_tables"
 WORLDS = Path(__file__).parents[3] / "conf" / "world" / "paper.yaml"

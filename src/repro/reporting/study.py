@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from statistics import mean
 from typing import Any
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, is_moving
+from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.names import duration, predictor_title
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
+from repro.world_config import is_moving
 
 
 @dataclass(frozen=True)

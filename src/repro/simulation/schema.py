@@ -11,11 +11,12 @@ from typing import Annotated, Any
 import shapely
 from pydantic import Field, ValidationError, model_validator
 
-from repro.config import ConfigError, Name, config_errors_of, lidar_of, populations, world_spec
+from repro.config import ConfigError, Name, config_errors_of
 from repro.simulation.motions import recorded_steps, top_speeds
 from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Part, Populations, Robot, Rooms, World
 from repro.simulation.shapes import geometry, shape_radius
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
+from repro.world_config import lidar_of, populations, world_spec
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
 SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from repro.config import lidar_of
 from repro.outlines import padded
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
@@ -27,6 +26,7 @@ from repro.simulation.motions import recorded_steps, robot_commands
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.worlds import World, write_world
 from repro.system.files import read_mapping
+from repro.world_config import lidar_of
 
 # isort: split
 import irsim

@@ -18,13 +18,13 @@ import numpy as np
 import shapely
 import yaml
 
-from repro.config import populations
 from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, boundaries, shape_radius, union
 from repro.system.files import write_text
+from repro.world_config import populations
 
 World = dict[str, Any]
 

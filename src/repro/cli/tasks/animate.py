@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from repro.cli.jobs import Job
 from repro.cli.tasks.export import suffix_of
-from repro.config import lidar_of
 from repro.networks.predictor import load_predictor
 from repro.recordings.format import SHOWN_SEED
 from repro.reporting.animation import make_frames, write_animation
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
+from repro.world_config import lidar_of
 
 
 def run(job: Job) -> None:

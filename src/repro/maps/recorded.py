@@ -1,0 +1,87 @@
+"""The recordings of a split with their true maps and obstacles: the input of baselines and upper bounds."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import true_maps
+from repro.outlines import padded
+from repro.recordings.format import ShardContent
+from repro.recordings.reader import read_manifest, read_shards
+from repro.scans import Scans
+from repro.world_config import lidar_of
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true obstacles of all recordings of a split, which no predictor from scans knows.
+
+    Args:
+        outlines: outlines in their own frame [m], (K, V, 2).
+        states: obstacle poses x, y [m], heading [rad], (K, T, 3).
+        world: index of the world of each obstacle, (K,); recordings 2 w and 2 w + 1 are of world w.
+        spec: what decides the worlds, see `worlds.sample_world`.
+    """
+
+    outlines: np.ndarray
+    states: np.ndarray
+    world: np.ndarray
+    spec: dict[str, Any]
+
+    def of_recording(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the outlines (O, V, 2) and states (O, T, 3) of the obstacles of one recording."""
+        mine = self.world == index // 2
+        return self.outlines[mine], self.states[mine]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """All recordings of one split with their true maps: the input of a baseline, which uses no images.
+
+    Args:
+        scans: ranges (M, T, N), angles (N,) and poses (M, T, 3), as tensors.
+        maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
+        grid: grid of the maps.
+        range_max_m: maximum range of the lidar [m].
+        step_s: duration of a time step [s].
+        truth: the true obstacles, for upper bounds; None if unknown.
+    """
+
+    scans: Scans
+    maps: Tensor
+    grid: Grid
+    range_max_m: float
+    step_s: float
+    truth: Truth | None = None
+
+    def __len__(self) -> int:
+        return len(self.scans)
+
+
+def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
+    """Read the recordings of a split with their true maps.
+
+    Raises:
+        ValueError: a shard fails verification, see `recordings.reader.read_shards`.
+    """
+    shards = list(read_shards(recordings, split))
+    ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
+    maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
+    spec = read_manifest(recordings).spec
+    range_max_m, step_s = lidar_of(spec)["range_max"], spec["world"]["step_time"]
+    scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
+    return Recorded(scans, maps, grid, range_max_m, step_s, _truth(shards, spec))
+
+
+def _truth(shards: list[ShardContent], spec: dict[str, Any]) -> Truth:
+    """Join the obstacles of the shards of a split."""
+    most = max(shard.outlines.shape[1] for shard in shards)
+    outlines = np.concatenate([padded(shard.outlines, most) for shard in shards])
+    first = np.cumsum([0, *(len(shard.scans) // 2 for shard in shards)])
+    world = np.concatenate([shard.world + start for shard, start in zip(shards, first, strict=False)])
+    return Truth(outlines, np.concatenate([shard.states for shard in shards]), world, spec)
