@@ -121,7 +121,7 @@ class NetworkParameters(TypedDict, total=False):
 
 NO_DECAY = "-no-decay"
 OLDEST_GRAY = 0.8  # default in conf/config.yaml
-RECURRENT = ("convgru", "convlstm", "deeptracking")  # architectures that need a series of images
+RECURRENT = ("convgru", "convgru_half", "convlstm", "deeptracking")  # architectures that need a series of images
 LOSSES = ("map", "visible")  # see `learning.losses`
 EVERY_PART = ("deeptracking",)  # architectures that predict a map after every part of a series, for the loss `visible`
 PROJECTION = "projection"  # the paper's input

@@ -9,9 +9,8 @@ Recognition", 2018). Its input, hits and pixels observed to be free, is that of 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
-from torch.nn import functional as F
 
-from repro.networks.blocks import conv_block, each_part
+from repro.networks.blocks import Residual, conv_block, each_part, light_gru, resized
 
 DETAIL = 16  # channels at full resolution
 
@@ -57,31 +56,10 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         state = self.context(self._state(images))
         detail = self.detail(images).relu()
         half_detail = self.half_detail(detail).relu()
-        half = self.decode_half(torch.cat([_resized(state, half_detail), half_detail], dim=1))
-        return self.to_map(self.decode_full(torch.cat([_resized(half, detail), detail], dim=1)))
+        half = self.decode_half(torch.cat([resized(state, half_detail), half_detail], dim=1))
+        return self.to_map(self.decode_full(torch.cat([resized(half, detail), detail], dim=1)))
 
     def _state(self, images: Tensor) -> Tensor:
         """Run the GRU over the parts of the window, oldest first; return its last state, (B, hidden, h, w)."""
         encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
-        update, candidate = encoded.chunk(2, dim=2)
-        state = update[:, 0].sigmoid() * candidate[:, 0].tanh()  # the state before the first part is zero
-        for part in range(1, self.frames):
-            new = (candidate[:, part] + self.candidate(state)).tanh()
-            state = state + (update[:, part] + self.gate(state)).sigmoid() * (new - state)
-        return state
-
-
-class Residual(nn.Module):
-    """Two convolutions, the first dilated, added to their input."""
-
-    def __init__(self, channels: int, dilation: int) -> None:
-        super().__init__()
-        self.block = nn.Sequential(*conv_block(channels, channels, dilation=dilation), nn.Conv2d(channels, channels, 1))
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Return images of the same shape, (B, C, H, W)."""
-        return images + self.block(images)
-
-
-def _resized(images: Tensor, like: Tensor) -> Tensor:
-    return F.interpolate(images, size=like.shape[-2:], mode="bilinear")
+        return light_gru(encoded, self.gate, self.candidate)

@@ -11,6 +11,7 @@ TITLES = {
     "upernet": "UPerNet",
     "segformer": "Segformer",
     "convgru": "ConvGRU",
+    "convgru_half": "ConvGRU-half",
     "convlstm": "ConvLSTM",
     "deeptracking": "DeepTracking",
     "average": "Average",
