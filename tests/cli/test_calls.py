@@ -49,7 +49,7 @@ CALLS = {  # arguments, and what the message must contain
     ],
     "model=convgru encoding=series10 +model.parameters.hiden=32": ["hiden=32: is not a parameter of convgru"],
     "+model.parameters.hidden=32": [
-        "parameters are for the architectures convgru, convlstm, deeptracking: set model.architecture"
+        "parameters are for the architectures convgru, convgru_half, convlstm, deeptracking: set model.architecture"
     ],
 }
 
@@ -81,6 +81,7 @@ def test_a_file_of_conf_cannot_configure_hydra(tmp_path, content):
         ("null: 2", "a configuration file has a key that is no text"),
         ("world: !!set {a, b}", "a configuration file has a key that is no text"),
         ("world: {width: !!binary aGVsbG8=}", "world.world.width=b'hello': must be a valid number"),
+        ("experiments: 5", "world.experiments=5: must be an object"),
     ],
 )
 def test_a_world_of_values_that_only_yaml_has_is_refused(tmp_path, content, reason):
@@ -98,8 +99,8 @@ def test_every_job_of_a_sweep_is_composed():
 @pytest.mark.slow
 def test_a_sweep_is_refused_if_one_of_its_jobs_is_invalid():
     errors = refuse("-m", "model=glob(*)", "encoding=projection,stack4")
-    assert len(errors) == 3, errors
-    for error, name in zip(sorted(errors), ("convgru", "convlstm", "deeptracking"), strict=True):
+    assert len(errors) == 4, errors
+    for error, name in zip(sorted(errors), ("convgru", "convgru_half", "convlstm", "deeptracking"), strict=True):
         assert name in error
         assert "encoding=stack10" in error
 

@@ -114,7 +114,10 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             if len(jobs) > MANY_JOBS:
                 print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
             return list(_composed(jobs))
-    except (HydraException, OmegaConfBaseException, YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except UnicodeDecodeError as error:
+        folders = (CONF, Path(arguments.config_dir)) if arguments.config_dir else (CONF,)
+        raise Refused(*(f"{path}: is not UTF-8" for folder in folders for path in _not_utf8(folder))) from error
+    except (HydraException, OmegaConfBaseException, YAMLError, RecursionError) as error:
         if WANTS_TRACEBACKS:
             raise
         raise Refused(*composition_errors(error)) from error
@@ -158,9 +161,17 @@ def _hydra_part(composed: DictConfig) -> dict[str, Any]:
     return {key: value for key, value in part.items() if key not in ("overrides", "runtime")}
 
 
+def _not_utf8(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.rglob("*.yaml")):
+        try:
+            path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            yield path
+
+
 def composition_errors(error: Exception) -> list[str]:
     """Explain why a call cannot be parsed or composed, each reason in one line where it is known."""
-    if isinstance(error, YAMLError | UnicodeDecodeError | RecursionError):
+    if isinstance(error, YAMLError | RecursionError):
         return [f"a configuration file cannot be read: {' '.join(str(error).split())}"]
     lines = [line.strip() for line in str(error).split("\nConfig search path")[0].splitlines()]
     first, *rest = lines or ["a configuration file has a key that is no text"]  # OmegaConf states nothing

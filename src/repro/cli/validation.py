@@ -67,8 +67,8 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         keys = {found.key for found in errors}  # conf/train takes some of its values from the scale
         return [e for e in errors if not (e.key.startswith("train.") and e.key.replace("train", "scale") in keys)]
     errors = []
-    experiments = config.world.get("experiments") or {}
-    if experiments and config.exp not in experiments:
+    experiments = config.world.get("experiments")
+    if isinstance(experiments, dict) and experiments and config.exp not in experiments:
         errors.append(ConfigError("exp", config.exp, f"must be one of {', '.join(experiments)}"))
     if config.task in (*TRAINING_TASKS, "plan") and config.train.batch_size > config.scale.pairs.train:
         expected = f"must be at most the {config.scale.pairs.train} training pairs"

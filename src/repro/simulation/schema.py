@@ -63,7 +63,8 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
     if "experiments" not in world:
         expected = "is missing; worlds are sampled from the keys in docs/worlds.md, a plain world of IR-SIM is not read"
         return [ConfigError("world.experiments", None, expected)]
-    numbers = [key for key in world.get("experiments") or {} if not isinstance(key, str)]
+    experiments = world["experiments"]
+    numbers = [key for key in experiments if not isinstance(key, str)] if isinstance(experiments, dict) else []
     if numbers:
         quoted = ", ".join(f'"{key}"' for key in numbers)
         return [
