@@ -97,15 +97,15 @@ def test_moves_without_hits_keep_the_prior():
 def test_starts_are_lawful_where_the_path_begins_on_the_map():
     rng, bounds = np.random.default_rng(0), parameter_bounds(world_spec("3"))
     bounds[:, [X, Y]] = [[0.0, 0.0], [12.0, 50.0]]
-    law, lawful = (0.1, 25.0, 25.0, 4.0, 70), 0
+    motion, lawful = (0.1, 25.0, 25.0, 4.0, 70), 0
     for particle in rng.uniform(bounds[0], bounds[1], (300, PARAMETERS)):
         particle[IS_DISC] = 1.0
-        path = particles.path(particle, law, STEPS)
+        path = particles.path(particle, motion, STEPS)
         start = path[0] - 0.1 * particle[SPEED] * np.array(
             [np.cos(particle[particles.BEARING]), np.sin(particle[particles.BEARING])]
         )
         expected = particle[RADIUS] <= start.min() and start.max() <= 50 - particle[RADIUS]
-        assert particles.starts_on_map(particle, law) == expected
+        assert particles.starts_on_map(particle, motion) == expected
         lawful += expected
     assert 50 < lawful < 250
 
@@ -149,14 +149,14 @@ def test_the_true_obstacles_agree_with_the_scans(recorded_one):
         found = as_particle({"shape": shape, "state": path[0] - moves[0]}, np.c_[path, state[:, 2]], 0, spec)
         if found is None:
             continue
-        law = seen.law(0)
-        share = particles.near(found[0][None], law, (seen.steps, seen.points), 0.02, STEPS)
+        motion = seen.motion(0)
+        share = particles.near(found[0][None], motion, (seen.steps, seen.points), 0.02, STEPS)
         mine = np.flatnonzero(share)
         hits = (seen.steps[mine], seen.points[mine])
         assert len(mine) > 5
-        assert particles.energies(found[0][None], law, hits, seen.scans)[0] < 1.5
+        assert particles.energies(found[0][None], motion, hits, seen.scans)[0] < 1.5
         beside = found[0] + 0.5 * np.isin(np.arange(PARAMETERS), (X, Y))
-        assert particles.energies(beside[None], law, hits, seen.scans)[0] > 20
+        assert particles.energies(beside[None], motion, hits, seen.scans)[0] > 20
         compared += 1
     assert compared >= 4
 

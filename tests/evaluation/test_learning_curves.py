@@ -7,7 +7,7 @@ from conftest import fake_run
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts
 from repro.evaluation import learning_curves
-from repro.evaluation.learning_curves import FITTED_METRICS, extrapolate, fit_law, read_points
+from repro.evaluation.learning_curves import FITTED_METRICS, extrapolate, fit_power_law, read_points
 from repro.runs.outputs import Outputs
 
 CURVES = {("3", PROJECTION): (0.95, 0.02, 0.01), ("3", PROJECTION_NO_DECAY): (0.93, 0.03, 0.02)}
@@ -34,7 +34,7 @@ def test_a_known_law_is_recovered():
     points = made()
     curve = (points["encoding"] == PROJECTION_NO_DECAY).to_numpy().astype(int)
     at = (curve, points["pairs"].to_numpy(float), points["size_px"].to_numpy(float))
-    law = fit_law(*at, points["accuracy"].to_numpy())
+    law = fit_power_law(*at, points["accuracy"].to_numpy())
     assert tuple(law.exponents) == pytest.approx((0.4, 0.8), abs=0.02)
     assert np.allclose(law.factors, [(1 - c, a, b) for c, a, b in CURVES.values()], atol=1e-3)
     assert np.allclose(law(*at), points["accuracy"], atol=1e-5)
@@ -123,4 +123,4 @@ def test_other_networks_are_not_fitted():
 def test_too_few_points_are_not_fitted():
     assert extrapolate(made(sizes=(64,)).query("pairs <= 2000")).empty
     with pytest.raises(ValueError, match="at least 3 points, got 2"):
-        fit_law(np.zeros(2, int), np.array([1.0, 2.0]), np.full(2, 64.0), np.array([0.9, 0.91]))
+        fit_power_law(np.zeros(2, int), np.array([1.0, 2.0]), np.full(2, 64.0), np.array([0.9, 0.91]))

@@ -46,8 +46,8 @@ class Seen:
     spec: dict[str, Any]
     rng: np.random.Generator
 
-    def law(self, reference: int) -> model.Law:
-        """Return the law of motion for particles that are at their x and y at a step."""
+    def motion(self, reference: int) -> model.Motion:
+        """Return the parameters of the motion for particles that are at their x and y at a step."""
         middle_m = self.spec["world"]["width"] / 2
         return self.spec["world"]["step_time"], middle_m, middle_m, float(self.spec["clear_radius_m"]), reference
 
@@ -125,7 +125,7 @@ def _join(seen: Seen, found: list[Inferred]) -> list[Inferred]:
 def _energy(seen: Seen, each: Inferred, hits: np.ndarray) -> float:
     """Return the mean energy of the particles of an obstacle, given hits."""
     used = _spread(hits)
-    known = (seen.law(each.reference), (seen.steps[used], seen.points[used]), seen.scans)
+    known = (seen.motion(each.reference), (seen.steps[used], seen.points[used]), seen.scans)
     return float(model.energies(each.particles, *known).mean())
 
 
@@ -149,15 +149,15 @@ def fit(seen: Seen, hits: np.ndarray) -> Inferred:
 def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
     """Sample particles from the posterior of the obstacle of hits."""
     reference = int(seen.steps[hits[len(hits) // 2]])
-    law, bounds = seen.law(reference), parameter_bounds(seen.spec)
+    motion, bounds = seen.motion(reference), parameter_bounds(seen.spec)
     center_m = seen.points[hits][seen.steps[hits] == reference].mean(0)
     farthest = np.array(bounds[1])
     farthest[model.IS_DISC] = 0
     reach_m = model.shape(farthest)[5]
     bounds[:, model.X : model.Y + 1] = center_m - reach_m, center_m + reach_m
-    particles = _prior(bounds, law, seen, count)
+    particles = _prior(bounds, motion, seen, count)
     used = seen.rng.permutation(_spread(hits))  # a poor proposal is seen after few hits
-    known = (law, (seen.steps[used], seen.points[used]), seen.scans)
+    known = (motion, (seen.steps[used], seen.points[used]), seen.scans)
     energy = model.energies(particles, *known)
 
     def move(particles: np.ndarray, energy: np.ndarray, weight: float) -> None:
@@ -167,7 +167,7 @@ def _sample(seen: Seen, hits: np.ndarray, count: int) -> Inferred:
     return Inferred(particles, reference, hits, float(energy.mean()))
 
 
-def _prior(bounds: np.ndarray, law: model.Law, seen: Seen, count: int) -> np.ndarray:
+def _prior(bounds: np.ndarray, motion: model.Motion, seen: Seen, count: int) -> np.ndarray:
     """Draw particles from the prior; if few start on the map, each is drawn several times.
 
     If none does, as with hits of several obstacles, the last ones drawn are used; their high energy makes `fit` and the
@@ -177,7 +177,7 @@ def _prior(bounds: np.ndarray, law: model.Law, seen: Seen, count: int) -> np.nda
     for _ in range(PRIOR_ROUNDS):
         drawn = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))
         drawn[:, model.IS_DISC] = seen.rng.random(count) < seen.spec["obstacles"]["disc_share"]
-        starting += [particle for particle in drawn if model.starts_on_map(particle, law)]
+        starting += [particle for particle in drawn if model.starts_on_map(particle, motion)]
         if len(starting) >= count:
             break
     return np.resize(starting or drawn, (count, model.PARAMETERS))
@@ -205,4 +205,4 @@ def parameter_bounds(spec: dict[str, Any]) -> np.ndarray:
 def _explains(seen: Seen, each: Inferred, hits: np.ndarray) -> np.ndarray:
     """Return which hits lie on the outlines of most particles."""
     places = (seen.steps[hits], seen.points[hits])
-    return model.near(each.particles, seen.law(each.reference), places, EXPLAINED_M, len(seen.scans[0])) > 0.5
+    return model.near(each.particles, seen.motion(each.reference), places, EXPLAINED_M, len(seen.scans[0])) > 0.5

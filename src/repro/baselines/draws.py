@@ -13,18 +13,18 @@ TOLERANCE_M = 0.02  # a beam that enters an obstacle by less than this may have 
 def draw_ends(
     outlines: np.ndarray,
     starts: np.ndarray,
-    law: tuple[float, float, float, float, int, int],
+    motion: tuple[float, float, float, float, int, int],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray],
     wanted: int,
     most: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Draw where an obstacle is after the last step, by the law of `drift.Drift`, given that no scan hits it.
+    """Draw where an obstacle is after the last step, as `drift.Drift` moves it, given that no scan hits it.
 
     Args:
         outlines: candidates for its outline at its heading around its origin [m], (D, V, 2); draw d takes d modulo D.
         starts: candidates for x, y [m], velocity x, y [m/s] and steps since the last random turn, (S, 5).
-        law: duration of a step [s], x and y of the center [m], distance that the outline keeps from it [m], and the
+        motion: duration of a step [s], x and y of the center [m], distance that the outline keeps from it [m], and the
             minimum and maximum number of steps between two random turns.
         scans: ranges of the later steps [m], (T, N), with the maximum range for a miss; beam angles [rad], (N,); poses,
             (T, 3).
@@ -39,7 +39,7 @@ def draw_ends(
     kept = tried = 0
     while kept < wanted and tried < most:
         number = tried % len(outlines)
-        x, y, is_hit = _move(outlines[number], starts[tried % len(starts)], law, scans, rng)
+        x, y, is_hit = _move(outlines[number], starts[tried % len(starts)], motion, scans, rng)
         tried += 1
         if not is_hit:
             ends[kept, 0], ends[kept, 1], which[kept] = x, y, number
@@ -51,13 +51,13 @@ def draw_ends(
 def _move(
     outline: np.ndarray,
     start: np.ndarray,
-    law: tuple[float, float, float, float, int, int],
+    motion: tuple[float, float, float, float, int, int],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray],
     rng: np.random.Generator,
 ) -> tuple[float, float, bool]:
     """Move an obstacle from a start to the last step or its first hit; return x, y [m] and whether a scan hits it."""
     ranges, angles, poses = scans
-    step_s, center_x, center_y, clear_m, least, longest = law
+    step_s, center_x, center_y, clear_m, least, longest = motion
     x, y, vx, vy, passed = start
     radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
     speed, since = math.hypot(vx, vy), int(passed)

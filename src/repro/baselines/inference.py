@@ -83,8 +83,8 @@ def _ends(each: Inferred, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
     for own, particle in zip(corners, each.particles, strict=True):
         is_disc, length, width, cos, sin, _ = model.shape(particle)
         own[:] = (circle if is_disc else square) * [length, width] @ np.array([[cos, sin], [-sin, cos]])
-    law, steps = seen.law(each.reference), len(seen.scans[0])
-    return corners, np.stack([model.path(particle, law, steps)[-1] for particle in each.particles])
+    motion, steps = seen.motion(each.reference), len(seen.scans[0])
+    return corners, np.stack([model.path(particle, motion, steps)[-1] for particle in each.particles])
 
 
 def _free_of_unseen(others: Obstacles, scanned: Scanned, spec: dict[str, Any], found: int, grid: Grid) -> np.ndarray:

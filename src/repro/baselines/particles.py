@@ -20,7 +20,7 @@ EVERY = 2  # steps whose passing beams are used
 FARTHEST_M = 1.0  # a beam that misses by more counts as one that misses by this, since it may be of another obstacle
 
 Form = tuple[bool, float, float, float, float, float]  # see `shape`
-Law = tuple[float, float, float, float, int]  # see `path`
+Motion = tuple[float, float, float, float, int]  # see `path`
 
 
 @compiled
@@ -29,7 +29,7 @@ def move(
     energy: np.ndarray,
     weight: float,
     bounds: np.ndarray,
-    law: Law,
+    motion: Motion,
     hits: tuple[np.ndarray, np.ndarray],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     rng: np.random.Generator,
@@ -41,17 +41,17 @@ def move(
         energy: their energies, see `energies`, (K,).
         weight: of the scans, above 0, at most 1.
         bounds: least and largest value of each parameter, (2, PARAMETERS).
-        law: see `path`.
+        motion: see `path`.
         hits: see `energies`.
         scans: see `energies`.
         rng: random generator.
     """
     for index in range(len(particles)):
         proposed, log_ratio = _propose(particles, index, bounds, rng)
-        if log_ratio == -math.inf or not starts_on_map(proposed, law):
+        if log_ratio == -math.inf or not starts_on_map(proposed, motion):
             continue
         most = energy[index] + (log_ratio - math.log(rng.random())) / weight
-        new = _energy(proposed, law, hits, scans, most)
+        new = _energy(proposed, motion, hits, scans, most)
         if new < most:
             particles[index], energy[index] = proposed, new
 
@@ -59,7 +59,7 @@ def move(
 @compiled
 def energies(
     particles: np.ndarray,
-    law: Law,
+    motion: Motion,
     hits: tuple[np.ndarray, np.ndarray],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> np.ndarray:
@@ -67,7 +67,7 @@ def energies(
 
     Args:
         particles: (K, PARAMETERS).
-        law: see `path`.
+        motion: see `path`.
         hits: steps, (H,), and points x, y [m], (H, 2), of beams that ended on the obstacle.
         scans: ranges [m], (T, N), with the maximum range for a miss; beam angles [rad], (N,); x, y [m] and cosine and
             sine of the heading of the robot, (T, 4); directions of the beams, (T, N, 2).
@@ -77,7 +77,7 @@ def energies(
     """
     result = np.empty(len(particles))
     for index in range(len(particles)):
-        result[index] = _energy(particles[index], law, hits, scans, math.inf)
+        result[index] = _energy(particles[index], motion, hits, scans, math.inf)
     return result
 
 
@@ -161,9 +161,9 @@ def shape(particle: np.ndarray) -> Form:
 
 
 @compiled
-def starts_on_map(particle: np.ndarray, law: Law) -> bool:
+def starts_on_map(particle: np.ndarray, motion: Motion) -> bool:
     """Return whether the circle around a particle is on the map before the first step, see `path`."""
-    step_s, center_x, center_y, _, reference = law
+    step_s, center_x, center_y, _, reference = motion
     radius, way_m = shape(particle)[5], particle[SPEED] * step_s
     turned = max(0, reference + 1 - int(particle[TURN]))  # moves after the random turn
     straight = reference + 1 - turned
@@ -173,18 +173,18 @@ def starts_on_map(particle: np.ndarray, law: Law) -> bool:
 
 
 @compiled
-def path(particle: np.ndarray, law: Law, steps: int) -> np.ndarray:
-    """Return the positions of a particle at every step [m], (T, 2), by the law of `drift.Drift`.
+def path(particle: np.ndarray, motion: Motion, steps: int) -> np.ndarray:
+    """Return the positions of a particle at every step [m], (T, 2), as `drift.Drift` moves it.
 
     Before the step of its x and y, turns at the zone are left out.
 
     Args:
         particle: (PARAMETERS,).
-        law: duration of a step [s], x and y of the center of the map [m], distance that the outline keeps from it
+        motion: duration of a step [s], x and y of the center of the map [m], distance that the outline keeps from it
             [m], and the step at which the particle is at its x and y.
         steps: T.
     """
-    step_s, center_x, center_y, clear_m, reference = law
+    step_s, center_x, center_y, clear_m, reference = motion
     keep_out_m = clear_m + shape(particle)[5]
     positions = np.empty((steps, 2))
     positions[reference] = particle[X], particle[Y]
@@ -225,7 +225,7 @@ def distance(form: Form, position: np.ndarray, point: np.ndarray) -> float:
 @compiled
 def near(
     particles: np.ndarray,
-    law: Law,
+    motion: Motion,
     hits: tuple[np.ndarray, np.ndarray],
     within_m: float,
     steps: int,
@@ -234,7 +234,7 @@ def near(
     when, points = hits
     share = np.zeros(len(when))
     for particle in particles:
-        positions, form = path(particle, law, steps), shape(particle)
+        positions, form = path(particle, motion, steps), shape(particle)
         for index in range(len(when)):
             share[index] += distance(form, positions[when[index]], points[index]) <= within_m
     return share / len(particles)
@@ -243,7 +243,7 @@ def near(
 @compiled
 def _energy(
     particle: np.ndarray,
-    law: Law,
+    motion: Motion,
     hits: tuple[np.ndarray, np.ndarray],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     most: float,
@@ -254,7 +254,7 @@ def _energy(
     """
     ranges, angles, poses, directions = scans
     when, points = hits
-    positions, form = path(particle, law, len(ranges)), shape(particle)
+    positions, form = path(particle, motion, len(ranges)), shape(particle)
     total, most = 0.0, most * 2 * SIGMA_M**2
     for index in range(len(when)):
         total += min(distance(form, positions[when[index]], points[index]), FARTHEST_M) ** 2

@@ -146,8 +146,8 @@ def _draw(
         return outlines, starts[:1, :2]
     center_m = spec["world"]["width"] / 2
     turn_steps = (spec["obstacles"].get("behavior") or {"turn_steps": (1, 1)})["turn_steps"]
-    law = (spec["world"]["step_time"], center_m, center_m, spec["clear_radius_m"], *turn_steps)
-    ends, which, tried = draw_ends(outlines, starts, law, later, DRAWS, MOST_DRAWS, rng)
+    motion = (spec["world"]["step_time"], center_m, center_m, spec["clear_radius_m"], *turn_steps)
+    ends, which, tried = draw_ends(outlines, starts, motion, later, DRAWS, MOST_DRAWS, rng)
     if not len(ends):
         if knowledge == UPPER_BOUND:
             raise ValueError(f"none of {tried} drawn motions of an obstacle agrees with the scans")

@@ -97,8 +97,8 @@ def _row(run: Run) -> dict[str, Any] | None:
 
 
 @dataclass(frozen=True)
-class Law:
-    """A fitted law.
+class PowerLaw:
+    """A fitted power law.
 
     Args:
         exponents: alpha and beta, or alpha alone for a single resolution.
@@ -117,7 +117,7 @@ class Law:
         return len(self.exponents) + int(np.count_nonzero(self.factors))
 
 
-def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np.ndarray) -> Law:
+def fit_power_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np.ndarray) -> PowerLaw:
     """Fit the law to points, all (K,); without its term in the resolution if they have a single one.
 
     Args:
@@ -140,7 +140,7 @@ def fit_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, value: np
     first = list(EXPONENTS.values())[: min(len(np.unique(size_px)), 2)]
     options: dict[str, Any] = {"bounds": [INTERVAL] * len(first), "options": {"xatol": 1e-3}}
     best = minimize(lambda exponents: solve(exponents)[0], first, method="Nelder-Mead", **options)
-    return Law(best.x, solve(best.x)[1])
+    return PowerLaw(best.x, solve(best.x)[1])
 
 
 def extrapolate(points: pd.DataFrame) -> pd.DataFrame:
@@ -189,12 +189,12 @@ def _extrapolated(means: pd.DataFrame, aims: pd.DataFrame, metric: str) -> pd.Da
         return np.array(curve), rows["pairs"].to_numpy(float), rows["size_px"].to_numpy(float)
 
     at, value, aim = coordinates(means), means[metric].to_numpy(), coordinates(aims)
-    law = fit_law(*at, value)
+    law = fit_power_law(*at, value)
     residuals = value - law(*at)
     free = max(len(value) - law.parameters(), 1)
     std, rng = np.sqrt((residuals**2).sum() / free), np.random.default_rng(0)
     noise = rng.normal(0, std, (DRAWS, len(value)))
-    drawn = np.stack([law(*aim), *(fit_law(*at, law(*at) + each)(*aim) for each in noise)])
+    drawn = np.stack([law(*aim), *(fit_power_law(*at, law(*at) + each)(*aim) for each in noise)])
     drawn[1:] += rng.normal(0, std, (DRAWS, len(aims)))  # a training deviates from the law as the fitted ones do
     low, high = bounds(drawn)
     table = aims[[*CURVE, *POINT]].reset_index(drop=True)
