@@ -245,6 +245,13 @@ def test_a_heading_in_degrees_is_refused(small, log):
     assert len(stream) == 0
 
 
+@pytest.mark.parametrize(("steps", "step_s"), [(9, 0.1), (0, 0.1), (100, 0.0), (100, float("inf"))])
+def test_an_impossible_window_is_refused_at_once(small, log, steps, step_s):
+    series = dataclasses.replace(small, encoding=create_encoding("series10", {"frames": 10, "range_max_m": 30.0}))
+    with pytest.raises(ValueError, match=f"steps of at least 10 and a positive step_s .s., got {steps} and {step_s}"):
+        PredictionStream(series, log.angles, steps=steps, step_s=step_s)
+
+
 def test_the_window_is_that_of_the_training_unless_another_is_chosen(small, log):
     trained = dataclasses.replace(small, steps=40, step_s=0.5)
     usual, chosen = PredictionStream(trained, log.angles), PredictionStream(trained, log.angles, steps=10, step_s=0.2)

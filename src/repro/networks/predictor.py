@@ -11,6 +11,7 @@ statistics and the window of the training scans, see `torch_files`. The other fo
 import contextlib
 import copy
 import dataclasses
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,8 +79,16 @@ class Predictor:
         return dataclasses.replace(self, encoding=encoding)
 
     def window(self, steps: int | None = None, step_s: float | None = None) -> tuple[int, float]:
-        """Return the steps of a window and the time of a step [s], those of the training where None is given."""
-        return self.steps if steps is None else steps, self.step_s if step_s is None else step_s
+        """Return the steps of a window and the time of a step [s], those of the training where None is given.
+
+        Raises:
+            ValueError: the steps are fewer than the parts of the encoding, or the time is not positive.
+        """
+        steps, step_s = self.steps if steps is None else steps, self.step_s if step_s is None else step_s
+        if steps < self.encoding.frames or not 0 < step_s < math.inf:
+            least = self.encoding.frames
+            raise ValueError(f"expected steps of at least {least} and a positive step_s [s], got {steps} and {step_s}")
+        return steps, step_s
 
     def check_center(self, center: str | tuple[float, float]) -> None:
         """Check that the map may have this center in the frame of the poses.

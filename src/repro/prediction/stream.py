@@ -71,10 +71,6 @@ class PredictionStream:
         self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
-        if self.steps < 1 or not 0 < self.step_s < math.inf:
-            raise ValueError(
-                f"expected steps of at least 1 and a positive step_s [s], got {self.steps} and {self.step_s}"
-            )
         predictor.check_center(center)
         beam_spacing(torch.as_tensor(self.angles))
         check_angles(torch.as_tensor(self.angles))
