@@ -1,10 +1,10 @@
 # Everything runs in .venv, created by `make setup` with python3 if it is 3.11 or 3.12, else with PYTHON=.
 PYTHON ?= python3
-ARGS ?= # further overrides for the sweeps of `make reproduce`
+ARGS ?= # further overrides of reproduce, analysis, curves and demo
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
 ENCODINGS := projection,negative,observed_free,stack4,stack10,exponential,ages
-SCALE ?= $(scale)
+SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 # Points of the learning curves, px:pairs:epochs. 64:2000 is the laptop scale, 128:3000 the workstation scale.
 POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:2000:5 128:4000:5

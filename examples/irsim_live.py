@@ -21,7 +21,6 @@ import torch
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.collections import LineCollection
 
-from repro.config import read_world, world_spec
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import Predictor, load_predictor
@@ -31,6 +30,7 @@ from repro.recordings.format import SHOWN_SEED
 from repro.simulation.motions import robot_commands
 from repro.simulation.simulator import make, outlines_of
 from repro.simulation.worlds import sample_world, write_world
+from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
 WEIGHTS = ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"

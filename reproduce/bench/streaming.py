@@ -11,14 +11,16 @@ from pathlib import Path
 import numpy as np
 from table import head, row
 
+from repro.config import Model
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.convgru import ConvGRU
+from repro.networks.create import create_network
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
 from repro.prediction.stream import PredictionStream
 from repro.prediction.windows import on_map
+from repro.reporting.names import predictor_title
 from repro.system.devices import one_thread
 
 ROOT = Path(__file__).parents[2]
@@ -31,8 +33,10 @@ def bench_streaming() -> None:
     log = read_log(ROOT / "examples" / "rooms.npz", 0.05)
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
-    gru = Predictor(ConvGRU(series.channels, frames=10).eval(), series, unet.grid)  # not trained
-    predictors = {"ConvGRU, series10": gru, "U-Net, projection": unet}
+    predictors = {"U-Net, projection": unet}
+    for name in ("convgru", "convgru_half"):
+        network = create_network(Model(name), series.channels, series.frames).eval()  # not trained
+        predictors[predictor_title(name, series.name)] = Predictor(network, series, unet.grid)
     with one_thread():
         head(
             f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",
@@ -55,7 +59,7 @@ def _bench(name: str, predictor: Predictor, log: ScanLog) -> None:
         path = Path(folder) / "model.onnx"
         predictor.save_onnx(path)
         (torch_ms, maps), (onnx_ms, others) = (_update(each, log) for each in (predictor, load_predictor(path)))
-    cells = (f"{1e3 * np.median(times):.1f} ms", f"{torch_ms:.0f} ms", f"{onnx_ms:.0f} ms")
+    cells = (f"{1e3 * np.median(times):.1f} ms", f"{torch_ms:.0f} ms", f"{onnx_ms:.1f} ms")
     row(name, f"{predictor.grid.size_px} px", *cells, f"{np.abs(maps - others).max():.0e}")
 
 

@@ -3,6 +3,7 @@
 The values themselves are in conf/, Hydra composes them, `cli.validation` checks them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
@@ -97,6 +98,16 @@ class Encoding:
         """Whether the gray of a hit depends on its age."""
         return self.parameters.get("decay", True)
 
+    @property
+    def most_channels(self) -> int:
+        """Number of images of the encoding, or more, without creating it."""
+        return most_channels(self.parameters)
+
+
+def most_channels(parameters: Mapping[str, Any]) -> int:
+    """Return the number of images of an encoding, or more, from its parameters."""
+    return MOST_CHANNELS * parameters.get("frames", 1)
+
 
 class EncodingParameters(TypedDict, total=False):
     """Types and ranges of the parameters of the encodings in `maps.encodings`; those of other encodings are theirs."""
@@ -120,6 +131,7 @@ class NetworkParameters(TypedDict, total=False):
 
 
 NO_DECAY = "-no-decay"
+MOST_CHANNELS = 2  # of an encoding in each part of the window
 OLDEST_GRAY = 0.8  # default in conf/config.yaml
 RECURRENT = ("convgru", "convgru_half", "convlstm", "deeptracking")  # architectures that need a series of images
 LOSSES = ("map", "visible")  # see `learning.losses`

@@ -34,6 +34,7 @@ from repro.baselines.laws import (
     turned,
 )
 from repro.maps.recorded import Recorded, Truth
+from repro.scans import wrapped
 
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
@@ -159,7 +160,7 @@ def _motion(path: np.ndarray, center_m: float, keep_out_m: float, step_s: float)
     """Return the last velocity of a path (T, 2) [m/s], (2,), and the number of steps since the last random turn."""
     moves = np.diff(path, axis=0)
     bearing = np.arctan2(moves[:, 1], moves[:, 0])
-    turns = np.flatnonzero(np.abs(np.angle(np.exp(1j * np.diff(bearing)))) > LEAST_TURN_RAD) + 1  # indices of moves
+    turns = np.flatnonzero(np.abs(wrapped(np.diff(bearing))) > LEAST_TURN_RAD) + 1  # indices of moves
     away = path[turns] - center_m
     ahead = np.linalg.norm(away + moves[turns - 1], axis=1)
     at_zone = (ahead < keep_out_m) & ((away * moves[turns - 1]).sum(1) < 0)  # such a turn does not count

@@ -20,12 +20,11 @@ from yaml import YAMLError
 from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
 from repro.cli.errors import WANTS_TRACEBACKS
 from repro.cli.jobs import ROOT
-from repro.cli.limits import most_channels
 from repro.cli.logs import name_of
 from repro.cli.overrides import GROUPS, override_errors
 from repro.cli.suggestions import one_of, unknown_key
 from repro.cli.validation import all_errors
-from repro.config import NO_DECAY, plain
+from repro.config import NO_DECAY, most_channels, plain
 from repro.runs.keys import RunKey
 from repro.system.resources import has_gpu, parallel_trainings
 

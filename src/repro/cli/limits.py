@@ -1,6 +1,5 @@
 """What a call takes on this machine, estimated before anything slow begins."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from repro.config import ConfigError, Encoding, Scale, Training
@@ -9,14 +8,13 @@ from repro.system.resources import total_memory_gb, training_memory_gb
 from repro.world_config import lidar_of
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core
-MOST_CHANNELS = 2  # of each part of the window
 
 
 def cpu_errors(scale: Scale, train: Training, encoding: Encoding, precision: str) -> list[ConfigError]:
     """Return an error if a training on the CPU cannot compute in a precision or does not fit into the memory."""
     if precision.startswith("16"):
         return [ConfigError("runtime.precision", precision, "float16 needs a GPU, use auto, 32-true or bf16-mixed")]
-    pairs, channels = scale.pairs.train + scale.pairs.val, most_channels(encoding.parameters)
+    pairs, channels = scale.pairs.train + scale.pairs.val, encoding.most_channels
     needed = training_memory_gb(scale.size_px, train.batch_size, pairs, channels, train.loss)
     there = total_memory_gb()
     if needed <= there:
@@ -26,11 +24,6 @@ def cpu_errors(scale: Scale, train: Training, encoding: Encoding, precision: str
         f"this machine has {there:.0f} GB"
     )
     return [ConfigError("scale.pairs.train", scale.pairs.train, expected)]
-
-
-def most_channels(parameters: Mapping[str, Any]) -> int:
-    """Return the number of images of an encoding, or more, from its parameters."""
-    return MOST_CHANNELS * parameters.get("frames", 1)
 
 
 def recording_seconds(spec: dict[str, Any], recordings: int) -> float:

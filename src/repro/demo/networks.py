@@ -13,6 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from repro.config import NO_DECAY
 from repro.maps.grid import Grid
+from repro.networks.create import architecture_of
 from repro.networks.onnx_files import OnnxNetwork
 from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.reporting.names import model_title, predictor_title
@@ -132,4 +133,6 @@ def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:
     if parts[-1] == "model" and "runs" in parts[-6:-5]:
         key = RunKey.parse(Path(*parts[-6:-1]))
         return f"{predictor_title(key.model, key.encoding)}, experiment {key.experiment}", key.experiment
-    return f"{model_title(type(predictor.network).__name__.lower())}, {directory.name}", None
+    own = architecture_of(predictor.network)
+    model = type(predictor.network).__name__.lower() if own == "smp" else own
+    return f"{model_title(model)}, {directory.name}", None

@@ -77,10 +77,10 @@ def trainings_at_once(config: RunConfig, accelerator: str = "auto") -> int:
     """Return how many trainings like this one a sweep runs at the same time with the default launcher."""
     if resolve_device(accelerator) == "cuda":
         return 1
-    data, channels = config.data, encoding_of(config).channels
+    assert config.encoding, "a baseline is not trained"
+    data, train = config.data, _training(config)
     pairs = data.pairs.train + data.pairs.val
-    train = _training(config)
-    return parallel_trainings(data.size_px, train.batch_size, pairs, channels, train.loss)
+    return parallel_trainings(data.size_px, train.batch_size, pairs, config.encoding.most_channels, train.loss)
 
 
 def usual_epochs(config: RunConfig) -> int:

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from repro.config import STRICT, Positive, config_errors_of
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection
+from repro.maps.projection import Projection, inverted
 from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
@@ -55,7 +55,7 @@ class Negative(Projection):
     name: ClassVar[str] = "negative"
 
     def to_input(self, images: Tensor) -> Tensor:
-        return 1 - images.float() / 255
+        return inverted(images)
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -51,7 +51,7 @@ class Projection:
         return self._shade(newest_hits(scans, grid), scans.ranges.shape[1])
 
     def to_input(self, images: Tensor) -> Tensor:
-        return images.float() / 255
+        return images.to(torch.float32, copy=True).div_(255)
 
     def _shade(self, newest: Tensor, steps: int) -> Tensor:
         """Map the newest step of each pixel to its gray, 0 to white, (B, H, W) to (B, 1, H, W)."""
@@ -65,6 +65,14 @@ class Projection:
     def _law(self, steps: int) -> Tensor:
         """Return the gray of each step in [0, 1], from the oldest to the newest, (T,)."""
         return torch.linspace(0, self.oldest_gray, steps).flip(0)
+
+
+def inverted(images: Tensor) -> Tensor:
+    """Convert images, uint8, to the input of a network with inverted intensities: 1 is black, 0 is white.
+
+    Adds in place, because the memory of a temporary is returned to the system and fetched again in every call.
+    """
+    return images.to(torch.float32, copy=True).div_(-255).add_(1)
 
 
 def newest_hits(scans: Scans, grid: Grid) -> Tensor:

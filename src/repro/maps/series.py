@@ -9,7 +9,7 @@ from torch.nn.utils.rnn import pad_sequence
 
 from repro.config import STRICT, FrameCount, Positive
 from repro.maps.grid import Grid
-from repro.maps.projection import hit_pixels
+from repro.maps.projection import hit_pixels, inverted
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 
@@ -44,7 +44,7 @@ class Stack:
         return _draw_hits(self._parts(scans), grid).unflatten(0, (-1, self.frames))
 
     def to_input(self, images: Tensor) -> Tensor:
-        return 1 - images.float() / 255  # networks learn slowly from many images of mostly ones
+        return inverted(images)  # networks learn slowly from many images of mostly ones
 
     def _parts(self, scans: Scans) -> Scans:
         """Return the K parts of B windows as B K windows; shorter parts end with steps without hit and pose."""

@@ -46,8 +46,11 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
         _draw_windows(newest, reach, poses, part, bounds, spacing)
 
     threads = torch.get_num_threads()
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(draw, np.array_split(np.arange(len(scans)), threads)))
+    if threads == 1:
+        draw(np.arange(len(scans)))  # starting a thread takes as long as drawing a window
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(draw, np.array_split(np.arange(len(scans)), threads)))
     return torch.from_numpy(newest).to(scans.ranges.device)
 
 
