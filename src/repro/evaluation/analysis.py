@@ -154,7 +154,7 @@ def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, np.ndarray]:
     if free.shape != test.truth.shape or len(ssim) != len(free):
         raise ValueError(
             f"{run} has predictions of shape {free.shape} and {len(ssim)} SSIM values for test maps of shape "
-            f"{test.truth.shape}: delete {run.metrics} and run the same command with task=evaluate"
+            f"{test.truth.shape}: {run.evaluate_again}"
         )
     return free, ssim
 

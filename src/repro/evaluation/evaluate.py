@@ -127,8 +127,7 @@ def read_ssim(run: Run) -> np.ndarray:
     Raises:
         ValueError: per_image.csv cannot be read.
     """
-    fix = f"delete {run.metrics} and run the same command with task=evaluate"
-    return read_table(run.check_file("per_image.csv"), ("ssim",), fix)["ssim"].to_numpy()
+    return read_table(run.check_file("per_image.csv"), ("ssim",), run.evaluate_again)["ssim"].to_numpy()
 
 
 def validation_quantized(run: Run, recordings: Path, *, accelerator: str) -> tuple[np.ndarray, np.ndarray]:
@@ -169,8 +168,7 @@ def read_quantized(run: Run) -> np.ndarray:
         with open_arrays(path) as file:
             return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        fix = f"delete {run.metrics} and run the same command with task=evaluate"
-        raise ValueError(f"{path} cannot be read ({error}): {fix}") from error
+        raise ValueError(f"{path} cannot be read ({error}): {run.evaluate_again}") from error
 
 
 def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:

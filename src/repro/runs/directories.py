@@ -57,6 +57,11 @@ class Run:
         fix = "delete it and run the same command with task=evaluate"
         return read_table(self.metrics, TABLE_METRICS, fix).iloc[0]
 
+    @property
+    def evaluate_again(self) -> str:
+        """What to do where a file of the evaluation is wrong, for messages."""
+        return f"delete {self.metrics} and run the same command with task=evaluate"
+
     def check_file(self, name: str) -> Path:
         """Return the path of a file that evaluation wrote, verified against its checksum.
 
@@ -66,9 +71,7 @@ class Run:
         path = self.path / name
         expected = (self.provenance().fact("files") or {}).get(name)
         if expected and path.is_file() and sha256(path) != expected:
-            raise ValueError(
-                f"{path} is not what was evaluated: delete {self.metrics} and run the same command with task=evaluate"
-            )
+            raise ValueError(f"{path} is not what was evaluated: {self.evaluate_again}")
         return path
 
     def check_files(self) -> None:
