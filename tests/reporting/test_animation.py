@@ -1,5 +1,3 @@
-import shutil
-
 import numpy as np
 import pytest
 import torch
@@ -65,9 +63,8 @@ def test_long_recordings_have_a_limited_number_of_frames(recording, predictor, m
 @pytest.mark.slow
 def test_the_animation_has_every_step(recording, predictor, tmp_path):
     frames = make_frames(recording, predictor, every=20)
-    written = write_animation(recording, frames, tmp_path / "moving", size_m=50.0, range_max_m=30.0, fps=5)
-    assert [path.suffix for path in written] == [".gif", *([".mp4"] if shutil.which("ffmpeg") else [])]
-    with Image.open(written[0]) as picture:
+    write_animation(recording, frames, tmp_path / "moving.gif", size_m=50.0, range_max_m=30.0)
+    with Image.open(tmp_path / "moving.gif") as picture:
         assert picture.n_frames >= 5
         first, second = (np.asarray(picture.convert("L")) for _ in map(picture.seek, (0, 3)))
     assert (first != second).mean() > 0.01

@@ -1,15 +1,13 @@
 """Animation of one recording: the world with the beams, the growing input image, the prediction, the ground truth."""
 
 import math
-import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
-from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
@@ -23,6 +21,7 @@ from repro.reporting.figures import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
 
+FPS = 10
 MOST_FRAMES = 200
 BATCH = 16  # windows that are in memory at the same time
 PANEL_TITLES = ("World, robot, {:.0f}° lidar", "Scans, dark is recent", "Prediction", "Ground truth")
@@ -70,21 +69,15 @@ def make_frames(recording: Recording, predictor: Predictor, every: int | None = 
     return Frames(steps, torch.cat(images).numpy(), torch.cat(predictions).numpy(), maps.numpy())
 
 
-def write_animation(
-    recording: Recording, frames: Frames, path: Path, *, size_m: float, range_max_m: float, fps: int = 10
-) -> list[Path]:
-    """Write the animation as GIF, and as MP4 if ffmpeg is installed.
+def write_animation(recording: Recording, frames: Frames, path: Path, *, size_m: float, range_max_m: float) -> None:
+    """Write the animation as GIF.
 
     Args:
         recording: the recording.
         frames: see `make_frames`.
-        path: path of the files without suffix.
+        path: the file.
         size_m: side of the map [m].
         range_max_m: drawn length of a beam without a hit [m].
-        fps: frames per second.
-
-    Returns:
-        the files written.
     """
     with plt.rc_context({**STYLE, "savefig.dpi": 90}):
         figure, axes = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
@@ -105,15 +98,9 @@ def write_animation(
             footer.set_text(f"step {frames.steps[number]} of {len(recording.scans.ranges)}")
             return [*panels, footer]
 
-        still = fps  # the last frame stays for a second
-        order = [*range(len(frames.steps)), *[len(frames.steps) - 1] * still]
-        animation = FuncAnimation(figure, show, frames=order)
-        written = []
-        for suffix, writer in _writers(fps):
-            animation.save(path.with_suffix(suffix), writer=writer)
-            written.append(path.with_suffix(suffix))
+        order = [*range(len(frames.steps)), *[len(frames.steps) - 1] * FPS]  # the last frame stays for a second
+        FuncAnimation(figure, show, frames=order).save(path, writer=PillowWriter(fps=FPS))
         plt.close(figure)
-    return written
 
 
 def _so_far(scans: Scans, step: int) -> Scans:
@@ -138,9 +125,3 @@ def _draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -
     ax.add_collection(LineCollection(beams, colors=ACCENT, linewidths=0.4, alpha=0.5))
     ax.plot(*recording.scans.poses[: step + 1, :2].T, color=ACCENT, linewidth=1)
     ax.add_patch(Circle(tuple(pose[:2]), ax.get_xlim()[1] / 50, color=ACCENT, zorder=3))
-
-
-def _writers(fps: int) -> Iterator[tuple[str, PillowWriter | FFMpegWriter]]:
-    yield ".gif", PillowWriter(fps=fps)
-    if shutil.which("ffmpeg"):
-        yield ".mp4", FFMpegWriter(fps=fps)

@@ -30,8 +30,8 @@ def run(job: Job) -> None:
     recording = simulate(world)
     frames = make_frames(recording, load_predictor(trained.model))
     model = "" if key.model == "unet" else f"-{key.model}"
-    path = job.outputs.worlds / f"exp{key.experiment}-seed{job.call.seed}{model}{suffix_of(key)}"
+    path = job.outputs.worlds / f"exp{key.experiment}-seed{job.call.seed}{model}{suffix_of(key)}.gif"
     path.parent.mkdir(parents=True, exist_ok=True)
     size_m, range_max_m = world["world"]["width"], lidar_of(world)["range_max"]
-    for written in write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m):
-        print(written)
+    write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m)
+    print(path)
