@@ -6,10 +6,12 @@ The times are CPU times, which on one thread are the latencies on an idle core, 
 import dataclasses
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from table import head, row
+from torch import Tensor
 
 from repro.config import Model
 from repro.maps.encodings import create_encoding
@@ -29,7 +31,7 @@ STEPS, SCANS = 100, 130  # the first `STEPS` - 1 scans fill the window
 
 
 def bench_streaming() -> None:
-    """Print the median CPU time of an update, and of its encoding alone, at 128 and 256 px."""
+    """Print the median CPU time of an update, and of its encoding and its network alone, at 128 and 256 px."""
     log = read_log(ROOT / "examples" / "rooms.npz", 0.05)
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
@@ -40,7 +42,7 @@ def bench_streaming() -> None:
     with one_thread():
         head(
             f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",
-            *("network", "size", "encoding", "torch", "ONNX Runtime", "largest difference"),
+            *("network", "size", "encoding", "network alone", "torch", "ONNX Runtime", "largest difference"),
         )
         for name, predictor in predictors.items():
             for size_px in (128, 256):
@@ -50,17 +52,25 @@ def bench_streaming() -> None:
 def _bench(name: str, predictor: Predictor, log: ScanLog) -> None:
     origin = log.poses[STEPS - 1, :2] - predictor.grid.size_m / 2
     window = on_map(log.ranges[:STEPS], log.angles, log.poses[:STEPS], origin).tensors()
-    times = []
-    for _ in range(30):
-        began = time.process_time()
-        predictor.encoding.encode(window, predictor.grid)
-        times.append(time.process_time() - began)
+    encoding_ms, images = _timed(lambda: predictor.encoding.encode(window, predictor.grid))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.onnx"
         predictor.save_onnx(path)
-        (torch_ms, maps), (onnx_ms, others) = (_update(each, log) for each in (predictor, load_predictor(path)))
-    cells = (f"{1e3 * np.median(times):.1f} ms", f"{torch_ms:.0f} ms", f"{onnx_ms:.1f} ms")
+        exported = load_predictor(path)
+        (torch_ms, maps), (onnx_ms, others) = (_update(each, log) for each in (predictor, exported))
+        network_ms, _ = _timed(lambda: exported.predict_images(images))
+    cells = (f"{encoding_ms:.1f} ms", f"{network_ms:.1f} ms", f"{torch_ms:.0f} ms", f"{onnx_ms:.1f} ms")
     row(name, f"{predictor.grid.size_px} px", *cells, f"{np.abs(maps - others).max():.0e}")
+
+
+def _timed(call: Callable[[], Tensor]) -> tuple[float, Tensor]:
+    """Return the median CPU time of a call [ms], and its result."""
+    times = []
+    for _ in range(30):
+        began = time.process_time()
+        result = call()
+        times.append(time.process_time() - began)
+    return 1e3 * float(np.median(times)), result
 
 
 def _update(predictor: Predictor, log: ScanLog) -> tuple[float, np.ndarray]:

@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -99,35 +100,41 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
     if arguments.config_dir:
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
+    with _refusing(arguments.config_dir), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
+        parsed = parser.parse_overrides(overrides)
+        wrong = [error for each in parsed for error in override_errors(each, arguments.multirun)]
+        if wrong:
+            raise Refused(*wrong)
+        batches = BasicSweeper.split_arguments(parsed, None) if arguments.multirun else [[overrides]]
+        jobs = [job for batch in batches for job in batch]
+        if not jobs:
+            raise Refused("the sweep has no jobs: a pattern matches nothing")
+        if len(jobs) > MANY_JOBS:
+            print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
+        return list(_composed(jobs))
+
+
+@contextmanager
+def _refusing(config_dir: str | None) -> Iterator[None]:
+    """Refuse a call whose configuration cannot be composed, with the reasons.
+
+    Args:
+        config_dir: a directory beside conf/ that has files of groups.
+
+    Raises:
+        Refused: a job cannot be composed.
+    """
     try:
-        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-            parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
-            parsed = parser.parse_overrides(overrides)
-            wrong = [error for each in parsed for error in override_errors(each, arguments.multirun)]
-            if wrong:
-                raise Refused(*wrong)
-            batches = BasicSweeper.split_arguments(parsed, None) if arguments.multirun else [[overrides]]
-            jobs = [job for batch in batches for job in batch]
-            if not jobs:
-                raise Refused("the sweep has no jobs: a pattern matches nothing")
-            if len(jobs) > MANY_JOBS:
-                print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
-            return list(_composed(jobs))
-    except UnicodeDecodeError as error:
-        folders = (CONF, Path(arguments.config_dir)) if arguments.config_dir else (CONF,)
-        raise Refused(*(f"{path}: is not UTF-8" for folder in folders for path in _not_utf8(folder))) from error
-    except (HydraException, OmegaConfBaseException, YAMLError, RecursionError) as error:
+        yield
+    except (HydraException, OmegaConfBaseException, YAMLError, RecursionError, TypeError, ValueError) as error:
         if WANTS_TRACEBACKS:
             raise
-        raise Refused(*composition_errors(error)) from error
-    except (TypeError, ValueError) as error:
-        if WANTS_TRACEBACKS:
-            raise
-        message = str(error)
-        if message.startswith(("Index '", "invalid literal for int")):  # OmegaConf's own for an entry of a list
-            name = message.split("'")[1]
-            message = f"{name}: an entry of a list is named by its number, as in world.robot.sensors.0"
-        raise Refused(" ".join(message.split())) from error
+        reasons = composition_errors(error)
+        if isinstance(error, UnicodeDecodeError):  # which does not name its file
+            folders = [CONF, *([Path(config_dir)] if config_dir else [])]
+            reasons = [f"{path}: is not UTF-8" for folder in folders for path in _not_utf8(folder)] or reasons
+        raise Refused(*reasons) from error
 
 
 def _composed(jobs: list[list[str]]) -> Iterator[dict[str, Any]]:
@@ -168,10 +175,19 @@ def _not_utf8(folder: Path) -> Iterator[Path]:
             yield path
 
 
+def _value_error(message: str) -> str:
+    if message.startswith(("Index '", "invalid literal for int")):  # OmegaConf's own for an entry of a list
+        name = message.split("'")[1]
+        message = f"{name}: an entry of a list is named by its number, as in world.robot.sensors.0"
+    return " ".join(message.split())
+
+
 def composition_errors(error: Exception) -> list[str]:
     """Explain why a call cannot be parsed or composed, each reason in one line where it is known."""
-    if isinstance(error, YAMLError | RecursionError):
+    if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError):
         return [f"a configuration file cannot be read: {' '.join(str(error).split())}"]
+    if not isinstance(error, HydraException | OmegaConfBaseException):
+        return [_value_error(str(error))]
     lines = [line.strip() for line in str(error).split("\nConfig search path")[0].splitlines()]
     first, *rest = lines or ["a configuration file has a key that is no text"]  # OmegaConf states nothing
     if isinstance(error, OverrideParseException):

@@ -1,21 +1,18 @@
 """A recurrent network for series of images: a convolutional GRU over the parts of the window, and a decoder.
 
-The GRU is convolutional (Ballas et al., "Delving Deeper into Convolutional Networks for Learning Video
-Representations", ICLR 2016) and has no reset gate (Ravanelli et al., "Light Gated Recurrent Units for Speech
-Recognition", 2018). Its input, hits and pixels observed to be free, is that of DeepTracking (Ondruska and Posner, AAAI
-2016).
+Its input, hits and pixels observed to be free, is that of DeepTracking (Ondruska and Posner, AAAI 2016).
 """
 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.networks.blocks import Residual, conv_block, each_part, light_gru, resized
+from repro.networks.blocks import SeriesGRU, check_series, conv_block, resized
 
 DETAIL = 16  # channels at full resolution
 
 
-class ConvGRU(nn.Module, PyTorchModelHubMixin):
+class ConvGRU(SeriesGRU, PyTorchModelHubMixin):
     """A convolutional GRU at a fraction of the resolution, a decoder, and skip connections from the series as a whole.
 
     Args:
@@ -29,37 +26,24 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
     """
 
     def __init__(self, in_channels: int, frames: int, hidden: int = 48, stride: int = 4) -> None:
-        super().__init__()
-        if frames < 2 or in_channels % frames:
-            raise ValueError(f"needs a series of at least 2 parts, got {in_channels} images in {frames} parts")
+        check_series(in_channels, frames)
         if hidden < 16 or hidden % 16 or stride not in (2, 4):
             raise ValueError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
-        self.frames = frames
-        self.encoder = nn.Sequential(
+        encoder = nn.Sequential(
             *conv_block(in_channels // frames, hidden // 2, stride=2),
             *conv_block(hidden // 2, hidden, stride=stride // 2),
         )
-        self.from_part = nn.Conv2d(hidden, 2 * hidden, 1)
-        self.gate = nn.Conv2d(hidden, hidden, 3, padding=1, bias=False)
-        self.candidate = nn.Conv2d(hidden, hidden, 3, padding=2, dilation=2, bias=False)
-        self.context = nn.Sequential(Residual(hidden, 2), Residual(hidden, 4), Residual(hidden, 1))
+        super().__init__(encoder, frames, hidden)
         self.detail = nn.Conv2d(in_channels, DETAIL, 3, padding=1)
         self.half_detail = nn.Conv2d(DETAIL, hidden // 2, 3, stride=2, padding=1)
         self.decode_half = nn.Sequential(*conv_block(hidden + hidden // 2, hidden // 2))
         self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
         self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
-        assert self.from_part.bias is not None
-        nn.init.constant_(self.from_part.bias[:hidden], -1)  # the state changes slowly at first
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
-        state = self.context(self._state(images))
+        state = self.summary(images)
         detail = self.detail(images).relu()
         half_detail = self.half_detail(detail).relu()
         half = self.decode_half(torch.cat([resized(state, half_detail), half_detail], dim=1))
         return self.to_map(self.decode_full(torch.cat([resized(half, detail), detail], dim=1)))
-
-    def _state(self, images: Tensor) -> Tensor:
-        """Run the GRU over the parts of the window, oldest first; return its last state, (B, hidden, h, w)."""
-        encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
-        return light_gru(encoded, self.gate, self.candidate)
