@@ -36,7 +36,7 @@ def bench_streaming() -> None:
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
     predictors = {"U-Net, projection": unet}
-    for name in ("convgru", "convgru_half"):
+    for name in ("convgru", "light_convgru"):
         network = create_network(Model(name), series.channels, series.frames).eval()  # not trained
         predictors[predictor_title(name, series.name)] = Predictor(network, series, unet.grid)
     with one_thread():

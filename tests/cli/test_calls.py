@@ -49,7 +49,7 @@ CALLS = {  # arguments, and what the message must contain
     ],
     "model=convgru encoding=series10 +model.parameters.hiden=32": ["hiden=32: is not a parameter of convgru"],
     "+model.parameters.hidden=32": [
-        "parameters are for the architectures convgru, convgru_half, convlstm, deeptracking: set model.architecture"
+        "parameters are for the architectures convgru, convlstm, deeptracking, light_convgru: set model.architecture"
     ],
 }
 
@@ -100,7 +100,7 @@ def test_every_job_of_a_sweep_is_composed():
 def test_a_sweep_is_refused_if_one_of_its_jobs_is_invalid():
     errors = refuse("-m", "model=glob(*)", "encoding=projection,stack4")
     assert len(errors) == 4, errors
-    for error, name in zip(sorted(errors), ("convgru", "convgru_half", "convlstm", "deeptracking"), strict=True):
+    for error, name in zip(sorted(errors), ("convgru", "convlstm", "deeptracking", "light_convgru"), strict=True):
         assert name in error
         assert "encoding=stack10" in error
 

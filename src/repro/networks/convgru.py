@@ -6,14 +6,31 @@ Its input, hits and pixels observed to be free, is that of DeepTracking (Ondrusk
 import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
+from torch.nn import functional as F
 
-from repro.networks.blocks import SeriesGRU, check_series, conv_block, resized
+from repro.networks.blocks import check_series, conv_block, each_part
 
 DETAIL = 16  # channels at full resolution
 
 
-class ConvGRU(SeriesGRU, PyTorchModelHubMixin):
+class _Residual(nn.Module):
+    """Two convolutions, the first dilated, added to their input."""
+
+    def __init__(self, channels: int, dilation: int) -> None:
+        super().__init__()
+        self.block = nn.Sequential(*conv_block(channels, channels, dilation=dilation), nn.Conv2d(channels, channels, 1))
+
+    def forward(self, images: Tensor) -> Tensor:
+        """Return images of the same shape, (B, C, H, W)."""
+        return images + self.block(images)
+
+
+class ConvGRU(nn.Module, PyTorchModelHubMixin):
     """A convolutional GRU at a fraction of the resolution, a decoder, and skip connections from the series as a whole.
+
+    The GRU is convolutional (Ballas et al., "Delving Deeper into Convolutional Networks for Learning Video
+    Representations", ICLR 2016) and has no reset gate (Ravanelli et al., "Light Gated Recurrent Units for Speech
+    Recognition", 2018).
 
     Args:
         in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
@@ -29,11 +46,18 @@ class ConvGRU(SeriesGRU, PyTorchModelHubMixin):
         check_series(in_channels, frames)
         if hidden < 16 or hidden % 16 or stride not in (2, 4):
             raise ValueError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
-        encoder = nn.Sequential(
+        super().__init__()
+        self.frames = frames
+        self.encoder = nn.Sequential(
             *conv_block(in_channels // frames, hidden // 2, stride=2),
             *conv_block(hidden // 2, hidden, stride=stride // 2),
         )
-        super().__init__(encoder, frames, hidden)
+        self.from_part = nn.Conv2d(hidden, 2 * hidden, 1)
+        self.gate = nn.Conv2d(hidden, hidden, 3, padding=1, bias=False)
+        self.candidate = nn.Conv2d(hidden, hidden, 3, padding=2, dilation=2, bias=False)
+        self.context = nn.Sequential(_Residual(hidden, 2), _Residual(hidden, 4), _Residual(hidden, 1))
+        assert self.from_part.bias is not None
+        nn.init.constant_(self.from_part.bias[:hidden], -1)  # the state changes slowly at first
         self.detail = nn.Conv2d(in_channels, DETAIL, 3, padding=1)
         self.half_detail = nn.Conv2d(DETAIL, hidden // 2, 3, stride=2, padding=1)
         self.decode_half = nn.Sequential(*conv_block(hidden + hidden // 2, hidden // 2))
@@ -42,8 +66,23 @@ class ConvGRU(SeriesGRU, PyTorchModelHubMixin):
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
-        state = self.summary(images)
+        state = self.context(self._last_state(images))
         detail = self.detail(images).relu()
         half_detail = self.half_detail(detail).relu()
-        half = self.decode_half(torch.cat([resized(state, half_detail), half_detail], dim=1))
-        return self.to_map(self.decode_full(torch.cat([resized(half, detail), detail], dim=1)))
+        half = self.decode_half(torch.cat([_resized(state, half_detail), half_detail], dim=1))
+        return self.to_map(self.decode_full(torch.cat([_resized(half, detail), detail], dim=1)))
+
+    def _last_state(self, images: Tensor) -> Tensor:
+        """Return the state after the newest part, (B, hidden, H / stride, W / stride)."""
+        encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
+        updates, candidates = encoded.chunk(2, dim=2)
+        state = updates[:, 0].sigmoid() * candidates[:, 0].tanh()  # the state before the first part is zero
+        for part in range(1, self.frames):
+            new = (candidates[:, part] + self.candidate(state)).tanh()
+            state = state + (updates[:, part] + self.gate(state)).sigmoid() * (new - state)
+        return state
+
+
+def _resized(images: Tensor, like: Tensor) -> Tensor:
+    """Interpolate images to the size of others."""
+    return F.interpolate(images, size=like.shape[-2:], mode="bilinear")

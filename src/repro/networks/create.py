@@ -15,16 +15,16 @@ from torch import Tensor
 
 from repro.config import RECURRENT, ConfigError, Model
 from repro.networks.convgru import ConvGRU
-from repro.networks.convgru_half import ConvGRUHalf
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.deeptracking import DeepTracking
+from repro.networks.light_convgru import LightConvGRU
 
 Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`
 OWN_ARCHITECTURES: dict[str, Any] = {
     "convgru": ConvGRU,
-    "convgru_half": ConvGRUHalf,
     "convlstm": ConvLSTM,
     "deeptracking": DeepTracking,
+    "light_convgru": LightConvGRU,
 }
 SERIES = ("in_channels", "frames")  # parameters that follow from the encoding
 
