@@ -32,6 +32,12 @@ CALLS = {  # arguments, and what the message must contain
     "-m task=report seed=0,1": ["task=report: is done once"],
     "task=report seed=0,1": ["seed=0,1: takes one value; for a sweep, add -m"],
     "task=predict": ["scans: is needed with task=predict"],
+    "task=predict scans=a model=fpn exp=3 train.batch_size=2": [
+        "model=fpn: has no effect with task=predict, prediction.weights chooses the network",
+        "exp=3: has no effect with task=predict, prediction.weights chooses the network",
+        "train.batch_size=2: has no effect with task=predict, prediction.weights chooses the network",
+    ],
+    "task=demo seed=1": ["seed=1: has no effect with task=demo, demo.networks chooses the network"],
     "task=report scans=a": ["scans=a: is for task=predict only"],
     "task=floor": ["floor_map: is needed with task=floor"],
     "task=report floor_map=a": ["floor_map=a: is for task=floor only"],

@@ -22,7 +22,7 @@ from repro.cli.config import STUDY_TASKS, Config, schema, to_typed
 from repro.cli.errors import WANTS_TRACEBACKS
 from repro.cli.jobs import ROOT
 from repro.cli.logs import name_of
-from repro.cli.overrides import GROUPS, override_errors
+from repro.cli.overrides import GROUPS, override_errors, unused_errors
 from repro.cli.suggestions import one_of, unknown_key
 from repro.cli.validation import all_errors
 from repro.config import NO_DECAY, most_channels, plain
@@ -76,6 +76,9 @@ def compose_jobs(arguments: argparse.Namespace) -> list[Config]:
         raise Refused(f"task={','.join(tasks)}: a sweep has one task; its jobs may run at the same time")
     if len({config.outputs for config in configs}) < len(configs) and configs[0].task in STUDY_TASKS:
         raise Refused(f"task={configs[0].task}: is done once for all runs; leave out the sweep")
+    unused = unused_errors(arguments.overrides, configs[0].task)
+    if unused:
+        raise Refused(*unused)
     targets = [(config.outputs, name_of(Path(config.scans))) for config in configs if config.scans]
     if len(set(targets)) < len(targets):
         name = next(name for outputs, name in targets if targets.count((outputs, name)) > 1)

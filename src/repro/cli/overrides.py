@@ -10,6 +10,19 @@ TEXTS = (  # keys whose values are names and paths
     *("prediction.weights", "prediction.scan_topic", "prediction.odometry_topic"),
 )
 
+OF_A_RUN = ("model", "encoding", "decay", "oldest_gray", "seed", "train")  # keys that choose a network of the study
+UNUSED = {  # by task: keys without effect, and the key that chooses its networks
+    "predict": (("world", "exp", *OF_A_RUN), "prediction.weights"),
+    "demo": (OF_A_RUN, "demo.networks"),
+}
+
+
+def unused_errors(overrides: list[str], task: str) -> list[str]:
+    """Return which overrides choose a network where another key does."""
+    keys, chooses = UNUSED.get(task, ((), ""))
+    found = [each for each in overrides if each.lstrip("+~").partition("=")[0].split(".")[0] in keys]
+    return [f"{each}: has no effect with task={task}, {chooses} chooses the network" for each in found]
+
 
 def override_errors(override: Override, multirun: bool) -> list[str]:
     """Return what is wrong with an override."""
