@@ -12,9 +12,9 @@ from repro.maps.encodings import ObservedFree, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
-from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.deeptracking import DeepTracking
+from repro.networks.light_convgru import LightConvGRU
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
 from repro.scans import Scans
@@ -80,7 +80,9 @@ def test_one_window_is_predicted_without_further_threads_of_torch_and_several_wi
         torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (ConvLSTM, "stack4"), (DeepTracking, "series4")])
+@pytest.mark.parametrize(
+    ("network", "name"), [(LightConvGRU, "series4"), (ConvLSTM, "stack4"), (DeepTracking, "series4")]
+)
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
     encoding = create_encoding(name, {"frames": 4})
