@@ -2,11 +2,14 @@
 
 import base64
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pandas as pd
+from PIL import Image
 
+from repro.baselines.names import rank
 from repro.config import NETWORKS, PROJECTION
+from repro.metrics.names import HEADINGS
 from repro.reporting.names import TITLES, tested_titles
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
@@ -26,9 +29,9 @@ CAPTIONS = {
     "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
     "pairs": "Obstacle IoU of the networks that have a learning curve against the number of training pairs, averaged "
     "over seeds, at the lowest resolution that all of them have; dashed: the upper bound and the inference from scans.",
-    "encodings": "Obstacle IoU of U-Net with other inputs and the same training budget, with intervals of 95 %. All "
-    "encodings except projection and exponential have inverted intensities; their reference is the encoding negative, "
-    "the inverted projection.",
+    "encodings": "Obstacle IoU of U-Net with other inputs and of recurrent networks, with the same training budget and "
+    "intervals of 95 %. All encodings except projection and exponential have inverted intensities; their reference is "
+    "the encoding negative, the inverted projection.",
 }
 SECTIONS: list[dict[str, Any]] = [
     {
@@ -90,30 +93,33 @@ SECTIONS: list[dict[str, Any]] = [
         "text": "The last step of each run; its provenance.json lists all steps.",
     },
 ]
-CALIBRATION = {
-    "brier": "Brier",
-    "reliability": "reliability",
-    "resolution": "resolution",
-    "log_loss": "log-loss",
-    "calibration_error": "calibration error",
-    "temperature": "temperature",
+Numbers: TypeAlias = dict[str, tuple[str, int]]  # head and decimals by column
+CALIBRATION: Numbers = {
+    "brier": ("Brier", 4),
+    "reliability": ("reliability", 4),
+    "resolution": ("resolution", 4),
+    "log_loss": ("log-loss", 4),
+    "calibration_error": ("calibration error", 4),
+    "temperature": ("temperature", 3),
 }
-COST = {
-    "channels": "channels",
-    "parameters": "parameters",
-    "training_seconds": "training [s]",
-    "peak_memory_gb": "memory [GB]",
+COST: Numbers = {
+    "channels": ("channels", 0),
+    "parameters": ("parameters", 0),
+    "training_seconds": ("training [s]", 0),
+    "peak_memory_gb": ("memory [GB]", 1),
 }
-EXTRAPOLATED = {
-    "pairs": "pairs",
-    "size_px": "px",
-    "value": "extrapolated",
-    "low": "low",
-    "high": "high",
-    "measured": "measured",
-    "paper": "paper",
+EXTRAPOLATED: Numbers = {
+    "pairs": ("pairs", 0),
+    "size_px": ("px", 0),
+    "value": ("extrapolated", 4),
+    "low": ("low", 4),
+    "high": ("high", 4),
+    "measured": ("measured", 4),
+    "paper": ("paper", 4),
 }
-DIFFERENCE = {"value": "difference in obstacle IoU to the projection", "low": "low", "high": "high"}
+DIFFERENCE: Numbers = {"value": ("difference", 4), "low": ("low", 4), "high": ("high", 4)}
+TEXTS = {**TITLES, **HEADINGS}  # of names in tables
+PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 
 
 def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins: dict[str, Provenance]) -> list[dict]:
@@ -125,49 +131,68 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
         origins: provenance of each run by its path.
 
     Returns:
-        for each section: id, nav (its name in the navigation), title, text, images (alt, caption, data) and tables
+        for each section: id, nav (its name in the navigation), title, text, images (caption, width, data) and tables
         (caption, heads, rows, and text_columns, the number of leading columns with text).
     """
-
-    def images(*names: str) -> list[dict[str, str]]:
-        shown = [(CAPTIONS[name], figures[name].read_bytes()) for name in names if name in figures]
-        return [{"alt": text, "caption": text, "data": base64.b64encode(png).decode()} for text, png in shown]
-
     calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
+    differences = _to_the_papers(frames["differences"])
     tables = {
-        "calibration": [_table(calibration, [*CELL, "method"], CALIBRATION)],
+        "calibration": [_table("Calibration of the paper's networks", calibration, [*CELL, "method"], CALIBRATION)],
         "baselines": [
-            _table(_to_the_papers(frames["differences"]), ["experiment", "model", "input"], DIFFERENCE),
-            _table(frames["cost"], CELL, COST),
+            _table(
+                "Obstacle IoU with other inputs and without the decay, minus that with the paper's input",
+                differences.rename(columns={"encoding": "input"}),
+                ["experiment", "model", "input"],
+                DIFFERENCE,
+            ),
+            _table("Size of the networks, and time and memory of a training", _sorted(frames["cost"]), CELL, COST),
         ],
         "generalization": _across(frames.get("generalization")),
         "curves": [_extrapolated(frames.get("extrapolated"))],
         "provenance": [_origins(origins)],
     }
     filled = [
-        {**section, "images": images(*section.get("images", ())), "tables": tables.get(section["id"], [])}
+        {
+            **section,
+            "images": [_image(CAPTIONS[name], figures[name]) for name in section.get("images", ()) if name in figures],
+            "tables": tables.get(section["id"], []),
+        }
         for section in SECTIONS
     ]
     return [section for section in filled if section["images"] or any(table["rows"] for table in section["tables"])]
 
 
-def _table(frame: pd.DataFrame, names: list[str], numbers: dict[str, str]) -> dict[str, Any]:
-    """Return a table of some columns of a frame; all numbers of a column have the same number of decimals."""
-    kept = {column: head for column, head in numbers.items() if column in frame}
-    rows = [[TITLES.get(str(value), str(value)) for value in cells] for cells in frame[names].itertuples(index=False)]
-    for column in kept:
-        digits = 0 if (frame[column].abs().max() >= 100 or (frame[column].dropna() % 1 == 0).all()) else 4
+def _image(caption: str, path: Path) -> dict[str, Any]:
+    png = path.read_bytes()
+    with Image.open(path) as image:
+        inches = image.width / image.info["dpi"][0]
+    return {"caption": caption, "width": round(PX_PER_INCH * inches), "data": base64.b64encode(png).decode()}
+
+
+def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
+    """Sort rows of cells as in the tables, by experiment, model and encoding."""
+    order = frame.assign(rank=frame["model"].map(rank)).sort_values(["experiment", "rank", "model", "encoding"])
+    return order.drop(columns="rank")
+
+
+def _table(caption: str, frame: pd.DataFrame, names: list[str], numbers: Numbers) -> dict[str, Any]:
+    """Return a table of some columns of a frame: columns of text, then columns of numbers."""
+    kept = {column: numbers[column] for column in numbers if column in frame}
+    rows = [[TEXTS.get(str(value), str(value)) for value in cells] for cells in frame[names].itertuples(index=False)]
+    for column, (_, digits) in kept.items():
         for row, value in zip(rows, frame[column], strict=True):
             row.append("" if pd.isna(value) else f"{value:z,.{digits}f}")
-    heads = [*(name.capitalize() for name in names), *kept.values()]
-    return {"caption": "", "heads": heads, "rows": rows, "text_columns": len(names)}
+    heads = [*(name.capitalize() for name in names), *(head for head, _ in kept.values())]
+    return {"caption": caption, "heads": heads, "rows": rows, "text_columns": len(names)}
 
 
 def _extrapolated(frame: pd.DataFrame | None) -> dict[str, Any]:
+    caption = "U-Net at the paper's scale, and at a held-out point"
     if frame is None:
-        return {"caption": "", "heads": [], "rows": [], "text_columns": 1}
-    return _table(frame[frame["metric"] != "dice"], ["experiment", "encoding", "target", "metric"], EXTRAPOLATED)
+        return {"caption": caption, "heads": [], "rows": [], "text_columns": 1}
+    rows = frame[frame["metric"] != "dice"]
+    return _table(caption, rows, ["experiment", "encoding", "target", "metric"], EXTRAPOLATED)
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
@@ -178,8 +203,8 @@ def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
     negated = {"value": -from_paper["value"], "low": -from_paper["high"], "high": -from_paper["low"]}
     return (
         pd.concat([to_paper, from_paper.assign(one=from_paper["other"], **negated)])
-        .rename(columns={"one": "input"})
-        .sort_values(["experiment", "model", "value"])
+        .assign(encoding=lambda rows: rows["one"])
+        .pipe(_sorted)
     )
 
 
@@ -199,7 +224,7 @@ def _across_of(title: str, frame: pd.DataFrame) -> dict[str, Any]:
         for name in names
     ]
     heads = ["Trained on", *(f"tested on {name}" for name in names)]
-    return {"caption": f"{title}: obstacle IoU / accuracy.", "heads": heads, "rows": table, "text_columns": 1}
+    return {"caption": f"{title}: obstacle IoU / accuracy", "heads": heads, "rows": table, "text_columns": 1}
 
 
 def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
@@ -209,4 +234,9 @@ def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
             step = origin.steps[-1]
             machine = step["hardware"]["gpu"] or f"{step['hardware']['cpu_cores']} cores, {step['hardware']['machine']}"
             rows.append([path, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
-    return {"caption": "", "heads": ["Run", "Commit", "Date", "Hardware", "torch"], "rows": rows, "text_columns": 5}
+    return {
+        "caption": "Last step of each run",
+        "heads": ["Run", "Commit", "Date", "Hardware", "torch"],
+        "rows": rows,
+        "text_columns": 5,
+    }
