@@ -37,6 +37,8 @@ CALLS = {  # arguments, and what the message must contain
         "exp=3: has no effect with task=predict, prediction.weights chooses the network",
         "train.batch_size=2: has no effect with task=predict, prediction.weights chooses the network",
     ],
+    "runtime.parts=2": ["runtime.parts=2: is for task=record only"],
+    "encoding.parameters.decay=false": ["encoding.parameters.decay=False: set decay instead"],
     "task=demo seed=1": ["seed=1: has no effect with task=demo, demo.networks chooses the network"],
     "task=report scans=a": ["scans=a: is for task=predict only"],
     "task=floor": ["floor_map: is needed with task=floor"],

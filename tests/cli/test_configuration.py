@@ -8,7 +8,8 @@ from hydra import compose, initialize_config_dir
 
 from repro.cli import composition
 from repro.cli.config import Config, to_typed
-from repro.cli.jobs import resolve
+from repro.cli.jobs import RESULTS, resolve
+from repro.cli.tasks import run_task
 from repro.cli.validation import all_errors
 from repro.config import NETWORKS, OLDEST_GRAY, PAPER_ENCODER, paper_model, plain
 from repro.world_config import world_spec
@@ -131,3 +132,22 @@ def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
     path = tmp_path / "worlds" / "exp3-seed17-cw.yaml"
     done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
     assert "at [25.0, 25.0]" in done.stdout
+
+
+def test_published_results_are_those_of_the_name_of_the_outputs(monkeypatch):
+    def job(outputs):
+        return resolve(typed(composed("scale=laptop", f"outputs={outputs}")))
+
+    monkeypatch.chdir(ROOT / "src")
+    assert job(".").published == job("outputs/src").published == RESULTS / "src"
+    assert job("a/robot_logs").reference == job("b").reference == RESULTS / "laptop"  # no results of runs
+    assert job("a/workstation").reference == RESULTS / "workstation"
+
+
+@pytest.mark.parametrize("task", ["evaluate", "inference"])
+def test_what_cannot_be_evaluated_leaves_no_run(task, tmp_path):
+    """A run that is there fixes the settings of later calls."""
+    job = resolve(typed(composed("scale=smoke", f"outputs={tmp_path}")))
+    with pytest.raises(ValueError, match=r"task=(train|record) first"):
+        run_task(job, task)
+    assert not list(job.outputs.runs())

@@ -324,6 +324,15 @@ def test_scans_without_beams_are_skipped_and_counted(tmp_path):
     assert log.skipped == {"without beams": 1}
 
 
+def test_scans_without_beams_do_not_decide_the_beams():
+    empty = [LogScan(0.1 * step, np.zeros(0), 0.0, 0.1, 0.1, 30.0, (0.0, 0.0, 0.0)) for step in range(30)]
+    scans = [LogScan(3 + 0.1 * step, np.full(5, 3.0), 0.0, 0.1, 0.1, 30.0, (0.0, 0.0, 0.0)) for step in range(9)]
+    log = collect([*empty, *scans, replace(scans[-1], stamp=9.0, ranges=np.full(4, 3.0))], Path("log"), 0.05)
+    assert log.skipped == {"without beams": 30, "with another number of beams than 5": 1}
+    with pytest.raises(ValueError, match="expected beam angles in radians"):
+        collect([*empty, *(replace(scan, first_angle=-90.0, spacing=45.0) for scan in scans)], Path("log"), 0.05)
+
+
 def test_a_reading_at_the_minimum_is_valid():
     """In the words of LaserScan, values below range_min or above range_max are to be discarded."""
     scan = LogScan(0.0, np.float32([0.05, 0.1, 0.2, 30.0]), 0.0, 0.1, np.float32(0.1), 30.0, (0, 0, 0))

@@ -56,8 +56,8 @@ def test_long_recordings_have_a_limited_number_of_frames(recording, predictor, m
     monkeypatch.setattr(animation, "MOST_FRAMES", 7)
     monkeypatch.setattr(animation, "BATCH", 2)
     frames = make_frames(recording, predictor)
-    assert frames.steps.tolist() == [15, 30, 45, 60, 75, 90]
-    assert len(frames.images) == len(frames.predictions) == len(frames.maps) == 6
+    assert frames.steps.tolist() == [10, 25, 40, 55, 70, 85, 100]
+    assert len(frames.images) == len(frames.predictions) == len(frames.maps) == 7
 
 
 @pytest.mark.slow

@@ -93,7 +93,7 @@ def test_a_run_is_loaded_by_its_directory(run):
 
 def test_text_that_breaks_the_metadata_is_quoted():
     title, dataset = "a: [b\n---\n# c", "{d: 'e"
-    card = ModelCard(with_front_matter("# A\n", title, dataset, {"ssim": 0.5}), ignore_metadata_errors=False)
+    card = ModelCard(with_front_matter("# A\n", title, dataset, {"ssim": 0.5}, "repro"), ignore_metadata_errors=False)
     assert (card.data.model_name, card.data.eval_results[0].dataset_name) == (title, dataset)
 
 

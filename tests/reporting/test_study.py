@@ -1,14 +1,19 @@
+from dataclasses import asdict
+
 import pytest
 from conftest import ROOT, fake_run
 
 import repro.world_config
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts
+from repro.recordings.format import shards_of
+from repro.recordings.reader import Manifest, ShardEntry
 from repro.reporting.names import duration
 from repro.reporting.status import describe_outputs
 from repro.reporting.study import Study
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
+from repro.system.files import write_json, write_text
 
 PAIRS = PairCounts(200, 4, 4)
 EXPERIMENTS = repro.world_config.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
@@ -54,14 +59,20 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     directory = outputs.recordings("3")
     directory.mkdir(parents=True)
     (directory / "train-0000.npz").touch()
-    (outputs.recordings("4") / "manifest.json").parent.mkdir(parents=True)
-    (outputs.recordings("4") / "manifest.json").touch()
-    experiments = {name: EXPERIMENTS[name] for name in "34"} | {"5": EXPERIMENTS["1"]}
+    for name in "467":
+        outputs.recordings(name).mkdir(parents=True)
+    for name, pairs in {"4": asdict(PAIRS), "6": asdict(PAIRS) | {"train": 2}}.items():
+        shards = {each.name: ShardEntry(**asdict(each), sha256="") for each in shards_of(pairs)}
+        write_json(outputs.recordings(name) / "manifest.json", asdict(Manifest(1, {}, "", pairs, {}, shards)))
+    write_text(outputs.recordings("7") / "manifest.json", "{")
+    experiments = {name: EXPERIMENTS[name] for name in "34"} | dict.fromkeys("567", EXPERIMENTS["1"])
     text = describe_outputs(Study(outputs, experiments, 0), PAIRS)
     for row in (
         "| 3 | 100 of 208 |",
         "| 4 | complete |",
         "| 5 | missing |",
+        "| 6 | missing |",
+        "| 7 | cannot be read |",
         "| 3 | projection | U-Net | evaluated |  |",
         "| 3 | projection | FPN | missing | paused, 2 epochs |",
         "| 3 | projection | Segformer | evaluated, metrics missing |  |",
@@ -70,7 +81,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
         "| 4 | projection | FPN | cannot be read |  |",
     ):
         assert row in text, text
-    assert "Of the study's 20 trainings with seed 0: 16 missing" in text
+    assert "Of the study's 28 trainings with seed 0: 24 missing" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
     assert " of training remain, estimated from finished trainings" in text
 

@@ -1,3 +1,5 @@
+import shutil
+
 import pandas as pd
 from conftest import fake_run, fake_study
 
@@ -15,6 +17,15 @@ def test_three_forms_of_both_tables(tmp_path):
     assert "| 3 | U-Net | 0.500 (0.663) |" in tables["main"].to_markdown()
     assert "| 3 | All free | 0.900 |" in tables["main"].to_markdown()
     assert "Scale laptop" in tables["ablation"].caption
+
+
+def test_a_table_of_deleted_runs_is_deleted(tmp_path):
+    run = fake_run(tmp_path, "4", "unet", 0.4, decay=False)
+    write_tables(Outputs(tmp_path))
+    shutil.rmtree(run.path)
+    fake_run(tmp_path, "4", "unet", 0.4)
+    write_tables(Outputs(tmp_path))
+    assert {path.stem for path in (tmp_path / "tables").iterdir()} == {"main"}
 
 
 def test_latex_has_thirteen_columns_in_every_row_and_the_paper_below_ours(tmp_path):

@@ -139,6 +139,13 @@ def test_a_run_of_which_a_file_is_damaged_is_not_done(copy, name, problem, how, 
     assert f"{run_of(copy) / name} {problem}" in call(copy, task, "exp=3", "model=fpn")
 
 
+@pytest.mark.parametrize("name", ["model/model.safetensors", "predictions.npz"])
+@pytest.mark.parametrize("task", ["all", "evaluate"])
+def test_a_run_of_which_a_file_is_missing_is_not_done(copy, name, task):
+    (run_of(copy) / name).unlink()
+    assert f"{run_of(copy) / name} is missing: delete" in call(copy, task, "exp=3", "model=fpn")
+
+
 @pytest.mark.parametrize("how", ["cut", "empty", "a word", "missing"])
 def test_damaged_predictions_leave_out_one_figure(copy, how, capsys):
     damage(run_of(copy, model="unet") / "predictions.npz", how)

@@ -14,11 +14,13 @@ from repro.simulation.worlds import sample_world
 
 def draw_figures(outputs: Outputs) -> list[str]:
     """Write the figures, print their paths, and return why runs were left out."""
-    errors = []
-    specs = {experiment: read_manifest(path).spec for experiment, path in outputs.recorded().items()}
-    worlds = {experiment: sample_world(spec, SPLITS["test"]) for experiment, spec in specs.items()}
-    examples = []
-    for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), specs):
+    errors, worlds, examples = [], {}, []
+    for experiment, path in outputs.recorded().items():
+        try:
+            worlds[experiment] = sample_world(read_manifest(path).spec, SPLITS["test"])
+        except ValueError as error:
+            errors.append(str(error))
+    for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds):
         key = RunKey(experiment, "unet", encoding, 0)
         try:
             if outputs.run(key).is_evaluated:

@@ -53,12 +53,12 @@ class Job:
     @property
     def published(self) -> Path:
         """Directory of the published results of the outputs directory."""
-        return RESULTS / self.outputs.path.name
+        return RESULTS / self.outputs.path.resolve().name
 
     @property
     def reference(self) -> Path:
         """Directory of the published results to compare with: of the outputs directory, else of the scale."""
-        return self.published if self.published.is_dir() else RESULTS / self.call.scale.name
+        return self.published if (self.published / "runs.csv").is_file() else RESULTS / self.call.scale.name
 
 
 def resolve(config: Config) -> Job:

@@ -75,12 +75,16 @@ def config_errors(values: dict[str, Any]) -> list[ConfigError]:
         errors.append(ConfigError("train.batch_size", config.train.batch_size, expected))
     if not config.decay and "decay" not in config.encoding.parameters:
         errors.append(ConfigError("decay", "false", f"the encoding {config.encoding.name} has no decay"))
+    if config.encoding.parameters.get("decay") is (not config.decay):
+        errors.append(ConfigError("encoding.parameters.decay", config.encoding.decay, "set decay instead"))
     if config.oldest_gray != OLDEST_GRAY and "oldest_gray" not in config.encoding.parameters:
         expected = f"the encoding {config.encoding.name} has no oldest gray"
         errors.append(ConfigError("oldest_gray", config.oldest_gray, expected))
     if config.runtime.part >= config.runtime.parts:
         expected = f"must be below runtime.parts={config.runtime.parts}"
         errors.append(ConfigError("runtime.part", config.runtime.part, expected))
+    if config.runtime.parts > 1 and config.task != "record":
+        errors.append(ConfigError("runtime.parts", config.runtime.parts, "is for task=record only"))
     for key, task in (("scans", "predict"), ("floor_map", "floor")):
         value = getattr(config, key)
         if (config.task == task) != (value is not None):

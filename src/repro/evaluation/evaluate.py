@@ -68,12 +68,13 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
 
 def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
     """Evaluate a baseline on the worlds and the grid of a run, unless it is evaluated already."""
-    config = config.of_baseline(name)
+    config, recordings = config.of_baseline(name), outputs.recordings(config.experiment)
     run = outputs.run(config.key)
-    run.prepare(config)
     if not run.is_evaluated:
+        check_worlds(recordings, config.data.worlds)
         print(f"evaluating {run}", flush=True)
-    evaluate(run, outputs.recordings(config.experiment))
+    run.prepare(config)
+    evaluate(run, recordings)
 
 
 def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
@@ -97,6 +98,16 @@ def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         row, _ = measure(probability, val.maps)
         _write_row(row, run.path / "validation.csv")
         return row
+
+
+def check_trained(run: Run) -> None:
+    """Check that a run is trained.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not run.is_trained:
+        raise ValueError(f"{run} is not fully trained: train it with task=train first")
 
 
 def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
@@ -173,8 +184,7 @@ def read_quantized(run: Run) -> np.ndarray:
 
 def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:
     """Load the pairs of a split and predict them with the best weights of a trained run."""
-    if not run.is_trained:
-        raise ValueError(f"{run} is not fully trained: train it with task=train first")
+    check_trained(run)
     config = run.config()
     check_worlds(recordings, config.data.worlds)
     run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))

@@ -13,6 +13,7 @@ import torch
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.readings import (
     NOT_LATER,
+    WITHOUT_BEAMS,
     WITHOUT_POSE,
     LogScan,
     check_beams,
@@ -137,7 +138,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
 
 
 def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
-    scans = _with_pose(scans, skipped)  # a lidar without a pose may be upside down: its angles are not known
+    scans = _placed(scans, skipped)  # a lidar without a pose may be upside down: its angles are not known
     head = list(islice(scans, HEAD))
     first = _with_most_frequent_beams(head)
     if first:
@@ -156,9 +157,12 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
             yield scan
 
 
-def _with_pose(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
+def _placed(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
+    """Yield the scans that have beams and a pose."""
     for scan in scans:
-        if scan.pose is None:
+        if not len(scan.ranges):
+            skipped[WITHOUT_BEAMS] += 1
+        elif scan.pose is None:
             skipped[WITHOUT_POSE] += 1
         else:
             yield scan

@@ -9,7 +9,7 @@ from repro.maps.validity import MAX_HEADING, RADIANS
 
 MAX_BEAMS = 100_000
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
-NOT_LATER, WITHOUT_POSE = "not later than the one before", "without a pose"
+NOT_LATER, WITHOUT_BEAMS, WITHOUT_POSE = "not later than the one before", "without beams", "without a pose"
 WITHOUT_RANGE = "without a valid maximum range"
 
 
@@ -43,7 +43,7 @@ def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | Non
     if scan.stamp <= last:
         return NOT_LATER
     if not len(scan.ranges):
-        return "without beams"
+        return WITHOUT_BEAMS
     if scan.pose is None or not np.isfinite(scan.pose).all():
         return WITHOUT_POSE
     if first and len(scan.ranges) != len(first.ranges):

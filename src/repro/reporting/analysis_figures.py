@@ -24,14 +24,18 @@ def write_analysis_figures(
     names: Collection[str] | None = None,
     suffixes: tuple[str, ...] = ("png", "pdf"),
 ) -> list[Path]:
-    """Write every figure that has data, or those of `names`; return the PNG files."""
+    """Write every figure that has data, or those of `names`, and delete those without; return the PNG files."""
     written = []
     with plt.rc_context(STYLE):
         for name, draw in FIGURES.items():
-            figure = draw(frames) if names is None or name in names else None
-            if figure is None:
+            if names is not None and name not in names:
                 continue
-            written.append(save(figure, directory / name, suffixes))
+            figure = draw(frames)
+            if figure is None:
+                for suffix in suffixes:
+                    (directory / f"{name}.{suffix}").unlink(missing_ok=True)
+            else:
+                written.append(save(figure, directory / name, suffixes))
     return written
 
 

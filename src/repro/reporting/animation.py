@@ -55,7 +55,7 @@ def make_frames(recording: Recording, predictor: Predictor, every: int | None = 
     """
     total, grid = len(recording.scans.ranges), predictor.grid
     every = every or max(2, math.ceil(total / MOST_FRAMES))
-    steps = np.arange(every, total + 1, every)
+    steps = np.arange(total, 0, -every)[::-1]  # the last one is a frame
     images, predictions = [], []
     for part in np.array_split(steps, math.ceil(len(steps) / BATCH)):
         windows = Scans.stack([_so_far(recording.scans, int(step)) for step in part]).tensors()

@@ -153,7 +153,8 @@ def pairs(frames: DataFrames) -> Figure | None:
     for ax, (experiment, own_points) in zip(axes[0], points.groupby("experiment"), strict=True):
         _draw_limits(ax, _titled(frames["intervals"]), str(experiment))
         curves = own_points.groupby(["model", "encoding"])
-        for (model, encoding), look in zip(sorted(curves.groups, key=lambda each: rank(each[0])), LOOKS, strict=False):
+        groups = sorted(curves.groups, key=lambda each: rank(each[0]))
+        for (model, encoding), look in zip(groups, cycle(LOOKS), strict=False):
             line = curves.get_group((model, encoding)).groupby("pairs")["obstacle_iou"].mean()
             ax.plot(line.index, line, markersize=4, label=predictor_title(model, encoding), **look)
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="training pairs", xscale="log", ylim=(0, 1))

@@ -134,9 +134,7 @@ def _source(config: RunConfig) -> str:
     return f"conf/world/{names[0]}.yaml" if names else "worlds of no file in conf/world"
 
 
-def with_front_matter(
-    body: str, title: str, dataset: str, metrics: dict[str, float], library: str = "segmentation-models-pytorch"
-) -> str:
+def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, float], library: str) -> str:
     """Return a model card with the metadata of the Hugging Face Hub before its text.
 
     Args:

@@ -5,7 +5,8 @@ from collections import Counter
 
 from repro.baselines.names import rank
 from repro.config import PairCounts
-from repro.recordings.format import recordings_in
+from repro.recordings.format import holds, recordings_in
+from repro.recordings.reader import read_manifest
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import duration, model_title
 from repro.reporting.study import Study
@@ -57,10 +58,13 @@ def _existing(outputs: Outputs) -> tuple[dict[RunKey, Run], list[str]]:
 
 
 def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
-    directory = outputs.recordings(experiment)
+    directory, wanted = outputs.recordings(experiment), dataclasses.asdict(pairs)
     if (directory / "manifest.json").is_file():
-        return "complete"
-    wanted = dataclasses.asdict(pairs)
+        try:
+            if holds(read_manifest(directory).pairs, wanted):
+                return "complete"
+        except ValueError:
+            return "cannot be read"
     recorded = recordings_in(directory, wanted)
     return f"{recorded} of {sum(wanted.values())}" if recorded else "missing"
 

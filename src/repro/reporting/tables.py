@@ -139,6 +139,9 @@ def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str,
     for name, table in tables.items():
         if len(table.frame):
             table.write(outputs.tables, name)
+        else:  # the runs of an earlier table have been deleted
+            for path in outputs.tables.glob(f"{name}.*"):
+                path.unlink()
     return tables
 
 

@@ -78,15 +78,17 @@ class Run:
         """Check that the weights and the results of an evaluated run are those that were written.
 
         Raises:
-            ValueError: a file differs from its checksum or cannot be read; the message names what to delete.
+            ValueError: a file is missing, differs from its checksum or cannot be read; the message says what to do.
         """
         origin, weights = self.provenance(), self.model / "model.safetensors"
         for name in origin.fact("files") or {}:
-            self.check_file(name)
+            if not self.check_file(name).is_file():
+                raise ValueError(f"{self.path / name} is missing: {self.evaluate_again}")
         self.read_metrics()
         expected = origin.fact("weights_sha256")
-        if expected and weights.is_file() and sha256(weights) != expected:
-            raise ValueError(f"{weights} is not what was trained: delete {self} and run the same command")
+        if expected and not (weights.is_file() and sha256(weights) == expected):
+            found = "is not what was trained" if weights.is_file() else "is missing"
+            raise ValueError(f"{weights} {found}: delete {self} and run the same command")
 
     @property
     def _has_begun(self) -> bool:

@@ -1,12 +1,10 @@
 """The tasks, one module each: `run(job)` does what `task=<module>` asks for. A module is imported when it is called."""
 
 import importlib
-from dataclasses import replace
 
 from repro.cli.jobs import Job
 
 
 def run_task(job: Job, task: str | None = None) -> None:
     """Run the task of a job, or another task of the same run."""
-    job = replace(job, call=replace(job.call, task=task or job.call.task))
-    importlib.import_module(f"repro.cli.tasks.{job.call.task}").run(job)
+    importlib.import_module(f"repro.cli.tasks.{task or job.call.task}").run(job)

@@ -3,12 +3,17 @@
 from repro.baselines.names import QUICK_BASELINES
 from repro.cli.jobs import Job
 from repro.cli.output import summary_line
-from repro.evaluation.evaluate import evaluate, evaluate_baseline
+from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
 
 
 def run(job: Job) -> None:
-    """Evaluate a run on the test set, unless it is evaluated."""
-    job.run.prepare(job.config)
+    """Evaluate a run on the test set, unless it is evaluated.
+
+    Raises:
+        ValueError: the run is not trained, of another configuration, or damaged.
+    """
+    job.run.check(job.config)
+    check_trained(job.run)
     if job.run.is_evaluated:
         job.run.check_files()
         print(f"done already: {job.run}")

@@ -51,7 +51,8 @@ def plan_study(
         trainings: number of remaining trainings of each of the paper's networks.
         evaluations: number of remaining runs to evaluate.
     """
-    total, at_once = recording_seconds, trainings_at_once(config, runtime.accelerator)
+    total, left = recording_seconds, sum(trainings.values())
+    at_once = min(left, trainings_at_once(config, runtime.accelerator))
     yield f"  {recordings} recordings: {duration(total)}" if recordings else "  recordings: done"
     for name, count in trainings.items():
         if count:
@@ -61,7 +62,7 @@ def plan_study(
             yield f"  {count} x {name}: {duration(seconds)}"
         else:
             yield f"  {name}: done"
-    if at_once > 1 and any(trainings.values()):
+    if at_once > 1:
         yield f"  {at_once} trainings run at the same time, one per core"
     if evaluations:
         per_run = EVALUATION_SECONDS[min(EVALUATION_SECONDS, key=lambda px: abs(px - config.data.size_px))]
