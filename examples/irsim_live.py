@@ -33,7 +33,12 @@ from repro.simulation.worlds import sample_world, write_world
 from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
-WEIGHTS = ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru"
+WEIGHTS = {  # by experiment, below reproduce/results
+    "1": "workstation/exp1-convgru",
+    "2": "workstation/exp2-convgru",
+    "3": "workstation-16000/exp3-convgru",
+    "4": "workstation-16000/exp4-convgru",
+}
 EVERY = 10  # steps between two planned paths
 
 
@@ -128,10 +133,21 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--steps", type=int, default=200, help="steps of 0.1 s; the first map comes after 100")
     parser.add_argument("--goal", type=float, nargs=2, default=(47, 47), metavar=("X", "Y"), help="of the path [m]")
     parser.add_argument("--clearance", type=float, default=1.0, help="from predicted obstacles to the path [m]")
-    parser.add_argument("--weights", default=str(WEIGHTS), help="directory of a network")
+    parser.add_argument("--weights", type=Path, help="directory of a network; by default the one of the experiment")
     parser.add_argument("--every", type=int, default=2, help="steps between two frames of the GIF")
     parser.add_argument("--save", type=Path, help="write a GIF instead of opening a window")
     return parser.parse_args()
+
+
+def load(weights: Path, size_m: float) -> Predictor:
+    """Load a network whose map is as large as the world."""
+    try:
+        predictor = load_predictor(weights)
+    except ValueError as error:
+        raise SystemExit(f"--weights: {error}") from error
+    if predictor.grid.size_m != size_m:
+        raise SystemExit(f"--weights: its map has {predictor.grid.size_m:g} m, the world of the paper {size_m:g} m")
+    return predictor
 
 
 def main() -> None:
@@ -140,15 +156,14 @@ def main() -> None:
         raise SystemExit(f"--save: expected a .gif in a directory that exists, got {options.save}")
     if options.every < 1:
         raise SystemExit(f"--every: expected at least 1, got {options.every}")
-    try:
-        predictor = load_predictor(options.weights)
-    except ValueError as error:
-        raise SystemExit(f"--weights: {error}") from error
+    spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), options.exp)
+    predictor = load(options.weights or ROOT / "reproduce" / "results" / WEIGHTS[options.exp], spec["world"]["width"])
+    if options.steps <= predictor.steps:
+        raise SystemExit(f"--steps: expected more than the {predictor.steps} of a window, got {options.steps}")
     if options.save:
         matplotlib.use("agg")
     elif matplotlib.get_backend().lower() == "agg":
         raise SystemExit("no display for a window: write a GIF with --save FILE.gif")
-    spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), options.exp)
     with tempfile.TemporaryDirectory() as directory:
         write_world(sample_world(spec, SHOWN_SEED + options.seed), Path(directory) / "world.yaml")
         env = make(Path(directory) / "world.yaml")

@@ -43,6 +43,7 @@ def main() -> None:
         center="robot" if center == "robot" else two_numbers(center),
         steps=rospy.get_param("~steps", None),
         step_s=rospy.get_param("~step_s", None),
+        range_max_m=rospy.get_param("~range_max_m", None),
     )
     if rospy.get_param("~odometry", False):
         rospy.Subscriber("odom", Odometry, mapper.add_odometry)

@@ -45,6 +45,7 @@ class MapPrediction(Node):
             center="robot" if center == "robot" else two_numbers(center),
             steps=self.value("steps", 0) or None,
             step_s=self.value("step_s", 0.0) or None,
+            range_max_m=self.value("range_max_m", 0.0) or None,
         )
         if self.value("odometry", False):
             self.create_subscription(Odometry, "odom", mapper.add_odometry, 100)

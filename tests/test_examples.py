@@ -35,7 +35,22 @@ def test_a_robot_in_irsim_is_shown_with_its_predicted_map(tmp_path):
 
 
 def test_without_a_display_the_example_says_what_to_do():
-    done = run("--steps", "1")
+    done = run()
     assert done.returncode == 1
     assert "write a GIF with --save" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--steps", "50"), "--steps: expected more than the 100 of a window, got 50"),
+        (("--weights", "reproduce/results/rooms-16000/exppeople-convgru"), "map has 25 m, the world of the paper 50 m"),
+        (("--weights", "nothing"), "--weights: nothing"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(arguments, message, tmp_path):
+    done = run(*arguments, "--save", str(tmp_path / "live.gif"))
+    assert done.returncode == 1
+    assert message in done.stderr
     assert "Traceback" not in done.stderr

@@ -63,14 +63,22 @@ def test_values_that_no_lidar_has_are_refused_always(scans, message, allow_empty
     [
         ({"ranges": RANGES * 1000}, r"1 of 1 windows have no hit on the map of 50 m, their median range is 1.2e\+04"),
         ({"ranges": RANGES + np.inf}, "1 of 1 windows have no hit on the map of 50 m, all of their beams are misses"),
-        ({"poses": with_value(POSES, 51.0, (3, 0))}, "1 of 20 poses are outside the map"),
-        ({"poses": POSES - [40, 0, 0]}, "20 of 20 poses are outside the map: expected x and y from 0 to 50 m"),
+        (
+            {"poses": with_value(POSES, 51.0, (-1, 0))},
+            "1 of 1 windows are of a robot that is outside the map at",
+        ),
+        ({"poses": with_value(POSES, 51.0, (slice(11), 0))}, "at most steps: .* x and y from 0 to 50 m"),
+        ({"poses": POSES - [40, 0, 0]}, "expected the last pose and most others on the map"),
     ],
 )
 def test_windows_without_information_are_refused_unless_asked_for(scans, message):
     with pytest.raises(ValueError, match=message):
         check(**scans)
     check(**scans, allow_empty=True)
+
+
+def test_a_robot_may_come_from_outside_the_map():
+    check(poses=with_value(POSES, 51.0, (slice(9), 0)))
 
 
 def test_one_empty_window_of_a_batch_is_found():

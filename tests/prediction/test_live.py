@@ -409,3 +409,15 @@ def test_the_node_of_ros_2_publishes_grids(ros2, predictor, tmp_path):
         difference = np.abs(again.data - occupancy(free, (0.4, 0.6)).astype(int))
         assert (difference > 0).mean() < 0.001, "but for rounding"
         assert again.header.frame_id == "odom"
+
+
+def test_the_maximum_range_of_a_driver_may_be_replaced(predictor):
+    robot = Robot(predictor, range_max_m=30.0)
+    robot.mapper.add_transforms(base(-1))
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    for step in range(30):
+        robot.mapper.add_scan(scan(step, range_max=0.0))
+        robot.mapper.add_transforms(base(step))
+    check(robot, expected(predictor, 30))
+    with pytest.raises(ValueError, match="range_max_m: expected a positive range"):
+        Robot(predictor, range_max_m=-1.0)

@@ -116,6 +116,9 @@ def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, sca
         if poses in ("tf", "both"):
             static = transform(STAMPS[0], "base_link", "laser", (0.2, 0.0, 0.0))
             write("/tf_static", tf, types[tf]([static]), STAMPS[0])
+        elif poses == "conflict":
+            below = transform(STAMPS[0], "base_footprint", "base_link", (0.0, 0.0, 0.0))
+            write("/tf_static", tf, types[tf]([below]), STAMPS[0])
         for step in range(-1, scans + 1):  # poses at other times than the scans, linear in between
             stamp = 100 + 0.1 * step + 0.04
             x, y, heading = (rate * (step + 0.4) for rate in (0.05, -0.02, 0.03))
@@ -124,7 +127,7 @@ def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, sca
                 drift = 5.0 if poses == "both" else 0.0  # of a localization that is to be replaced by odometry
                 moving = transform(stamp, "odom", "base_link", (x + drift, y, heading))
                 write("/tf", tf, types[tf]([moving]), stamp)
-            if poses in ("odometry", "both"):
+            if poses in ("odometry", "both", "conflict"):
                 point = types["geometry_msgs/msg/Point"](x, y, 0.0)
                 pose = types["geometry_msgs/msg/Pose"](point, rotation(heading))
                 zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
@@ -150,6 +153,11 @@ def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, sca
 @pytest.mark.parametrize("poses", ["tf", "odometry"])
 def test_ros1_bags(poses, tmp_path):
     expect(read_log(bag(tmp_path / "log.bag", 1, poses=poses), 0.05), atol=2e-3)
+
+
+def test_odometry_of_a_frame_with_a_static_transform_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"no poses: odometry of base_link is left out: a static transform .* \['/"):
+        read_log(bag(tmp_path / "log.bag", 1, poses="conflict"), 0.05)
 
 
 @pytest.mark.parametrize("poses", ["tf", "odometry"])
@@ -467,3 +475,20 @@ def test_a_bag_of_which_messages_are_lost_is_refused(tmp_path):
     path.write_bytes(data[:middle] + bytes(1000) + data[middle + 1000 :])
     with pytest.raises(ValueError, match=r"the bag is damaged: \d+ of 30 messages on /scan can be read; repair it"):
         read_log(path, 0.05)
+
+
+def test_a_text_with_comments_is_no_carmen_log(tmp_path):
+    with pytest.raises(ValueError, match="is of no known kind"):
+        read_log(write(tmp_path / "poses.txt", "# time x y heading\n0 1 2 3\n"), 0.05)
+
+
+def test_a_carmen_log_without_a_maximum_range_is_named(tmp_path, capsys):
+    lines = [flaser(each) for each in range(SCANS)]
+    log = read_log(write(tmp_path / "log", "\n".join(lines)), 0.05)
+    assert log.range_max_m == 81.83
+    assert capsys.readouterr().out.count("81.83 m is taken, prediction.range_max_m=... chooses another") == 1
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path

@@ -227,7 +227,7 @@ def test_negative_readings_are_invalid_as_in_a_log(small, log):
 
 def test_a_window_without_information_is_refused(small, log):
     stream = PredictionStream(small, log.angles, center=(1000.0, 0.0), steps=STEPS)
-    with pytest.raises(ValueError, match="poses are outside the map"):
+    with pytest.raises(ValueError, match="a robot that is outside the map"):
         feed(stream, log, np.arange(0, 1.45, 0.1))
 
 

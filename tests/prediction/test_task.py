@@ -46,7 +46,10 @@ def test_windows_with_the_same_reason_are_one_line(run, capsys):
         run(center=(1000.0, 1000.0))
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left out")]
     assert len(lines) == 1
-    assert "left out: 6 windows, the first is window 1 at 0.90 s: 10 of 10 poses are outside the map" in lines[0]
+    assert (
+        "left out: 6 windows, the first is window 1 at 0.90 s: 1 of 1 windows are of a robot that is outside"
+        in lines[0]
+    )
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "more"])

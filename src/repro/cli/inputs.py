@@ -1,4 +1,6 @@
-"""What the analysis of an outputs directory depends on."""
+"""What tasks read: files that the user names, and what the analysis of an outputs directory depends on."""
+
+from pathlib import Path
 
 from repro.cli.jobs import ROOT
 from repro.reporting.paper import WORLDS
@@ -7,6 +9,18 @@ from repro.runs.outputs import Outputs
 
 CLAIMS = ROOT / "reproduce" / "claims.yaml"
 GENERALIZATION = "generalization"  # rows of task=generalization, and the name of their file
+
+
+def find(key: str, name: str) -> Path:
+    """Return the path that a key names; if it does not exist, it may be relative to the project.
+
+    Raises:
+        ValueError: there is none.
+    """
+    for path in (Path(name), ROOT / name):
+        if path.exists():
+            return path
+    raise ValueError(f"{key}: {name}: no such file or directory")
 
 
 def analysis_inputs(outputs: Outputs) -> str:

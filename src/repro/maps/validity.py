@@ -24,11 +24,12 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     Args:
         windows: a batch of windows, as tensors.
         grid: grid of the map.
-        allow_empty: accept windows without a hit on the map and poses outside it.
+        allow_empty: accept windows without a hit on the map, or of a robot outside it.
 
     Raises:
         ValueError: a window has no valid reading, a range is not positive, an angle or pose is not finite or seems to
-            be in degrees; or, unless `allow_empty`, a window has no hit on the map or a pose outside it.
+            be in degrees; or, unless `allow_empty`, a window has no hit on the map, or the robot is outside the map at
+            the last step or at most steps.
     """
     ranges, angles, poses = windows.ranges, windows.angles, windows.poses
     expected = "expected meters, inf for a miss, NaN for an invalid reading"
@@ -40,8 +41,10 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", RADIANS)
     if allow_empty:
         return
-    inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)
-    _refuse(~inside, "poses", "outside the map", f"expected x and y from 0 to {grid.size_m:g} m")
+    inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)  # (B, T)
+    expected = f"expected the last pose and most others on the map, x and y from 0 to {grid.size_m:g} m"
+    _refuse(~inside[:, -1], "windows", "of a robot that is outside the map at the last step", expected)
+    _refuse(inside.float().mean(1) < 0.5, "windows", "of a robot that is outside the map at most steps", expected)
     empty = (newest_hits(windows, grid) == 0).flatten(1).all(1)
     if empty.any():
         finite = ranges[empty][torch.isfinite(ranges[empty])]

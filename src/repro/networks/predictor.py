@@ -113,7 +113,7 @@ class Predictor:
             scans: one window or a batch, in meters and radians; a miss is inf, an invalid reading NaN. The accuracy
                 falls where a window has fewer or more steps than those of the training, `steps`.
             batch: windows per forward pass.
-            allow_empty: accept windows without a hit on the map and poses outside it.
+            allow_empty: accept windows without a hit on the map, or of a robot outside it.
 
         Returns:
             probability of free, (B, H, W), on the CPU; row 0 is the top of the map, and below 0.5 is an obstacle.

@@ -110,13 +110,16 @@ def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Trans
         topic = _topic(bag, path, [ODOMETRY], odometry_topic)
         for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == topic]):
             add_odometry(moving, message)
+    left_out = [*transforms.left_out, *moving.left_out]
+    for child in moving.edges.keys() & transforms.edges.keys():
+        if transforms.edges[child].is_static:
+            left_out.append(f"odometry of {child} is left out: a static transform places it elsewhere")
     transforms.edges = moving.edges | transforms.edges
-    if all(edge.is_static for edge in transforms.edges.values()):
-        raise ValueError(
-            f"{path}: no poses: it has neither transforms that change nor odometry; its topics are {list(bag.topics)}"
-        )
-    for message in (*transforms.left_out, *moving.left_out):
+    for message in left_out:
         print(f"{path}: {message}", flush=True)
+    if all(edge.is_static for edge in transforms.edges.values()):
+        reason = left_out[-1] if moving.edges else "it has neither transforms that change nor odometry"
+        raise ValueError(f"{path}: no poses: {reason}; its topics are {list(bag.topics)}")
     return transforms
 
 

@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -55,9 +56,10 @@ class LiveMapper:
         center: center of the map, `robot` or x, y in the frame of the poses [m].
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
+        range_max_m: maximum range of the lidar [m]; None for that of its messages.
 
     Raises:
-        ValueError: the network needs a fixed center.
+        ValueError: the network needs a fixed center, or the range is not positive.
     """
 
     def __init__(
@@ -69,8 +71,11 @@ class LiveMapper:
         center: str | tuple[float, float] = "robot",
         steps: int | None = None,
         step_s: float | None = None,
+        range_max_m: float | None = None,
     ) -> None:
-        self.predictor, self.publish, self.warn = predictor, publish, warn
+        if range_max_m is not None and not range_max_m > 0:
+            raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
+        self.predictor, self.publish, self.warn, self.range_max_m = predictor, publish, warn, range_max_m
         predictor.check_center(center)
         self.center = center
         self.steps, self.step_s = predictor.window(steps, step_s)
@@ -141,6 +146,8 @@ class LiveMapper:
     def _update(self, message: Any) -> None:
         try:
             scan = log_scan(message, self.transforms)
+            if self.range_max_m is not None:
+                scan = replace(scan, range_max_m=self.range_max_m)
             root = self.transforms.root(message.header.frame_id)
             if self.first is not None and scan.pose is not None and root != self.root:
                 self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")

@@ -17,7 +17,7 @@ from repro.prediction.readings import LogScan
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
 CARMEN_MAX_M = 81.83  # of the SICK LMS 200 in its longest setting, where a log does not say
-CARMEN_WORDS = ("FLASER", "ROBOTLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "#")
+CARMEN_WORDS = ("FLASER", "ROBOTLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "# CARMEN")
 
 
 def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None] = (None, None)) -> ScanLog:
@@ -93,7 +93,7 @@ def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
     Raises:
         ValueError: a line does not follow the format; the message has its number.
     """
-    range_max_m = CARMEN_MAX_M
+    range_max_m = None
     for number, line in enumerate(lines, 1):
         words = line.split()
         try:
@@ -104,6 +104,13 @@ def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
             ):
                 range_max_m = float(words[2])
             elif words[:1] == ["FLASER"]:
+                if range_max_m is None:
+                    range_max_m = CARMEN_MAX_M
+                    print(
+                        f"{path}: it states no maximum range before its first scan: {CARMEN_MAX_M} m is taken, "
+                        "prediction.range_max_m=... chooses another",
+                        flush=True,
+                    )
                 yield _flaser(words, range_max_m)
             elif words[:1] == ["ROBOTLASER1"]:
                 yield _robotlaser(words)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.demo.networks import load_demo_network
 from repro.demo.page import render
@@ -17,7 +18,7 @@ def run(job: Job) -> None:
         ValueError: a network or the runtime cannot be used, or the page would be too large.
     """
     runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
-    networks = [load_demo_network(Path(directory)) for directory in job.call.demo.networks]
+    networks = [load_demo_network(find("demo.networks", name)) for name in job.call.demo.networks]
     spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.call.world["experiments"]}
     page = render(networks, runtime, spec, job.call.prediction.steps or recorded_steps(job.spec["motion"]))
     path = job.outputs.path / "demo.html"

@@ -12,7 +12,8 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.cli.config import Prediction
-from repro.cli.jobs import ROOT, Job
+from repro.cli.inputs import find
+from repro.cli.jobs import Job
 from repro.cli.logs import name_of
 from repro.maps.statistics import TITLES, Statistics, measure
 from repro.networks.predictor import Predictor, load_predictor
@@ -43,7 +44,9 @@ def run(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    predictor = _predictor(settings.weights)
+    weights = find("prediction.weights", settings.weights)
+    print(f"network: {settings.weights}", flush=True)
+    predictor = load_predictor(weights)
     steps, step_s = _window(settings, predictor)
     log = _log(path, step_s, settings)
     for message in _notes(log, predictor):
@@ -84,19 +87,6 @@ def _check_target(target: Path, *sources: Path) -> None:
         raise ValueError(
             f"{target} has files that are no prediction, such as {sorted(foreign)[0]}: move them, or set outputs="
         )
-
-
-def _predictor(weights: str) -> Predictor:
-    """Load the network; a path that does not exist may be relative to the project.
-
-    Raises:
-        ValueError: there is none.
-    """
-    found = next((path for path in (Path(weights), ROOT / weights) if path.exists()), None)
-    if found is None:
-        raise ValueError(f"prediction.weights: {weights}: no such file or directory")
-    print(f"network: {weights}", flush=True)
-    return load_predictor(found)
 
 
 def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
@@ -209,7 +199,8 @@ def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
                 f"warning: {TITLES.get(name, name)}: {spread} in {is_outside.sum()} of {len(table)} windows, {known} "
                 f"in the {statistics.windows} windows of the training"
             )
-            if name == "occupied_share" and values.max() > high:
+            is_wider = table["outside_training"].str.contains("fov_deg").any()  # and therefore sees more
+            if name == "occupied_share" and values.max() > high and not is_wider:
                 print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
 
 
