@@ -272,7 +272,10 @@ def test_a_scan_after_a_gap_of_poses_is_skipped(predictor):
     robot.mapper.add_odometry(odometry(1))
     robot.mapper.add_scan(scan(10))
     robot.mapper.add_odometry(odometry(25))
-    assert robot.warnings == ["a scan is skipped: it is without a pose"]
+    assert robot.warnings == [
+        "a scan is skipped: it is without a pose: it needs poses of laser in odom before and after 1001.00 s, at most "
+        "1 s apart; there are poses from 1000.00 to 1002.50 s"
+    ]
 
 
 def test_a_scan_waits_for_the_poses_of_the_robot(predictor):

@@ -198,3 +198,19 @@ def test_old_poses_are_forgotten():
     assert 200 <= len(transforms.edges["base"].stamps) <= 402
     assert transforms.pose_at("base", 99.99 - 1.9) is not None
     assert transforms.pose_at("base", 50.0) is None
+
+
+def test_why_a_frame_has_no_pose():
+    transforms = Transforms()
+    transforms.add("laser", "base", 0.0, (0, 0, 0), is_static=True)
+    assert transforms.why_unplaced("/laser", 1.0) == "base, above laser, has no poses; there are no poses"
+    transforms.add("base_link", "odom", 0.0, (0, 0, 0))
+    assert transforms.why_unplaced("laser", 1.0).endswith("has no poses; the poses are of base_link in odom")
+    transforms.add("base", "odom", 0.0, (0, 0, 0))
+    transforms.add("base", "odom", 0.5, (0, 0, 0))
+    assert transforms.pose_at("laser", 1.0) is None
+    assert transforms.why_unplaced("laser", 1.0).endswith(
+        "1.00 s, at most 1 s apart; there are poses from 0.00 to 0.50 s"
+    )
+    transforms.forget()
+    assert transforms.why_unplaced("laser", 1.0).endswith("there are none yet")

@@ -11,7 +11,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from repro.prediction.readings import LogScan
-from repro.prediction.ros import add_odometry, add_transforms, log_scan
+from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of
 from repro.prediction.transforms import Transforms, without_transform
 from repro.system.errors import is_about_input
 
@@ -43,13 +43,18 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
             ) as bag:
                 scans = _topic(bag, path, [LASER], scan_topic)
                 transforms = _transforms(bag, path, odometry_topic)
-                reported: set[str] = set()
+                reported, is_explained = set[str](), False
                 for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == scans]):
                     frame = message.header.frame_id
                     if frame not in transforms and frame not in reported:
                         reported.add(frame)
                         print(f"{path}: {without_transform(frame, transforms.base_of(frame))}", flush=True)
-                    yield log_scan(message, transforms)
+                    scan = log_scan(message, transforms)
+                    if scan.pose is None and not is_explained:
+                        is_explained = True
+                        why = transforms.why_unplaced(frame, middle_of(message))
+                        print(f"{path}: the first scan without a pose: {why}", flush=True)
+                    yield scan
         except Exception as error:  # rosbags and its storages raise many types for damaged files
             if is_about_input(error):
                 raise

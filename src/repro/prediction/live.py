@@ -10,6 +10,7 @@ import numpy as np
 
 from repro.networks.predictor import Predictor
 from repro.prediction.readings import (
+    WITHOUT_POSE,
     LogScan,
     check_beams,
     has_same_beams,
@@ -161,6 +162,8 @@ class LiveMapper:
             if self.first is None and len(scan.ranges) and has_valid_range(scan):
                 check_beams(scan, "scan")
             reason = why_unusable(scan, self.first, self.last_s)
+            if reason == WITHOUT_POSE:
+                reason += f": {self.transforms.why_unplaced(message.header.frame_id, middle_of(message))}"
             if reason:
                 raise ValueError(f"a scan is skipped: it is {reason}")
             predicted = self._map(scan)

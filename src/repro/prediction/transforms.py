@@ -152,6 +152,19 @@ class Transforms:
         x, y, _ = (float(value) for value in total.translation)
         return PlanarPose(x, y, math.atan2(axes[1, 0], axes[0, 0]), bool(axes[2, 2] < 0))
 
+    def why_unplaced(self, frame: str, stamp: float) -> str:
+        """Return why a frame has no pose at a time [s], where `pose_at` returns None."""
+        edges = list(self._chain(frame))
+        if all(edge.is_static for edge in edges):
+            moving = [f"{name} in {edge.parent}" for name, edge in self.edges.items() if not edge.is_static]
+            known = f"the poses are of {', '.join(moving)}" if moving else "there are no poses"
+            return f"{self.root(frame)}, above {frame.lstrip('/')}, has no poses; {known}"
+        edge = next(edge for edge in edges if edge.at(stamp) is None)
+        name = next(name for name, other in self.edges.items() if other is edge)
+        span = f"poses from {edge.stamps[0]:.2f} to {edge.stamps[-1]:.2f} s" if edge.stamps else "none yet"
+        needed = f"poses of {name} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
+        return f"it needs {needed}; there are {span}"
+
     def has_later(self, frame: str, stamp: float) -> bool:
         """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change."""
         chain = list(self._chain(frame))
