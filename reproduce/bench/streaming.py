@@ -36,8 +36,9 @@ def bench_streaming() -> None:
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
     predictors = {"U-Net, projection": unet}
-    network = create_network(Model("light_convgru"), series.channels, series.frames).eval()  # not trained
-    predictors[predictor_title("light_convgru", series.name)] = Predictor(network, series, unet.grid)
+    for name in ("convgru", "light_convgru"):
+        network = create_network(Model(name), series.channels, series.frames).eval()  # not trained
+        predictors[predictor_title(name, series.name)] = Predictor(network, series, unet.grid)
     with one_thread():
         head(
             f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",

@@ -21,7 +21,8 @@ class LightConvGRU(nn.Module, PyTorchModelHubMixin):
     Representations", ICLR 2016), has no reset gate (Ravanelli et al., "Light Gated Recurrent Units for Speech
     Recognition", 2018), and its update gate sees no neighbors. The decoder also sees the series as a whole. It predicts
     the four pixels of each of its cells (Shi et al., "Real-Time Single Image and Video Super-Resolution Using an
-    Efficient Sub-Pixel Convolutional Neural Network", CVPR 2016).
+    Efficient Sub-Pixel Convolutional Neural Network", CVPR 2016). It is faster than
+    `convgru.ConvGRU`, and more accurate where obstacles are larger than a few pixels.
 
     Args:
         in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
