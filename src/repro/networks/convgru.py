@@ -8,21 +8,9 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.networks.blocks import check_series, conv_block, each_part
+from repro.networks.blocks import Residual, check_series, conv_block, each_part, last_state
 
 DETAIL = 16  # channels at full resolution
-
-
-class _Residual(nn.Module):
-    """Two convolutions, the first dilated, added to their input."""
-
-    def __init__(self, channels: int, dilation: int) -> None:
-        super().__init__()
-        self.block = nn.Sequential(*conv_block(channels, channels, dilation=dilation), nn.Conv2d(channels, channels, 1))
-
-    def forward(self, images: Tensor) -> Tensor:
-        """Return images of the same shape, (B, C, H, W)."""
-        return images + self.block(images)
 
 
 class ConvGRU(nn.Module, PyTorchModelHubMixin):
@@ -55,7 +43,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.from_part = nn.Conv2d(hidden, 2 * hidden, 1)
         self.gate = nn.Conv2d(hidden, hidden, 3, padding=1, bias=False)
         self.candidate = nn.Conv2d(hidden, hidden, 3, padding=2, dilation=2, bias=False)
-        self.context = nn.Sequential(_Residual(hidden, 2), _Residual(hidden, 4), _Residual(hidden, 1))
+        self.context = nn.Sequential(Residual(hidden, 2), Residual(hidden, 4), Residual(hidden, 1))
         assert self.from_part.bias is not None
         nn.init.constant_(self.from_part.bias[:hidden], -1)  # the state changes slowly at first
         self.detail = nn.Conv2d(in_channels, DETAIL, 3, padding=1)
@@ -66,21 +54,12 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
 
     def forward(self, images: Tensor) -> Tensor:
         """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
-        state = self.context(self._last_state(images))
+        encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
+        state = self.context(last_state(encoded, self.gate, self.candidate))
         detail = self.detail(images).relu()
         half_detail = self.half_detail(detail).relu()
         half = self.decode_half(torch.cat([_resized(state, half_detail), half_detail], dim=1))
         return self.to_map(self.decode_full(torch.cat([_resized(half, detail), detail], dim=1)))
-
-    def _last_state(self, images: Tensor) -> Tensor:
-        """Return the state after the newest part, (B, hidden, H / stride, W / stride)."""
-        encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
-        updates, candidates = encoded.chunk(2, dim=2)
-        state = updates[:, 0].sigmoid() * candidates[:, 0].tanh()  # the state before the first part is zero
-        for part in range(1, self.frames):
-            new = (candidates[:, part] + self.candidate(state)).tanh()
-            state = state + (updates[:, part] + self.gate(state)).sigmoid() * (new - state)
-        return state
 
 
 def _resized(images: Tensor, like: Tensor) -> Tensor:

@@ -116,8 +116,8 @@ def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Trans
         for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == topic]):
             add_odometry(moving, message)
     left_out = [*transforms.left_out, *moving.left_out]
-    for child in moving.edges.keys() & transforms.edges.keys():
-        if transforms.edges[child].is_static:
+    for child in moving.edges:
+        if child in transforms.edges and transforms.edges[child].is_static:
             left_out.append(f"odometry of {child} is left out: a static transform places it elsewhere")
     transforms.edges = moving.edges | transforms.edges
     for message in left_out:

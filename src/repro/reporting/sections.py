@@ -136,13 +136,14 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
     """
     calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
-    differences = _to_the_papers(frames["differences"])
     tables = {
-        "calibration": [_table("Calibration of the paper's networks", calibration, [*CELL, "method"], CALIBRATION)],
+        "calibration": [
+            _table("Calibration of the paper's networks", _sorted(calibration), [*CELL, "method"], CALIBRATION)
+        ],
         "baselines": [
             _table(
                 "Obstacle IoU with other inputs and without the decay, minus that with the paper's input",
-                differences.rename(columns={"encoding": "input"}),
+                _to_the_papers(frames["differences"]),
                 ["experiment", "model", "input"],
                 DIFFERENCE,
             ),
@@ -205,6 +206,7 @@ def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
         pd.concat([to_paper, from_paper.assign(one=from_paper["other"], **negated)])
         .assign(encoding=lambda rows: rows["one"])
         .pipe(_sorted)
+        .rename(columns={"encoding": "input"})
     )
 
 
