@@ -45,7 +45,7 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 
-curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of ConvGRU; 4 hours on 2 cores
+curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of the ConvGRUs; 4 hours on 2 cores
 	$(PY) run.py -m task=record exp=1,2 scale=laptop scale.pairs.train=8000 outputs=outputs/curves
 	$(PY) run.py -m task=record exp=3,4 scale=laptop scale.pairs.train=10000 outputs=outputs/curves
 	train() { \
@@ -55,7 +55,7 @@ curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of C
 	}; \
 	for point in $(POINTS); do train $$point exp=1,2,3,4; train $$point exp=3,4 decay=false; done; \
 	for point in $(RECURRENT_POINTS); do \
-	    train $$point exp=3,4 model=convgru encoding=series10; \
+	    train $$point exp=3,4 model=convgru,light_convgru encoding=series10; \
 	done
 	$(PY) run.py task=curves scale=laptop
 

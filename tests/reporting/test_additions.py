@@ -9,7 +9,7 @@ from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published, read_results
-from repro.runs.keys import RunKey
+from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
@@ -157,6 +157,21 @@ def test_the_robustness_of_a_new_network_is_added(published, later):
     directory = add_to_published(later, published, Recipe("laptop")) / "analysis"
     assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
     assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_learning_curve_is_added_without_runs(published, tmp_path):
+    columns = ["model", "experiment", "encoding", "seed", "pairs", "size_px", "obstacle_iou"]
+    old, new = ("unet", "3", "projection", 0, 500, 32, 0.3), ("convgru", "3", "series10", 0, 500, 32, 0.4)
+    outputs = Outputs(tmp_path / "curve" / "laptop")
+    outputs.analysis.mkdir(parents=True)
+    for directory, rows in ((published / "laptop" / "analysis", [old]), (outputs.analysis, [old, new])):
+        pd.DataFrame(rows, columns=columns).to_csv(directory / "curves.csv", index=False)
+    runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
+    target = add_to_published(outputs, published, Recipe("laptop"))
+    assert pd.read_csv(target / "analysis" / "curves.csv")["model"].tolist() == ["unet", "convgru"]
+    pd.testing.assert_frame_equal(read_published(target).sort_values(KEY, ignore_index=True), runs)
+    with pytest.raises(ValueError, match="all evaluated runs are published"):
+        add_to_published(outputs, published, Recipe("laptop"))
 
 
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):

@@ -25,14 +25,14 @@ Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
 
 
 def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = False) -> Path:
-    """Add the runs of an outputs directory that are not published yet to the published directory of the same name.
+    """Add what is not published yet of an outputs directory to the published directory of the same name.
 
-    Tables, runs, provenance and the README.md are made anew from all runs. To the tables of the analysis, the rows are
+    This may be rows of the analysis alone, such as a learning curve. Tables, runs, provenance and the README.md are made anew from all runs. To the tables of the analysis, the rows are
     added of what they do not have yet, such as another network, and its figures are drawn anew; the other figures and
     the samples of the report stay those of the earlier publication. `task=docs` makes the rest of the report anew.
 
     Args:
-        outputs: the outputs directory with the new runs, analyzed by task=analysis.
+        outputs: the outputs directory with the new runs, or with an analysis of published runs.
         results: reproduce/results.
         recipe: for the commands that repeat the trainings.
         force: whether to add runs of uncommitted code.
@@ -46,26 +46,27 @@ def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: 
     """
     target = results / outputs.path.name
     found = read_results(outputs)
-    if found.empty:
+    if found.empty and not outputs.analysis.is_dir():
         raise ValueError(f"nothing to add from {outputs.path}: no run is evaluated")
     read_published(target)  # before a lock is created where nothing is published
     with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
         clear_leftovers(results)
         published = read_published(target)
         known = set(keys_of(published))
-        new = found[[key not in known for key in keys_of(found)]]
+        new = published[:0] if found.empty else found[[key not in known for key in keys_of(found)]]
+        analysis = _analysis(outputs.analysis, target / "analysis")
         earlier = read_origins(target, known)
         origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
         problem = _problem(new, published, origins, earlier, force=force)
-        if problem:
+        if problem and not (new.empty and analysis):
             raise ValueError(f"{'not' if len(new) else 'nothing'} added to {target}: {problem}")
         every = {**earlier, **origins}
         runs = pd.concat([published, new], ignore_index=True).sort_values(KEY)
         with replacing_directory(target) as directory:
             shutil.copytree(target, directory, dirs_exist_ok=True)
             write_histories(outputs, keys_of(new), directory)
-            if outputs.analysis.is_dir() and (target / "analysis").is_dir():
-                _add_analysis(outputs.analysis, directory / "analysis")
+            if analysis:
+                _write_analysis(analysis, directory / "analysis")
             write_runs(directory, target.name, recipe, runs, every)
     return target
 
@@ -98,9 +99,10 @@ def _listed(values: list[Any]) -> str:
     return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
-def _add_analysis(source: Path, target: Path) -> None:
-    """Add the rows of what the published tables of the analysis do not have, and redraw its figures."""
-    for path in sorted(source.glob("*.csv")):
+def _analysis(source: Path, target: Path) -> dict[str, pd.DataFrame]:
+    """Return the published tables of the analysis, by name, that gain rows of what they do not have."""
+    tables = {}
+    for path in sorted(source.glob("*.csv")) if target.is_dir() else ():
         rows: Any = read_rows(path)
         if not {"model", "encoding"} <= set(rows):
             continue
@@ -108,8 +110,15 @@ def _add_analysis(source: Path, target: Path) -> None:
         columns = [name for name in IDENTIFYING if all(name in table for table in (rows, *earlier))]
         present = {each for table in earlier for each in _tuples(table, columns)}
         is_new = [each not in present for each in _tuples(rows, columns)]
-        joined = pd.concat([*earlier, rows[is_new]], ignore_index=True)
-        write_text(target / path.name, joined.to_csv(index=False, float_format="%.6g"))
+        if any(is_new):
+            tables[path.stem] = pd.concat([*earlier, rows[is_new]], ignore_index=True)
+    return tables
+
+
+def _write_analysis(tables: dict[str, pd.DataFrame], target: Path) -> None:
+    """Write tables of the analysis, and draw its figures anew."""
+    for name, table in tables.items():
+        write_text(target / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
     names = [path.stem for path in target.glob("*.png")]
     write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
 
