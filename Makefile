@@ -9,6 +9,8 @@ SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 # Points of the learning curves, px:pairs:epochs. 64:2000 is the laptop scale, 128:3000 the workstation scale.
 POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:2000:5 128:4000:5
 RECURRENT_POINTS := 64:500:20 64:1000:10 64:2000:5 64:4000:5 64:10000:5
+COMMA := ,
+SINGLE_ARGS = $(foreach arg,$(ARGS),$(if $(findstring $(COMMA),$(arg)),,$(arg))) # without sweeps
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
@@ -34,7 +36,7 @@ setup: .venv/ready ## create .venv and install the pinned packages
 	@touch $@
 
 reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
-	$(PY) run.py task=plan $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
+	$(PY) run.py task=plan $(SCALE_ARG) $(SINGLE_ARGS)
 	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 $(SCALE_ARG) $(ARGS)
 	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false $(SCALE_ARG) $(ARGS)
 	$(PY) run.py task=report $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))

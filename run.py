@@ -21,7 +21,7 @@ import hydra
 from hydra._internal.utils import get_args_parser
 from omegaconf import DictConfig, OmegaConf
 
-from repro.cli.composition import CONF, Refused, compose_jobs, register
+from repro.cli.composition import CONF, Refused, compose_jobs, compose_values, register
 from repro.cli.config import Config, to_typed
 from repro.cli.errors import WANTS_TRACEBACKS, explain
 from repro.cli.jobs import resolve
@@ -113,11 +113,13 @@ def command_line() -> int:
         print("error: --cfg prints the configuration of one job: leave out -m", file=sys.stderr)
         return 2
     informational: list[Any] = [arguments.help, arguments.hydra_help, arguments.cfg, arguments.info]
-    if any(informational) or arguments.shell_completion:
-        main()
-        return 0
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
     try:
+        if any(informational) or arguments.shell_completion:
+            if arguments.cfg or arguments.info:
+                compose_values(arguments)  # refuses what cannot be composed
+            main()
+            return 0
+        os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
         configs = compose_jobs(arguments)
         print_notes(configs, arguments)
         return run_jobs(configs, arguments.multirun)

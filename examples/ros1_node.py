@@ -3,8 +3,9 @@
 PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan
 
 Topics: scan, /tf_static, /tf or odom; predicted_map. Parameters: ~weights, ~odometry (true reads odom instead of tf),
-~center (robot, or x,y in the frame of the poses [m]), ~steps, ~step_s, ~threads, ~undecided (low,high: probabilities of
-an obstacle between these are unknown, -1). Debian 12 has ROS 1 for Python 3.11: apt install ros-core python3-rospy.
+~center (robot, or x,y in the frame of the poses [m]), ~steps, ~step_s, ~range_max_m (maximum range of the lidar [m]; by
+default that of the scans), ~threads, ~undecided (low,high: probabilities of an obstacle between these are unknown, -1).
+Debian 12 has ROS 1 for Python 3.11: apt install ros-core python3-rospy.
 """
 
 from pathlib import Path

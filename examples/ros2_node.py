@@ -3,8 +3,9 @@
 python3 examples/ros2_node.py --ros-args -r scan:=/base_scan
 
 Topics: scan, /tf_static, /tf or odom; predicted_map. Parameters: weights, odometry (true reads odom instead of tf),
-center (robot, or x,y in the frame of the poses [m]), steps, step_s, threads, undecided (low,high: probabilities of an
-obstacle between these are unknown, -1). Python must find both ROS 2 and this project.
+center (robot, or x,y in the frame of the poses [m]), steps, step_s, range_max_m (maximum range of the lidar [m]; by
+default that of the scans), threads, undecided (low,high: probabilities of an obstacle between these are unknown, -1).
+Python must find both ROS 2 and this project.
 """
 
 import array

@@ -40,6 +40,12 @@ CALLS = {  # arguments, and what the message must contain
     "runtime.parts=2": ["runtime.parts=2: is for task=record only"],
     "encoding.parameters.decay=false": ["encoding.parameters.decay=False: set decay instead"],
     "task=demo seed=1": ["seed=1: has no effect with task=demo, demo.networks chooses the network"],
+    "task=world exp=1 prediction.fov_deg=60 publish.add=true format=onnx": [
+        "prediction.fov_deg=60: is for task=predict only",
+        "publish.add=true: is for task=publish and task=export only",
+        "format=onnx: is for task=export only",
+    ],
+    "exp=3 demo.runtime=a": ["demo.runtime=a: is for task=demo only"],
     "task=report scans=a": ["scans=a: is for task=predict only"],
     "task=floor": ["floor_map: is needed with task=floor"],
     "task=report floor_map=a": ["floor_map=a: is for task=floor only"],
@@ -111,6 +117,16 @@ def test_a_sweep_is_refused_if_one_of_its_jobs_is_invalid():
     for error, name in zip(sorted(errors), ("convgru", "convlstm", "deeptracking", "light_convgru"), strict=True):
         assert name in error
         assert "encoding=stack10" in error
+
+
+@pytest.mark.parametrize("option", [["--cfg", "job"], ["--info", "searchpath"]])
+@pytest.mark.parametrize(("override", "reason"), [("bogus=1", "is not a known key"), ("exp=3,4", "sweep, add -m")])
+def test_information_about_a_call_that_cannot_be_composed_is_refused(option, override, reason):
+    command = [sys.executable, "run.py", *option, override]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: this cannot be run")
+    assert reason in done.stderr
 
 
 def test_the_configuration_of_a_sweep_is_not_printed():

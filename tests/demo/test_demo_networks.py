@@ -103,11 +103,16 @@ def test_modules_come_after_those_they_import():
 
 
 def test_a_page_that_is_too_large_is_refused():
-    large = networks.DemoNetwork("Large", "", "4", {}, Grid(32, 50.0), np.random.default_rng(0).bytes(20_000_000))
-    spec = {"world": {"step_time": 0.1}, "robot": {"sensors": [{"number": 100, "range_max": 30}]}, "experiments": {}}
+    content = np.random.default_rng(0).bytes(20_000_000)
+    large = networks.DemoNetwork("Large", "", "4", {}, Grid(32, 50.0), 100, 0.1, content)
+    spec = {
+        "world": {"width": 50, "step_time": 0.1},
+        "robot": {"sensors": [{"number": 100, "range_max": 30}]},
+        "experiments": {},
+    }
     spec["experiments"]["4"] = {"motion": {"name": "rotate"}, "obstacles": {"count": [1, 2]}}
     with pytest.raises(ValueError, match=r"has 26.* MB, at most 25 are allowed.*Large 20.0 MB"):
-        page.render([large], Runtime("", b""), spec, 100)
+        page.render([large], Runtime("", b""), spec)
 
 
 @pytest.mark.parametrize(
@@ -123,9 +128,30 @@ def test_a_world_that_the_page_cannot_simulate_is_refused(world, changes, proble
     spec = read_world(ROOT / "conf" / "world" / f"{world}.yaml")
     for experiment in spec["experiments"].values():
         experiment.update(changes)
-    network = networks.DemoNetwork("Net", "", None, {}, Grid(32, 50.0), b"")
+    network = networks.DemoNetwork("Net", "", None, {}, Grid(32, 50.0), 100, 0.1, b"")
     with pytest.raises(ValueError, match=f"cannot simulate experiment .*, which has {problem}.*: use world=paper"):
-        page.render([network], Runtime("", b""), spec, 100)
+        page.render([network], Runtime("", b""), spec)
+
+
+@pytest.mark.parametrize(
+    ("grid", "steps", "step_s", "problem"),
+    [
+        (Grid(32, 25.0), 100, 0.1, "Other predicts maps of 25 m from 100 steps of 0.1 s, this page needs maps of 50 m"),
+        (Grid(32, 50.0), 50, 0.1, "Other predicts maps of 50 m from 50 steps of 0.1 s, .* from 100 steps of 0.1 s"),
+        (Grid(32, 50.0), 100, 0.2, "Other predicts maps of 50 m from 100 steps of 0.2 s, .* from 100 steps of 0.1 s"),
+    ],
+)
+def test_a_network_of_other_maps_or_windows_is_refused(grid, steps, step_s, problem):
+    first = networks.DemoNetwork("First", "", None, {}, Grid(32, 50.0), 100, 0.1, b"")
+    other = networks.DemoNetwork("Other", "", None, {}, grid, steps, step_s, b"")
+    with pytest.raises(ValueError, match=f"demo.networks: {problem}"):
+        page.render([first, other], Runtime("", b""), read_world(ROOT / "conf" / "world" / "paper.yaml"))
+
+
+def test_a_network_of_fixed_obstacles_is_refused():
+    directory = ROOT / "reproduce" / "results" / "office-8000" / "exppeople-convgru"
+    with pytest.raises(ValueError, match="was trained with fixed obstacles, which the demo does not have"):
+        networks.load_demo_network(directory)
 
 
 def test_the_assets_are_installed_with_the_package():

@@ -3,13 +3,15 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import fake_run
+from conftest import fake_run, world_spec
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts
 from repro.evaluation import learning_curves
 from repro.evaluation.learning_curves import FITTED_METRICS, extrapolate, fit_power_law, read_points
+from repro.recordings.format import spec_fingerprint
 from repro.runs.outputs import Outputs
 
+WORLDS = dict.fromkeys("34", spec_fingerprint(world_spec("3")))  # of fake runs
 CURVES = {("3", PROJECTION): (0.95, 0.02, 0.01), ("3", PROJECTION_NO_DECAY): (0.93, 0.03, 0.02)}
 
 
@@ -80,7 +82,8 @@ def test_points_are_of_the_networks_and_inputs_with_four_numbers_of_pairs(tmp_pa
         fake_run(outputs, "3", "all_free", 0.6, pairs=pairs)
     fake_run(tmp_path / "24", "3", "fpn", 0.7, pairs=PairCounts(24, 8, 8))
     fake_run(tmp_path / "24", "3", "unet", 0.8, seed=1, pairs=PairCounts(24, 8, 8), **short)
-    points = read_points([Outputs(path) for path in sorted(tmp_path.iterdir())])
+    fake_run(tmp_path / "24", "3", "unet", 0.8, seed=2, pairs=PairCounts(24, 8, 8), worlds="others", **short)
+    points = read_points([Outputs(path) for path in sorted(tmp_path.iterdir())], WORLDS)
     assert set(points["model"]) == {"unet"}
     sizes = points.groupby(["experiment", "encoding"]).size().to_dict()
     assert sizes == {("3", PROJECTION): 5, ("3", PROJECTION_NO_DECAY): 4, ("4", PROJECTION): 4}
@@ -93,7 +96,6 @@ def test_points_are_of_the_networks_and_inputs_with_four_numbers_of_pairs(tmp_pa
 @pytest.mark.parametrize(
     ("changes", "fact"),
     [
-        ({"worlds": "other"}, "worlds"),
         ({"encoding": Encoding(PROJECTION, {"decay": True, "oldest_gray": 0.3})}, "parameters"),
         ({"encoder": "mit_b5"}, "architecture"),
     ],
@@ -106,12 +108,12 @@ def test_runs_of_another_kind_share_no_curve(changes, fact, tmp_path):
             config = run.path / "config.yaml"
             config.write_text(config.read_text().replace("mit_b0", changes["encoder"]))
     with pytest.raises(ValueError, match=f"differ in {fact} and cannot share a curve: move .*96"):
-        read_points([Outputs(path) for path in sorted(tmp_path.iterdir())])
+        read_points([Outputs(path) for path in sorted(tmp_path.iterdir())], WORLDS)
 
 
 def test_no_curve_gives_no_points(tmp_path):
     fake_run(tmp_path, "3", "unet", 0.8)
-    assert read_points([Outputs(tmp_path)]).empty
+    assert read_points([Outputs(tmp_path)], WORLDS).empty
 
 
 def test_other_networks_are_not_fitted():

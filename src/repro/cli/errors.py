@@ -7,6 +7,7 @@ from repro.system.errors import is_about_input
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 _ROOM = "free some space and repeat the command; complete files stay complete"
+_PERMITTED = "check its permissions; results are written to outputs="
 _WRITABLE = "choose a directory that can be written with outputs="
 _FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choose another outputs="
 _FIXES = {
@@ -14,10 +15,10 @@ _FIXES = {
     errno.EDQUOT: _ROOM,
     errno.EFBIG: "raise the limit on the size of files (ulimit -f) and repeat the command",
     errno.EROFS: _WRITABLE,
-    errno.EACCES: _WRITABLE,
-    errno.EPERM: _WRITABLE,
+    errno.EACCES: _PERMITTED,
+    errno.EPERM: _PERMITTED,
     errno.ELOOP: _WRITABLE,
-    errno.ENAMETOOLONG: "choose a shorter outputs=",
+    errno.ENAMETOOLONG: "choose a shorter path",
     errno.ENOTDIR: _FILE_IN_THE_WAY,
     errno.EEXIST: _FILE_IN_THE_WAY,
     errno.EISDIR: "a directory is where a file is needed: move it away or choose another outputs=",

@@ -11,6 +11,12 @@ TEXTS = (  # keys whose values are names and paths
 )
 
 OF_A_RUN = ("model", "encoding", "decay", "oldest_gray", "seed", "train")  # keys that choose a network of the study
+TASKS = {  # of keys that only some tasks use
+    "prediction": ("predict",),
+    "demo": ("demo",),
+    "publish": ("publish", "export"),
+    "format": ("export",),
+}
 UNUSED = {  # by task: keys without effect, and the key that chooses its networks
     "predict": (("world", "exp", *OF_A_RUN), "prediction.weights"),
     "demo": (OF_A_RUN, "demo.networks"),
@@ -18,10 +24,14 @@ UNUSED = {  # by task: keys without effect, and the key that chooses its network
 
 
 def unused_errors(overrides: list[str], task: str) -> list[str]:
-    """Return which overrides choose a network where another key does."""
+    """Return which overrides have no effect, as they are for other tasks or choose a network where another key does."""
     keys, chooses = UNUSED.get(task, ((), ""))
-    found = [each for each in overrides if each.lstrip("+~").partition("=")[0].split(".")[0] in keys]
-    return [f"{each}: has no effect with task={task}, {chooses} chooses the network" for each in found]
+    reasons = {key: f"has no effect with task={task}, {chooses} chooses the network" for key in keys}
+    for key, tasks in TASKS.items():
+        if task not in tasks:
+            reasons[key] = f"is for task={' and task='.join(tasks)} only"
+    found = [(each, each.lstrip("+~").partition("=")[0].split(".")[0]) for each in overrides]
+    return [f"{each}: {reasons[key]}" for each, key in found if key in reasons]
 
 
 def override_errors(override: Override, multirun: bool) -> list[str]:

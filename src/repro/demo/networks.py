@@ -35,6 +35,8 @@ class DemoNetwork:
         experiment: the experiment in which it was trained; None if that is unknown.
         encoding: name and parameters of its encoding, as in predictor.json.
         grid: grid of its maps.
+        steps: steps of a window in training, T.
+        step_s: time of a step in training [s].
         onnx: the network, from the input (1, C, H, W) to logits (1, 1, H, W).
     """
 
@@ -43,6 +45,8 @@ class DemoNetwork:
     experiment: str | None
     encoding: dict[str, Any]
     grid: Grid
+    steps: int
+    step_s: float
     onnx: bytes
 
 
@@ -50,10 +54,12 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     """Load a trained or exported network for the page: a directory, or an ONNX file.
 
     Raises:
-        ValueError: the directory holds no predictor, the page cannot draw its encoding, or float16 weights change its
-            output by more than 0.001.
+        ValueError: the directory holds no predictor, it was trained with fixed obstacles, the page cannot draw its
+            encoding, or float16 weights change its output by more than 0.001.
     """
     predictor = load_predictor(directory)
+    if predictor.has_fixed:
+        raise ValueError(f"{directory} was trained with fixed obstacles, which the demo does not have")
     encoding = {"name": predictor.encoding.name, "parameters": asdict(predictor.encoding)}  # type: ignore[call-overload]
     if encoding["name"].rstrip("0123456789") not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
@@ -67,7 +73,8 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     trained = f"trained in experiment {experiment}, " if experiment else ""
     count = _count(onnx.load_from_string(whole))
     note = f"{count} parameters, {trained}input {encoding['name']}, {predictor.grid.size_px} px."
-    return DemoNetwork(title, note[0].upper() + note[1:], experiment, encoding, predictor.grid, content)
+    note = note[0].upper() + note[1:]
+    return DemoNetwork(title, note, experiment, encoding, predictor.grid, *predictor.window(), content)
 
 
 def with_float16_weights(content: bytes) -> bytes:

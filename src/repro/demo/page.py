@@ -27,19 +27,22 @@ MAX_BYTES = 25_000_000
 MOTIONS = {"square": "Square", "rotate": "Rotation in place"}
 
 
-def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any], steps: int) -> str:
+def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any]) -> str:
     """Return the page.
 
     Args:
         networks: the networks to choose from; the first is selected.
         runtime: ONNX Runtime Web.
         spec: the worlds: `world`, `robot` and `experiments` of conf/world.
-        steps: steps of a window, T.
 
     Raises:
-        ValueError: the page cannot simulate the worlds, or is larger than 25 MB.
+        ValueError: the page cannot simulate the worlds, a network was trained for other maps or windows, or the page is
+            larger than 25 MB.
     """
     _check_worlds(spec)
+    steps = networks[0].steps
+    for network in networks:
+        _check_network(network, spec["world"], steps)
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
     lidar = lidar_of(spec)
     motions = {each["motion"]["name"]: each["motion"] for each in spec["experiments"].values()}
@@ -91,6 +94,17 @@ def _check_worlds(spec: dict[str, Any]) -> None:
         else:
             continue
         raise ValueError(f"the demo cannot simulate experiment {name}, which has {problem}: use world=paper")
+
+
+def _check_network(network: DemoNetwork, world: dict[str, Any], steps: int) -> None:
+    """Check that a network predicts maps of the worlds, from windows of the page."""
+    found = (network.grid.size_m, network.steps, network.step_s)
+    expected = (world["width"], steps, world["step_time"])
+    if found != expected:
+        found_words, expected_words = (
+            f"maps of {size_m:g} m from {count} steps of {step_s:g} s" for size_m, count, step_s in (found, expected)
+        )
+        raise ValueError(f"demo.networks: {network.title} predicts {found_words}, this page needs {expected_words}")
 
 
 def link_modules(runtime: Runtime) -> dict[str, str]:

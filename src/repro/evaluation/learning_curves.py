@@ -27,7 +27,6 @@ CURVE = ["experiment", "encoding"]
 POINT = ["pairs", "size_px"]
 FEWEST = 4  # points of a curve
 SHARED = {  # what runs with the same values of some columns must share
-    "worlds": ("experiment",),
     "parameters": ("encoding",),
     "architecture": ("model",),
     "training": ("model", *CURVE, *POINT, "schedule"),
@@ -39,11 +38,12 @@ EXPONENTS = {"alpha": 0.5, "beta": 1.0}  # where their search begins
 INTERVAL = (0.02, 3.0)  # of the search
 
 
-def read_points(directories: list[Outputs]) -> pd.DataFrame:
-    """Read all evaluated networks, for any number of pairs and any resolution.
+def read_points(directories: list[Outputs], worlds: dict[str, str]) -> pd.DataFrame:
+    """Read all evaluated networks of some worlds, for any number of pairs and any resolution.
 
     Args:
-        directories: outputs directories.
+        directories: outputs directories; their runs of other worlds are left out.
+        worlds: fingerprint of the worlds of each experiment.
 
     Returns:
         one row per run of each network, input and experiment with at least four numbers of pairs or resolutions: model,
@@ -51,11 +51,11 @@ def read_points(directories: list[Outputs]) -> pd.DataFrame:
         (their hash) and commit of the training.
 
     Raises:
-        ValueError: the runs of an experiment have different worlds, those of an input different parameters of it, those
-            of a network different architectures, or those of a point different trainings or numbers of test pairs.
+        ValueError: the runs of an input have different parameters of it, those of a network different architectures, or
+            those of a point different trainings or numbers of test pairs.
     """
     runs = [run for outputs in directories for run in outputs.runs() if run.is_evaluated]
-    rows = pd.DataFrame([row for row in map(_row, runs) if row is not None])
+    rows = pd.DataFrame([row for run in runs if (row := _row(run, worlds)) is not None])
     if rows.empty:
         return rows
     points = rows.groupby(["model", *CURVE]).filter(lambda curve: len(curve[POINT].drop_duplicates()) >= FEWEST)
@@ -70,9 +70,9 @@ def read_points(directories: list[Outputs]) -> pd.DataFrame:
     return points.drop(columns=[*SHARED, "run"])
 
 
-def _row(run: Run) -> dict[str, Any] | None:
+def _row(run: Run, worlds: dict[str, str]) -> dict[str, Any] | None:
     config, origin = run.config(), run.provenance()
-    if config.encoding is None or config.train is None:
+    if config.encoding is None or config.train is None or config.data.worlds != worlds.get(config.experiment):
         return None
     trained = origin.last("trained")
     assert trained, "an evaluated network is trained"
@@ -88,7 +88,6 @@ def _row(run: Run) -> dict[str, Any] | None:
         **{name: origin.fact(name) for name in ("epochs", "training_seconds", "recordings")},
         "commit": trained["commit"],
         "run": str(run),
-        "worlds": config.data.worlds,
         "parameters": str(config.encoding.parameters),
         "architecture": str(config.model),
         "training": f"{config.train}, {config.data.pairs.test} test pairs",

@@ -85,9 +85,11 @@ class Predictor:
             ValueError: the steps are fewer than the parts of the encoding, or the time is not positive.
         """
         steps, step_s = self.steps if steps is None else steps, self.step_s if step_s is None else step_s
-        if steps < self.encoding.frames or not 0 < step_s < math.inf:
-            least = self.encoding.frames
-            raise ValueError(f"expected steps of at least {least} and a positive step_s [s], got {steps} and {step_s}")
+        least = self.encoding.frames
+        if not float(steps).is_integer() or steps < least or not 0 < step_s < math.inf:
+            raise ValueError(
+                f"expected {least} steps or more, a whole number, and a positive step_s [s], got {steps} and {step_s}"
+            )
         return steps, step_s
 
     def check_center(self, center: str | tuple[float, float]) -> None:
@@ -120,10 +122,13 @@ class Predictor:
 
         Raises:
             TypeError: the scans are arrays instead of `Scans`.
-            ValueError: the scans cannot be those of a lidar on this map, see `validity.check_windows`.
+            ValueError: the scans cannot be those of a lidar on this map, see `validity.check_windows`, or `batch` is
+                less than 1.
         """
         if not isinstance(scans, Scans):
             raise TypeError(f"expected Scans(ranges, angles, poses), got {type(scans).__name__}")
+        if batch < 1:
+            raise ValueError(f"batch: expected 1 window or more, got {batch}")
         device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
         windows = scans.tensors(device)
         check_windows(windows, self.grid, allow_empty=allow_empty)
@@ -207,7 +212,7 @@ def load_predictor(path: str | Path) -> Predictor:
         ValueError: the path holds no predictor, its files differ from the saved checksum, or the network is not one
             from encoded scans to one map of finite logits.
     """
-    path = Path(path)
+    path = Path(path).expanduser()
     if path.is_file():
         return _load_onnx(path)
     if not (path / DESCRIPTION).is_file():

@@ -76,14 +76,22 @@ def check_beams(scan: LogScan, source: str) -> None:
     """
     if not 2 <= len(scan.ranges) <= MAX_BEAMS:
         raise ValueError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
-    span = abs(scan.spacing) * (len(scan.ranges) - 1)
-    if not math.isfinite(scan.first_angle) or not 0 < span <= 2 * math.pi + 0.1:
-        raise ValueError(
-            f"{source}: expected beam angles in radians within one turn, got {len(scan.ranges)} beams from "
-            f"{scan.first_angle:.4g} with a spacing of {scan.spacing:.4g}"
-        )
+    check_turn(len(scan.ranges), scan.first_angle, scan.spacing, source)
     if not has_valid_range(scan):
         raise ValueError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
+
+
+def check_turn(beams: int, first_angle: float, spacing: float, source: str) -> None:
+    """Check that beams, with angles in radians, are within one turn.
+
+    Raises:
+        ValueError: they are not, or are in one direction; the message begins with the source of the scan.
+    """
+    if not math.isfinite(first_angle) or not 0 < abs(spacing) * (beams - 1) <= 2 * math.pi + 0.1:
+        raise ValueError(
+            f"{source}: expected beam angles in radians within one turn, got {beams} beams from {first_angle:.4g} with "
+            f"a spacing of {spacing:.4g}"
+        )
 
 
 def check_heading(heading: float, subject: str) -> None:
@@ -125,7 +133,7 @@ def note_on_range(range_max_m: float, reach_m: float) -> str | None:
 
 
 def note_on_repeats(ranges: np.ndarray) -> str | None:
-    """Return a note about readings that look like misses at an unknown maximum range; None if there are none.
+    """Return a note about readings that look like misses that a driver reports as hits; None if there are none.
 
     Args:
         ranges: ranges [m], (S, N); inf for a miss, NaN for an invalid reading.
@@ -155,6 +163,11 @@ def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.nda
     """Return the beams by increasing angle, without the last ones of a full turn that point where the first ones do."""
     if angles[-1] < angles[0]:
         angles, ranges = angles[::-1], ranges[:, ::-1]
-    count = int((angles < angles[0] + 2 * math.pi - 1e-6).sum())
+    count = beams_of_turn(angles)
     angles, ranges = angles[:count], ranges[:, :count]
     return (angles - 2 * math.pi if angles[-1] > 2 * math.pi else angles.copy()), np.ascontiguousarray(ranges)
+
+
+def beams_of_turn(angles: np.ndarray) -> int:
+    """Return the number of beams, by increasing angle [rad], before the first that points where the first one does."""
+    return int((angles < angles[0] + 2 * math.pi - 1e-6).sum())

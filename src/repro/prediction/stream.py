@@ -10,7 +10,7 @@ import torch
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.readings import check_heading, readings
+from repro.prediction.readings import beams_of_turn, check_heading, check_turn, readings
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
 
 
@@ -46,11 +46,12 @@ class PredictionStream:
 
     Args:
         predictor: network, encoding and grid.
-        angles: beam angles [rad], (N,), increasing and evenly spaced.
+        angles: beam angles [rad], (N,), increasing and evenly spaced, within one turn. The last beams of a full turn
+            that point where the first ones do are left out, as in a log.
         center: center of the map: `robot` (the newest pose), or x, y in the frame of the poses [m].
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
-        range_max_m: maximum range of the lidar [m], see `Predictor.with_range`.
+        range_max_m: maximum range of the lidar [m], see `Predictor.with_range`; None if it is not known.
 
     Raises:
         ValueError: an argument has another shape or value, or the network needs a fixed center.
@@ -64,16 +65,18 @@ class PredictionStream:
         center: str | tuple[float, float] = "robot",
         steps: int | None = None,
         step_s: float | None = None,
-        range_max_m: float = math.inf,
+        range_max_m: float | None = None,
     ) -> None:
-        self.predictor, self.angles = predictor.with_range(range_max_m), np.array(angles, dtype=float)
-        self.range_max_m = range_max_m
+        self.range_max_m = math.inf if range_max_m is None else range_max_m
+        self.predictor, self.angles = predictor.with_range(self.range_max_m), np.array(angles, dtype=float)
         self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
         predictor.check_center(center)
-        beam_spacing(torch.as_tensor(self.angles))
         check_angles(torch.as_tensor(self.angles))
+        self.beams, spacing = len(self.angles), beam_spacing(torch.as_tensor(self.angles))
+        check_turn(self.beams, self.angles[0], spacing, "angles")
+        self.angles = self.angles[: beams_of_turn(self.angles)]
         self.center = None if isinstance(center, str) and center == "robot" else _point(center)
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
@@ -141,10 +144,9 @@ class PredictionStream:
     def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
         ranges, pose = readings(ranges, 0.0, self.range_max_m), np.array(pose, dtype=float)
-        if ranges.shape != self.angles.shape or pose.shape != (3,):
-            raise ValueError(
-                f"expected ranges {self.angles.shape} and a pose (3,), got {ranges.shape} and {pose.shape}"
-            )
+        if ranges.shape != (self.beams,) or pose.shape != (3,):
+            raise ValueError(f"expected ranges ({self.beams},) and a pose (3,), got {ranges.shape} and {pose.shape}")
+        ranges = ranges[: len(self.angles)]
         if np.isnan(ranges).all():
             raise ValueError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
         if not np.isfinite(pose).all() or not math.isfinite(stamp):

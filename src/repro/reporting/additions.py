@@ -27,9 +27,10 @@ Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
 def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = False) -> Path:
     """Add what is not published yet of an outputs directory to the published directory of the same name.
 
-    This may be rows of the analysis alone, such as a learning curve. Tables, runs, provenance and the README.md are made anew from all runs. To the tables of the analysis, the rows are
-    added of what they do not have yet, such as another network, and its figures are drawn anew; the other figures and
-    the samples of the report stay those of the earlier publication. `task=docs` makes the rest of the report anew.
+    This may be rows of the analysis alone, such as a learning curve. Tables, runs, provenance and the README.md are
+    made anew from all runs. To the tables of the analysis, the rows are added of what they do not have yet, such as
+    another network, and its figures are drawn anew; the other figures and the samples of the report stay those of the
+    earlier publication. `task=docs` makes the rest of the report anew.
 
     Args:
         outputs: the outputs directory with the new runs, or with an analysis of published runs.

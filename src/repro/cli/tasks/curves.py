@@ -1,12 +1,14 @@
-"""task=curves: the learning curves of all networks beside an outputs directory; U-Net's extrapolated to paper scale."""
+"""task=curves: learning curves from all outputs directories, in the worlds of the call; U-Net's are extrapolated."""
 
 from repro.cli.jobs import Job
 from repro.evaluation.learning_curves import CURVE, FEWEST, extrapolate, read_points
 from repro.metrics.names import METRICS
+from repro.recordings.format import spec_fingerprint
 from repro.reporting.paper import read_paper
 from repro.reporting.summaries import extrapolated_to_markdown
 from repro.runs.outputs import Outputs
 from repro.system.files import write_text
+from repro.world_config import world_spec
 
 
 def run(job: Job) -> None:
@@ -17,7 +19,9 @@ def run(job: Job) -> None:
     """
     target = job.outputs.curves
     directories = sorted({path.parent for above in (target.parent, target) for path in above.glob("*/runs")})
-    points = read_points([Outputs(directory) for directory in directories if directory.name != "smoke"])
+    world = job.call.world
+    worlds = {experiment: spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
+    points = read_points([Outputs(directory) for directory in directories if directory.name != "smoke"], worlds)
     if points.empty:
         raise ValueError(f"no curve has {FEWEST} points in {target.parent}: make curves trains them")
     target.mkdir(parents=True, exist_ok=True)

@@ -7,7 +7,6 @@ from repro.cli.jobs import Job
 from repro.demo.networks import load_demo_network
 from repro.demo.page import render
 from repro.demo.runtime import load_runtime
-from repro.simulation.motions import recorded_steps
 from repro.system.files import write_text
 
 
@@ -20,7 +19,7 @@ def run(job: Job) -> None:
     runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
     networks = [load_demo_network(find("demo.networks", name)) for name in job.call.demo.networks]
     spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.call.world["experiments"]}
-    page = render(networks, runtime, spec, job.call.prediction.steps or recorded_steps(job.spec["motion"]))
+    page = render(networks, runtime, spec)
     path = job.outputs.path / "demo.html"
     write_text(path, page)
     print(f"{path} ({len(page) / 1e6:.1f} MB)")
