@@ -11,7 +11,7 @@ from repro.evaluation.learning_curves import FITTED_METRICS, extrapolate, fit_po
 from repro.recordings.format import spec_fingerprint
 from repro.runs.outputs import Outputs
 
-WORLDS = dict.fromkeys("34", spec_fingerprint(world_spec("3")))  # of fake runs
+WORLDS = {spec_fingerprint(world_spec("3"))}  # of fake runs
 CURVES = {("3", PROJECTION): (0.95, 0.02, 0.01), ("3", PROJECTION_NO_DECAY): (0.93, 0.03, 0.02)}
 
 

@@ -38,12 +38,12 @@ EXPONENTS = {"alpha": 0.5, "beta": 1.0}  # where their search begins
 INTERVAL = (0.02, 3.0)  # of the search
 
 
-def read_points(directories: list[Outputs], worlds: dict[str, str]) -> pd.DataFrame:
+def read_points(directories: list[Outputs], worlds: set[str]) -> pd.DataFrame:
     """Read all evaluated networks of some worlds, for any number of pairs and any resolution.
 
     Args:
         directories: outputs directories; their runs of other worlds are left out.
-        worlds: fingerprint of the worlds of each experiment.
+        worlds: fingerprints of the worlds.
 
     Returns:
         one row per run of each network, input and experiment with at least four numbers of pairs or resolutions: model,
@@ -70,9 +70,9 @@ def read_points(directories: list[Outputs], worlds: dict[str, str]) -> pd.DataFr
     return points.drop(columns=[*SHARED, "run"])
 
 
-def _row(run: Run, worlds: dict[str, str]) -> dict[str, Any] | None:
+def _row(run: Run, worlds: set[str]) -> dict[str, Any] | None:
     config, origin = run.config(), run.provenance()
-    if config.encoding is None or config.train is None or config.data.worlds != worlds.get(config.experiment):
+    if config.encoding is None or config.train is None or config.data.worlds not in worlds:
         return None
     trained = origin.last("trained")
     assert trained, "an evaluated network is trained"

@@ -22,7 +22,7 @@ class LightConvGRU(nn.Module, PyTorchModelHubMixin):
     Recognition", 2018). Its update gate has a convolution of 1 x 1. The decoder also sees the series as a whole. It
     predicts the four pixels of each of its cells (Shi et al., "Real-Time Single Image and Video Super-Resolution Using
     an Efficient Sub-Pixel Convolutional Neural Network", CVPR 2016). It is faster than `convgru.ConvGRU`, and less
-    accurate on walls that are one pixel wide.
+    accurate on walls that are one pixel wide and with fields of view much wider than in training.
 
     Args:
         in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.

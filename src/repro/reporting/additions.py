@@ -58,9 +58,11 @@ def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: 
         analysis = _analysis(outputs.analysis, target / "analysis")
         earlier = read_origins(target, known)
         origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
+        if new.empty and not analysis:
+            raise ValueError(f"nothing added to {target}: all evaluated runs are published")
         problem = _problem(new, published, origins, earlier, force=force)
-        if problem and not (new.empty and analysis):
-            raise ValueError(f"{'not' if len(new) else 'nothing'} added to {target}: {problem}")
+        if problem:
+            raise ValueError(f"not added to {target}: {problem}")
         every = {**earlier, **origins}
         runs = pd.concat([published, new], ignore_index=True).sort_values(KEY)
         with replacing_directory(target) as directory:
@@ -76,8 +78,6 @@ def _problem(
     new: pd.DataFrame, published: pd.DataFrame, origins: Origins, earlier: Origins, *, force: bool
 ) -> str | None:
     """Return why the new runs cannot share tables with the published ones; None if they can."""
-    if new.empty:
-        return "all evaluated runs are published"
     for fact, words in {**SIZES, "scale": "as scale"}.items():
         now, then = (sorted(set(rows[fact].dropna())) for rows in (new, published))
         if not set(now) <= set(then):

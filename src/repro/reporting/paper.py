@@ -3,6 +3,7 @@
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -25,7 +26,11 @@ def world_files(used: set[str]) -> list[str]:
 @cache
 def worlds_of(path: Path) -> set[str]:
     """Return the fingerprints of the worlds of all experiments of a file in conf/world."""
-    world = read_world(path)
+    return fingerprints_of(read_world(path))
+
+
+def fingerprints_of(world: dict[str, Any]) -> set[str]:
+    """Return the fingerprints of the worlds of all experiments of a configuration."""
     return {spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
 
 

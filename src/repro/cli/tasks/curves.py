@@ -3,12 +3,10 @@
 from repro.cli.jobs import Job
 from repro.evaluation.learning_curves import CURVE, FEWEST, extrapolate, read_points
 from repro.metrics.names import METRICS
-from repro.recordings.format import spec_fingerprint
-from repro.reporting.paper import read_paper
+from repro.reporting.paper import fingerprints_of, read_paper
 from repro.reporting.summaries import extrapolated_to_markdown
 from repro.runs.outputs import Outputs
 from repro.system.files import write_text
-from repro.world_config import world_spec
 
 
 def run(job: Job) -> None:
@@ -19,9 +17,8 @@ def run(job: Job) -> None:
     """
     target = job.outputs.curves
     directories = sorted({path.parent for above in (target.parent, target) for path in above.glob("*/runs")})
-    world = job.call.world
-    worlds = {experiment: spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
-    points = read_points([Outputs(directory) for directory in directories if directory.name != "smoke"], worlds)
+    found = [Outputs(directory) for directory in directories if directory.name != "smoke"]
+    points = read_points(found, fingerprints_of(job.call.world))
     if points.empty:
         raise ValueError(f"no curve has {FEWEST} points in {target.parent}: make curves trains them")
     target.mkdir(parents=True, exist_ok=True)
