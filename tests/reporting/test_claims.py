@@ -7,7 +7,7 @@ from conftest import ROOT
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.reporting.audit import audit
-from repro.reporting.claims import COLUMNS, Verdict, count_verdicts, judge, read_claims
+from repro.reporting.claims import COLUMNS, Verdict, count_verdicts, judge, on_paper, read_claims
 from repro.reporting.expressions import Names, evaluate
 from repro.reporting.names import TITLES
 from repro.reporting.numbers import METRICS_OF, Numbers, analysis_rows, paper_rows
@@ -196,6 +196,9 @@ def test_the_papers_errors_are_found_on_its_own_numbers():
     assert table.loc["decay-costs-twelve-percent", "paper_value"] == pytest.approx(13.98)
     assert table.loc["rotation-beats-square", "paper_value"] == pytest.approx(0.5485 - 0.5707)
     assert (table.loc[table["paper"] == "holds", "ours"] == Verdict.reproduced).sum() >= 6
+    assert on_paper(table.loc["decay-costs-nine-percent"], ".1f") == "fails, 8.2"
+    assert on_paper(table.loc["accuracy-level"], ".3f") == "holds"  # close to itself, in every combination
+    assert on_paper(table.loc["stack-is-larger"], ".3f") == ""  # the paper has no number
 
 
 def test_the_papers_tables_agree_with_themselves():

@@ -118,6 +118,17 @@ def count_verdicts(claims: pd.DataFrame) -> str:
     return ", ".join(f"{counts[verdict]} {text}" for verdict, text in words.items() if counts[verdict])
 
 
+def on_paper(claim: pd.Series | dict[str, Any], precision: str) -> str:
+    """Return whether a claim of `judge` holds on the paper's numbers, with its value if it has one; empty if untested.
+
+    A claim that our numbers are close to the paper's has no value there.
+    """
+    if claim.get("paper") not in ("holds", "fails"):
+        return ""
+    value = claim["paper_value"]
+    return claim["paper"] if pd.isna(value) else f"{claim['paper']}, {value:{precision}}"
+
+
 @dataclass(frozen=True)
 class _Tested:
     """The test of one combination: the value, the claimed value and the tolerance."""
@@ -151,7 +162,7 @@ def _judge_one(claim: Claim, tolerances: dict, ours: Numbers, papers: Numbers) -
         return {**row, "verdict": Verdict.untested, "ours": Verdict.untested, "reason": claim.untestable}
     paper = _test(claim, tolerances, papers, papers, on_paper=True)
     holds = "no number" if paper is None else "holds" if _verdict(claim, paper) is Verdict.reproduced else "fails"
-    row |= {"paper": holds, "paper_value": _worst(claim, paper).value if paper else None}
+    row |= {"paper": holds, "paper_value": _worst(claim, paper).value if paper and claim.claimed != "paper" else None}
     tested = _test(claim, tolerances, ours, papers)
     verdict = Verdict.untested if tested is None else _verdict(claim, tested)
     if tested:

@@ -14,7 +14,7 @@ from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
-from repro.reporting.claims import Verdict
+from repro.reporting.claims import Verdict, on_paper
 from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.plots import DataFrames
 from repro.reporting.sections import sections
@@ -150,8 +150,8 @@ def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
         ]
     elif pd.isna(row.get("reason")):
         facts.append(("Not tested", "a number that the test needs is not measured at this scale"))
-    if row.get("paper") in ("holds", "fails"):
-        facts.append(("The paper's tables", f"{row['paper']}, {row['paper_value']:.4g}"))
+    if paper := on_paper(row, ".4g"):
+        facts.append(("The paper's tables", paper))
     return {
         "quote": row["quote"],
         "verdict": str(row["verdict"]),

@@ -8,7 +8,7 @@ import pandas as pd
 from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
-from repro.reporting.claims import count_verdicts
+from repro.reporting.claims import count_verdicts, on_paper
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
 
@@ -25,10 +25,11 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     lines = [
         f"**{count_verdicts(claims)}.**",
         "",
-        "Ours and Paper are values of the test, mostly differences (for the calibration error, 0.02 minus the error),",
-        "each of the combination that is closest to failing for its own numbers (for claims about most conditions, the",
-        "median one). In brackets: interval of 95 %; in parentheses: claimed value and tolerance. A claim that a",
-        "number exceeds a value needs a difference of at least the tolerance.",
+        "Ours and Paper are values of the test, mostly differences (for the calibration error, 0.02 minus the error).",
+        "Ours is of the combination that is closest to failing on our numbers, Paper of the one that is closest on the",
+        "paper's, which may be another one (for claims about most conditions, of the median one). In brackets: interval",
+        "of 95 %; in parentheses: claimed value, which is that of the paper for its tables, and tolerance. A claim that",
+        "a number exceeds a value needs a difference of at least the tolerance.",
         "",
     ]
     rows = []
@@ -38,7 +39,7 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
             needed = f"{row['claimed']:.3g} ± {row['tolerance']:.2g}"
             interval = "" if pd.isna(row["low"]) else f" [{row['low']:.3f}, {row['high']:.3f}]"
             ours = f"{row['value']:.3f}{interval} ({needed})"
-        paper = f"{row['paper']}, {row['paper_value']:.3f}" if pd.notna(row["paper_value"]) else ""
+        paper = on_paper(row, ".3f")
         test = row["means"] if pd.notna(row["means"]) else row["reason"]
         rows.append((row["quote"], test, row["verdict"], row["ours"], ours, paper))
     lines += markdown_table(("Claim", "Test", "Verdict", "On our numbers", "Ours", "Paper"), rows)
