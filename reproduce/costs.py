@@ -35,6 +35,7 @@ from repro.system.devices import clock, one_thread, resolve_precision
 
 MODELS = Path(__file__).parents[1] / "conf" / "model"
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
+BATCH = 16  # pairs of a measured training step
 ENCODINGS = {
     "projection": Projection(),
     "stack10": create_encoding("stack10", {"frames": 10}),
@@ -73,7 +74,7 @@ def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame) -> fl
     """Measure a few training steps on one CPU thread and return the time of a training of all published steps [min]."""
     with one_thread():
         size_px, precision = int(runs["size_px"].iloc[0]), resolve_precision("auto", "cpu")
-        seconds = seconds_per_image(model, encoding, size_px, 16, precision, 6)
+        seconds = seconds_per_image(model, encoding, size_px, BATCH, precision, 6)
     return seconds * runs["train_pairs"].max() * runs["epochs"].max() / 60
 
 
@@ -113,8 +114,8 @@ def note(runs: pd.DataFrame) -> str:
     gpu = f", GPU: {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ""
     return (
         f"Costs of the networks. Training: {runs['epochs'].max():.0f} epochs of {runs['train_pairs'].max():.0f} pairs "
-        f"at {runs['size_px'].iloc[0]:.0f} px on one thread, from a few steps ({resolve_precision('auto', 'cpu')}). "
-        "Latency: one window, from its scans to the predicted map. "
+        f"at {runs['size_px'].iloc[0]:.0f} px on one thread, from a few steps of {BATCH} pairs "
+        f"({resolve_precision('auto', 'cpu')}). Latency: one window, from its scans to the predicted map. "
         f"CPU: {torch.get_num_threads()} threads{gpu}, torch {torch.__version__}."
     )
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 from sklearn.metrics import roc_auc_score
 from tqdm import tqdm
 
@@ -31,7 +31,7 @@ from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds, draw_weights
 from repro.metrics.counts import LEVELS, confusion_of
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.agreement import last_hits, observed, predicted
+from repro.prediction.agreement import Observed, last_hits, observed
 from repro.prediction.logs import ScanLog, collect
 from repro.prediction.output import draw
 from repro.prediction.readers import carmen_scans
@@ -113,9 +113,18 @@ def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator
         network = np.rint((LEVELS - 1) * free).astype(np.int64)
         for name, levels in ((NETWORK, network), (BASELINE, baseline)):
             for pixels, mask in zip(PIXELS, (np.ones_like(seen), seen, ~seen), strict=True):
-                values = predicted(levels, scan.within(mask))
-                counts = np.stack([np.bincount(each, minlength=LEVELS) for each in values])
-                yield {"map": name, "pixels": pixels, "counts": counts}
+                yield {"map": name, "pixels": pixels, "counts": count(levels, scan, mask)}
+
+
+def count(levels: np.ndarray, scan: Observed, mask: np.ndarray) -> np.ndarray:
+    """Count the pixels of a scan within a mask by truth, hits first, and level of a map, (2, 256).
+
+    Poses and grids are not exact, so every pixel takes the lowest level within one pixel, hits and passed pixels alike,
+    and passed pixels beside a hit are left out. A map that does not depend on the scan thus has an AUROC of 0.5.
+    """
+    nearby = minimum_filter(levels, 3)
+    clear = Observed(scan.hits, scan.passed & ~maximum_filter(scan.hits, 3)).within(mask)
+    return np.stack([np.bincount(nearby[pixels], minlength=LEVELS) for pixels in (clear.hits, clear.passed)])
 
 
 def measures(counts: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from sklearn.metrics import roc_auc_score
 
 from repro.maps.grid import Grid
 from repro.networks.predictor import load_predictor
+from repro.prediction.agreement import Observed
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -70,6 +71,28 @@ def test_the_baseline_ranks_hits_unseen_pixels_and_passed_pixels_by_their_distan
     assert seen[50, 56:61].all()
     assert not seen[50, 61:].any()
     assert levels[:, :40].max() < 192  # behind the robot
+
+
+def test_a_map_that_knows_nothing_is_at_chance(script):
+    """The tolerance of one pixel gives a noisy map no advantage."""
+    rng = np.random.default_rng(0)
+    counts = np.zeros((2, 256), dtype=int)
+    for _ in range(40):
+        hits = rng.random((64, 64)) < 0.02
+        scan = Observed(hits, (rng.random((64, 64)) < 0.5) & ~hits)
+        counts += script.count(rng.integers(0, 256, (64, 64)), scan, np.ones((64, 64), bool))
+    assert script.measures(counts)[0] == pytest.approx(0.5, abs=0.02)
+
+
+def test_a_hit_beside_an_obstacle_counts_as_found_and_a_passed_pixel_beside_a_hit_not_at_all(script):
+    levels, hits, passed = np.full((9, 9), 255), np.zeros((9, 9), bool), np.zeros((9, 9), bool)
+    levels[4, 4] = 0
+    hits[3, 3] = True
+    passed[3, :3] = passed[5, :] = True  # (3, 2) is beside the hit, (5, 3) to (5, 5) are beside the obstacle
+    counts = script.count(levels, Observed(hits, passed), np.ones((9, 9), bool))
+    assert counts[:, [0, 255]].tolist() == [[1, 0], [3, 8]]
+    here = np.arange(81).reshape(9, 9) < 36  # without the row of the obstacle and below
+    assert script.count(levels, Observed(hits, passed), here)[:, [0, 255]].tolist() == [[1, 0], [0, 2]]
 
 
 def test_the_mean_over_logs_has_an_interval_and_a_gain(script):

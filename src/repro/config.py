@@ -54,7 +54,7 @@ class Model:
 
     Args:
         name: name of the model in paths and tables.
-        architecture: one of `RECURRENT` or an architecture of segmentation-models-pytorch; None means the name is one.
+        architecture: one of our own (`networks.create`) or of segmentation-models-pytorch; None means the name is one.
         encoder_name: encoder of segmentation-models-pytorch; None for a network with an encoder of its own.
         encoder_weights: pretrained weights of the encoder; None trains from scratch.
         parameters: further parameters of one of our own networks.

@@ -341,6 +341,34 @@ def test_maps_go_on_after_the_clock_was_set_back(predictor):
         assert predicted.free == pytest.approx(free, abs=1e-5)
 
 
+@pytest.mark.parametrize("wrong", [-9000, 200, 1_000_000])  # steps
+@pytest.mark.parametrize("kind", ["scan", "pose"])
+def test_maps_go_on_after_one_wrong_time(predictor, kind, wrong):
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    robot.mapper.add_transforms(base(-1))
+    count, late = 140, 60
+    for step in range(count):
+        robot.mapper.add_scan(scan(step))
+        if step == late:
+            message = scan(step) if kind == "scan" else base(step)
+            where = message if kind == "scan" else message.transforms[0]
+            where.header = header(STEP_S * wrong, where.header.frame_id)
+            (robot.mapper.add_scan if kind == "scan" else robot.mapper.add_transforms)(message)
+        robot.mapper.add_transforms(base(step))
+    maps = expected(predictor, count)
+    assert len(robot.maps) >= len(maps) - 2 * STEPS
+    for (sent, _, predicted), free in zip(robot.maps[-40:], maps[-40:], strict=True):
+        assert sent.stamp.sec >= START_S
+        assert predicted.free == pytest.approx(free, abs=1e-5)
+
+
+@pytest.mark.parametrize("center", [None, "start", "25 25", (25.0,), (25.0, math.nan)])
+def test_a_center_that_is_none_is_refused_at_the_start(predictor, center):
+    with pytest.raises(ValueError, match=r"center: expected robot or x, y \[m\]"):
+        Robot(predictor, center=center)
+
+
 def test_parameters_of_two_numbers():
     assert two_numbers("25,-3.5") == (25, -3.5)
     assert two_numbers("") is None

@@ -278,9 +278,8 @@ def test_an_odd_first_scan_does_not_decide_the_beams(tmp_path):
     [
         ({(20, SCANS): -500.0}, 20),
         ({(0, 3): 3600.0}, SCANS - 3),
-        ({(4, 5): 1000.0}, SCANS - 5),
     ],
-    ids=["set back", "set after the first scans", "one wrong time"],
+    ids=["set back", "set after the first scans"],
 )
 def test_the_longest_part_of_a_log_whose_clock_was_set_back_is_kept(shifts, kept, tmp_path):
     count = SCANS
@@ -293,6 +292,17 @@ def test_the_longest_part_of_a_log_whose_clock_was_set_back_is_kept(shifts, kept
     assert len(log) == kept
     assert (np.diff(log.stamps) > 0).all()
     assert log.skipped == {"before or after the clock was set back": count - kept}
+
+
+@pytest.mark.parametrize("wrong", [0.0, 2000.0, 1e9])
+def test_single_wrong_times_are_skipped(wrong, tmp_path):
+    stamps = 1000.0 + 0.1 * np.arange(SCANS)
+    stamps[[4, 11, SCANS - 3]] = wrong
+    arrays = {"ranges": np.full((SCANS, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((SCANS, 3))}
+    np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
+    log = read_log(tmp_path / "log.npz", 0.05)
+    assert log.stamps == pytest.approx(np.delete(stamps, [4, 11, SCANS - 3]))
+    assert log.skipped == {"more than 10 s away from the scans before and after": 3}
 
 
 def test_times_that_go_back_again_and_again_are_refused(tmp_path):
@@ -390,6 +400,14 @@ def test_a_log_is_cropped_to_the_beams_ahead(first):
     others = ~np.isnan(held_out[0])
     assert (np.cos(angles[others]) < math.cos(math.radians(45))).all()
     assert held_out[0, others] == pytest.approx(ranges[1, others])
+
+
+def test_a_crop_wider_than_the_view_of_the_lidar_is_refused():
+    angles = np.radians(np.arange(271))
+    log = ScanLog(np.arange(2.0), np.ones((2, 271)), angles, np.zeros((2, 3)))
+    with pytest.raises(ValueError, match=r"no beams between -90.0 and 0.0 degrees: .* got 270.0 degrees"):
+        log.crop(math.radians(270))
+    assert len(log.crop(math.radians(60)).angles) == 31  # from straight ahead to the left
 
 
 def test_a_crop_that_keeps_all_beams_holds_none_out():

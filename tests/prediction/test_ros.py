@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from repro.maps.grid import Grid
-from repro.prediction.ros import GRID_TYPES, add_transforms, grid_message, log_scan, occupancy
+from repro.prediction.ros import add_transforms, grid_message, log_scan, occupancy
 from repro.prediction.stream import StreamMap
 from repro.prediction.transforms import Transforms
 
@@ -48,7 +48,8 @@ def test_probabilities_are_not_clipped(value):
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_message_survives_its_serialization(version):
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
-    types = {name: types_of(store)[name] for name in GRID_TYPES}
+    names = ("OccupancyGrid", "MapMetaData", "Header", "Pose", "Point", "Quaternion")
+    types = {name: types_of(store)[name] for name in names}
     if version == 1:
         types["Header"] = functools.partial(types["Header"], seq=0)  # rospy and rclpy have defaults
     predicted = StreamMap(np.random.default_rng(0).random((6, 8)), ORIGIN, RESOLUTION_M, 12.25)

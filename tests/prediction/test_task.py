@@ -42,7 +42,7 @@ def run(tmp_path, monkeypatch):
 
 
 def test_windows_with_the_same_reason_are_one_line(run, capsys):
-    with pytest.raises(ValueError, match="none of its 6 windows can be used, see above"):
+    with pytest.raises(ValueError, match="none of its 6 windows or parts can be used, see above"):
         run(center=(1000.0, 1000.0))
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left out")]
     assert len(lines) == 1
@@ -52,7 +52,7 @@ def test_windows_with_the_same_reason_are_one_line(run, capsys):
     )
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "more"])
+@pytest.mark.parametrize("name", ["notes.txt", "more", "other.mcap"])
 def test_a_directory_with_other_files_is_not_replaced(run, tmp_path, name):
     (tmp_path / "predictions" / "rooms" / name).mkdir(parents=True)
     with pytest.raises(ValueError, match=f"rooms has files that are no prediction, such as {name}: move them"):

@@ -5,8 +5,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from conftest import run_config, world_spec
+from conftest import fake_run, run_config, world_spec
 
+from repro.cli.figures import lowest_seed
 from repro.config import PROJECTION, PairCounts
 from repro.evaluation.evaluate import write_predictions
 from repro.evaluation.examples import Example, load_example
@@ -15,14 +16,17 @@ from repro.maps.projection import Projection
 from repro.recordings import format
 from repro.reporting.comparison_figures import efficiency, pairs
 from repro.reporting.figures import (
+    FIGURES,
     data_collection,
     data_representation,
     irsim_drawing,
     method_overview,
     results,
+    write_figures,
 )
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
+from repro.runs.provenance import Status
 from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
@@ -162,3 +166,22 @@ def test_networks_are_compared_by_pairs_at_a_resolution_that_both_have():
     assert lines == {"Upper bound": {0.8}, "U-Net": {0.4}, "ConvGRU, series10": {0.5}}
     assert pairs({**frames, "curves": frames["curves"].query("model == 'unet'")}) is None
     assert pairs({"intervals": bound}) is None
+
+
+def test_figures_without_data_are_deleted(example, tmp_path):
+    written = write_figures(tmp_path, {"3": sample_world(world_spec("3"), 0)}, [example])
+    assert {path.stem for path in written} == set(FIGURES)
+    mine = tmp_path / "mine.png"
+    mine.touch()
+    write_figures(tmp_path, {}, [example])
+    assert {path.stem for path in tmp_path.iterdir()} == {*FIGURES, "mine"} - {"data_collection"}
+
+
+def test_figures_show_the_network_with_the_lowest_seed(tmp_path):
+    outputs = Outputs(tmp_path)
+    for seed in (2, 1):
+        fake_run(tmp_path, "3", "unet", 0.5, seed=seed)
+    fake_run(tmp_path, "3", "unet", 0.5, seed=0, status=Status.failed)
+    fake_run(tmp_path, "3", "fpn", 0.5)
+    assert lowest_seed(outputs, "3", PROJECTION) == RunKey("3", "unet", PROJECTION, 1)
+    assert lowest_seed(outputs, "4", PROJECTION) is None

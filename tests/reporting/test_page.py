@@ -1,3 +1,4 @@
+import json
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from conftest import ROOT
 from repro.baselines.names import BASELINES
 from repro.evaluation.samples import load_samples
 from repro.reporting.claims import read_claims
+from repro.reporting.page import samples_json
 from repro.runs.outputs import Outputs
 
 pytestmark = pytest.mark.slow
@@ -45,6 +47,13 @@ def test_an_input_of_several_images_is_shown_as_the_projection(outputs):
     for sample in samples:
         assert sample["inputs"]["observed_free"] == sample["inputs"]["projection"]
         assert sample["inputs"]["projection-no-decay"] != sample["inputs"]["projection"]
+
+
+def test_baselines_alone_are_shown_beside_the_projection(outputs):
+    runs = [run for run in Outputs(outputs).runs() if not run.config().encoding]
+    samples = load_samples(Outputs(outputs), runs[0].config().experiment, runs)
+    shown = json.loads(samples_json({"3": samples}))["experiments"][0]["samples"][0]["predictions"]
+    assert {prediction["input"] for prediction in shown.values()} == {"projection"} == set(samples[0]["inputs"])
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,12 @@ from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS
 from repro.reporting.captions import caption, missing
 from repro.reporting.paper import read_paper
-from repro.reporting.results import compare, read_results
+from repro.reporting.results import audits, compare, read_results
 from repro.reporting.tables import make_tables
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
+
+SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
 
 
 def test_every_metric_is_compared_with_the_papers(tmp_path):
@@ -145,6 +147,14 @@ def test_runs_of_altered_worlds_are_not_compared_with_the_paper(tmp_path):
     fake_run(tmp_path, "4", "unet", 0.5)
     table = compare(read_results(Outputs(tmp_path)), PROJECTION).set_index("experiment")
     assert table["paper_accuracy"].isna().to_dict() == {"3": True, "4": False}
+
+
+def test_an_audit_without_rows_has_its_columns(tmp_path):
+    for experiment in "1234":
+        fake_run(tmp_path, experiment, "convgru", 0.5, worlds="faster obstacles", encoding=SERIES)
+    table = audits(read_results(Outputs(tmp_path)))
+    assert table.empty
+    assert {"experiment", "model", "free", "obstacle_iou", "gain", "source"} <= set(table)
 
 
 def test_the_ablation_shows_the_quick_baselines_of_its_experiments(tmp_path):

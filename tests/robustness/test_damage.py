@@ -245,6 +245,14 @@ def test_exchanged_splits_are_refused(copy):
     assert "manifest.json cannot be read (its shards of the split" in call(copy, "train", "exp=3", "model=segformer")
 
 
+def test_a_shard_of_an_unknown_split_is_refused(copy):
+    path = copy / "recordings" / "exp3" / "manifest.json"
+    content = json.loads(path.read_text())
+    content["shards"]["other-0000.npz"] = next(iter(content["shards"].values())) | {"split": "other"}
+    path.write_text(json.dumps(content))
+    assert "manifest.json cannot be read (it has shards of a split" in call(copy, "train", "exp=3", "model=segformer")
+
+
 def test_a_wrong_size_is_refused_before_a_baseline_is_evaluated(tmp_path):
     """The baselines are not evaluated with the wrong size."""
     outputs = tmp_path / "smoke"

@@ -15,6 +15,7 @@ from sklearn.cluster import DBSCAN
 from repro.baselines import particles as model
 from repro.baselines.laws import Scanned
 from repro.baselines.tempering import temper
+from repro.scans import Scans
 
 PARTICLES = 384  # of each obstacle
 MOST_HITS = 120  # of an obstacle that are used, spread over all
@@ -71,11 +72,10 @@ def observe(scanned: Scanned, range_max_m: float, spec: dict[str, Any], rng: np.
     ranges, angles, poses = scanned
     headings = poses[:, 2:] + angles
     directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
-    steps, beam = np.nonzero(np.isfinite(ranges))
-    points = poses[steps, :2] + ranges[steps, beam, None] * directions[steps, beam]
+    points, hit = Scans(ranges, angles, poses).points()
     robot = np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    reached = np.where(np.isfinite(ranges), ranges, range_max_m)
-    return Seen((reached, angles, robot, directions), steps, points, spec, rng)
+    reached = np.where(hit, ranges, range_max_m)
+    return Seen((reached, angles, robot, directions), np.nonzero(hit)[0], points[hit], spec, rng)
 
 
 def explain(seen: Seen) -> list[Inferred]:

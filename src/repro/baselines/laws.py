@@ -17,7 +17,7 @@ from repro.baselines.draws import count_cover
 from repro.baselines.names import BOUNDS
 from repro.maps.grid import Grid
 from repro.maps.recorded import Recorded
-from repro.outlines import padded
+from repro.outlines import padded, placed
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps
@@ -99,9 +99,8 @@ def _sampled(content: str) -> Obstacles:
 
 def turned(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
     """Turn outlines (K, V, 2) to the constant headings of their states (K, T, 3)."""
-    cos, sin = (turn(states[:, 0, 2].astype(np.float64))[:, None] for turn in (np.cos, np.sin))
-    x, y = outlines[..., 0].astype(np.float64), outlines[..., 1].astype(np.float64)
-    corners = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
+    at_origin = states[:, 0].astype(np.float64) * [0, 0, 1]
+    corners = placed(outlines.astype(np.float64), at_origin)
     return Obstacles(corners, np.ascontiguousarray(states[..., :2], dtype=np.float64))
 
 

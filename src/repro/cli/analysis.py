@@ -3,6 +3,7 @@
 import itertools
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import pandas as pd
 
@@ -11,13 +12,14 @@ from repro.baselines.names import OTHER_BOUNDS, SLOW_BASELINES
 from repro.baselines.registry import PREDICTORS
 from repro.cli.inputs import CLAIMS, GENERALIZATION, analysis_inputs
 from repro.cli.jobs import Job
-from repro.evaluation.analysis import gather
+from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.captions import caption
 from repro.reporting.claims import count_verdicts, judge, read_claims
+from repro.reporting.names import scale_options
 from repro.reporting.numbers import analysis_rows
 from repro.reporting.page import Report, render, samples_json
 from repro.reporting.results import audits, read_results
@@ -59,6 +61,8 @@ def analyze(job: Job) -> None:
     frames["audit"] = audits(results)
     frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(_of_papers_worlds(frames, results)))
     outputs.analysis.mkdir(parents=True, exist_ok=True)
+    for name in set(ANALYZED) - set(frames):  # of an earlier analysis of other runs
+        (outputs.analysis / f"{name}.csv").unlink(missing_ok=True)
     for name, frame in frames.items():
         if name != GENERALIZATION:  # task=generalization may be writing it
             write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
@@ -102,23 +106,22 @@ def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
 
 def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     runs = {key: outputs.run(key) for key in keys_of(results)}
-    shown: dict[str, list[Run]] = {}
-    for key in runs:
+    shown: dict[str, dict[Path, Run]] = {}  # by experiment and cell: the run with the lowest seed
+    for key in sorted(runs, key=lambda key: key.seed or 0):
         with suppress(ValueError):  # of a damaged run, which the analysis has named
             is_there = runs[key].check_file("predictions.npz").is_file()
-            if is_there and key.seed in (None, 0) and key.model not in ("all_free", *OTHER_BOUNDS):
-                shown.setdefault(key.experiment, []).append(runs[key])
-    elsewhere = "" if outputs.path.parts[-2:] == ("outputs", scale) else f" outputs={outputs.path}"
+            if is_there and key.model not in ("all_free", *OTHER_BOUNDS):
+                shown.setdefault(key.experiment, {}).setdefault(key.path.parent, runs[key])
     report = Report(
         scale=scale,
         outputs=outputs.path.name,
-        command=f"python run.py task=analysis scale={scale}{elsewhere}",
+        command=f"python run.py task=analysis {scale_options(scale, outputs.path)}",
         caption=caption(results),
         tables=write_tables(outputs, []),
         frames=frames,
         claims=frames["claims"],
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
-        samples=samples_json({name: load_samples(outputs, name, mine) for name, mine in shown.items()}),
+        samples=samples_json({name: load_samples(outputs, name, [*mine.values()]) for name, mine in shown.items()}),
         origins={str(key.path): run.provenance() for key, run in runs.items()},
     )
     write_text(outputs.path / "report.html", render(report))

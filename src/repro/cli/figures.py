@@ -21,12 +21,18 @@ def draw_figures(outputs: Outputs) -> list[str]:
         except ValueError as error:
             errors.append(str(error))
     for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds):
-        key = RunKey(experiment, "unet", encoding, 0)
         try:
-            if outputs.run(key).is_evaluated:
+            if key := lowest_seed(outputs, experiment, encoding):
                 examples.append(load_example(outputs, key))
         except ValueError as error:
             errors.append(str(error))
     for path in write_figures(outputs.figures, worlds, examples):
         print(f"Figure: {path}", flush=True)
     return errors
+
+
+def lowest_seed(outputs: Outputs, experiment: str, encoding: str) -> RunKey | None:
+    """Return the evaluated run of U-Net with the lowest seed; None without any."""
+    keys = [RunKey.parse(run.path.relative_to(outputs.path)) for run in outputs.runs()]
+    mine = [key for key in keys if (key.experiment, key.model, key.encoding) == (experiment, "unet", encoding)]
+    return next((key for key in sorted(mine, key=lambda key: key.seed or 0) if outputs.run(key).is_evaluated), None)

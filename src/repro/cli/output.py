@@ -7,6 +7,7 @@ import pandas as pd
 from repro.metrics.names import SUMMARY
 from repro.reporting.tables import write_tables
 from repro.runs.outputs import Outputs
+from repro.system.errors import is_about_input
 
 
 def summary_line(metrics: pd.Series) -> str:
@@ -15,14 +16,19 @@ def summary_line(metrics: pd.Series) -> str:
 
 
 def print_tables(outputs: Outputs, names: tuple[str, ...]) -> list[str]:
-    """Write the tables of the runs in an outputs directory, print some, and return why runs were left out."""
+    """Write the tables of the runs in an outputs directory, print some, and return why runs, or all, are left out."""
     errors: list[str] = []
-    for name, table in write_tables(outputs, errors).items():
-        if name in names:
-            print("\n" + table.to_markdown())
-            if table.note:
-                print(table.note)
-    print(f"Tables: {outputs.tables}", flush=True)
+    try:
+        for name, table in write_tables(outputs, errors).items():
+            if name in names:
+                print("\n" + table.to_markdown())
+                if table.note:
+                    print(table.note)
+        print(f"Tables: {outputs.tables}", flush=True)
+    except ValueError as problem:  # the runs cannot share a table
+        if not is_about_input(problem):
+            raise
+        errors.append(str(problem))
     for error in errors:
         print(f"error: left out of the tables: {error}", file=sys.stderr)
     return errors

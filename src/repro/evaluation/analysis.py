@@ -32,6 +32,9 @@ from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
 from repro.system.errors import is_about_input
 
+ANALYZED = (  # tables of `gather`
+    *("intervals", "differences", "recency", "ages", "obstacles", "uncertainty", "calibration", "reliability", "cost"),
+)
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
 
@@ -92,8 +95,8 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         accelerator: auto, cpu or gpu, for the predictions of the validation set.
 
     Returns:
-        intervals, differences, recency, ages, obstacles, uncertainty (of cells with several seeds), calibration,
-        reliability and cost, each a tidy frame; empty if no run is evaluated.
+        the tables of `ANALYZED`, each a tidy frame, `uncertainty` of cells with several seeds only; empty if no run is
+        evaluated.
 
     Raises:
         ValueError: a recording is damaged, or a run is and `errors` is None, or no network can be analyzed.

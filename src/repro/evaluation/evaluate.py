@@ -17,6 +17,8 @@ from torch import Tensor
 from repro.baselines.registry import PREDICTORS
 from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run
 from repro.maps.recorded import load_recorded
+from repro.metrics.bootstrap import Measured, by_world
+from repro.metrics.counts import count_quantized
 from repro.metrics.scores import THRESHOLD, confusion, scores, ssim
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import check_worlds, recordings_hash
@@ -154,6 +156,17 @@ def validation_quantized(run: Run, recordings: Path, *, accelerator: str) -> tup
 def quantize(probability: Tensor) -> np.ndarray:
     """Quantize probabilities (M, 1, H, W) in [0, 1] to uint8, 0 to 255, (M, H, W)."""
     return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
+
+
+def measured_of(probability: Tensor, maps: Tensor) -> Measured:
+    """Count the pixels of quantized probabilities and compute their SSIM by world, as one seed.
+
+    Args:
+        probability: probability of free, (M, 1, H, W), in [0, 1].
+        maps: true maps, (M, 1, H, W); recordings 2 w and 2 w + 1 are of world w.
+    """
+    counts = count_quantized(quantize(probability), maps[:, 0].numpy())[:, 0]
+    return Measured(by_world(counts)[None], by_world(ssim(probability, maps.float()).numpy())[None] / 2)
 
 
 def write_predictions(run: Run, probability: Tensor) -> None:

@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repro.evaluation.evaluate import quantize
+from repro.evaluation.evaluate import measured_of
 from repro.maps.recorded import Recorded, load_recorded
-from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
-from repro.metrics.counts import count_quantized
-from repro.metrics.scores import ssim
+from repro.metrics.bootstrap import draw_weights, interval, resample
 from repro.networks.predictor import Predictor
 from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
@@ -188,6 +186,5 @@ def updated(earlier: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
 def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:
     """Compare the prediction of scans with the true maps of their recordings; rows of metric, value, low, high."""
     free = predictor.predict(scans, allow_empty=True)  # a change may leave no hit, or move a pose off the map
-    counts = by_world(count_quantized(quantize(free[:, None]), test.maps[:, 0].numpy()))[:, 0]
-    similarity = by_world(ssim(free[:, None], test.maps.float()).numpy()) / 2
-    return interval(resample(Measured(counts[None], similarity[None]), draw_weights(len(counts))))
+    measured = measured_of(free[:, None], test.maps)
+    return interval(resample(measured, draw_weights(len(test) // 2)))

@@ -5,10 +5,8 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from repro.evaluation.evaluate import quantize
-from repro.metrics.bootstrap import Measured, by_world, difference, draw_weights, resample
-from repro.metrics.counts import count_quantized
-from repro.metrics.scores import ssim
+from repro.evaluation.evaluate import measured_of
+from repro.metrics.bootstrap import Measured, difference, draw_weights, resample
 
 
 def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, maps: Tensor) -> pd.DataFrame:
@@ -44,5 +42,4 @@ def _measured(name: str, free: Tensor | np.ndarray, maps: Tensor) -> Measured:
     if not ((free >= 0) & (free <= 1)).all():
         low, high = free.min().item(), free.max().item()
         raise ValueError(f"{name}: expected probabilities from 0 to 1, got values from {low:g} to {high:g}")
-    counts = by_world(count_quantized(quantize(free), truth[:, 0].numpy())[:, 0])
-    return Measured(counts[None], by_world(ssim(free, truth).numpy())[None] / 2)
+    return measured_of(free, truth)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from repro.config import PROJECTION
 from repro.evaluation.evaluate import read_quantized
 from repro.maps.datasets import encoding_of, grid_of
 from repro.maps.ground_truth import true_maps
@@ -29,8 +30,8 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run]) -> list[Sam
 
     Returns:
         for each recording: `index`, its index in the split; `truth`, the true map; `inputs`, the image of each encoding
-        by its label, the paper's projection for one with several images; `predictions`, the probability of free by the
-        path of each run. Images are PNG in base64.
+        by its label, the paper's projection for one with several images and for baselines alone; `predictions`, the
+        probability of free by the path of each run. Images are PNG in base64.
     """
     shard = next(read_shards(outputs.recordings(experiment), "test"))
     chosen = np.arange(0, len(shard.scans), 2)[:COUNT]
@@ -45,6 +46,8 @@ def load_samples(outputs: Outputs, experiment: str, runs: list[Run]) -> list[Sam
             encoding = encoding_of(config)
             shown = encoding if encoding.channels == 1 else Projection()
             inputs[config.encoding.label] = shown.encode(scans, grid)[:, 0].numpy()
+    if not inputs:
+        inputs[PROJECTION] = Projection().encode(scans, grid)[:, 0].numpy()
     return [
         {
             "index": int(index),

@@ -128,7 +128,6 @@ ENCODINGS: dict[str, type[Encoding]] = {
     "stack10": Stack,
     "series4": Series,
     "series10": Series,
-    "series20": Series,
     "series100": Series,
 }
 

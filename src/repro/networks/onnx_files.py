@@ -1,7 +1,7 @@
 """Predictors as ONNX files: one file with the network, its encoding, its grid and its model card.
 
-The network maps encoded scans (B, C, H, W) in [0, 1] to logits (B, 1, H, W). The metadata of the file hold the encoding
-and the grid (`repro.predictor`, JSON) and the model card (`repro.model_card`, Markdown).
+The network maps encoded scans (B, C, H, W) in [0, 1] to logits (B, 1, H, W). The metadata of the file hold
+encoding, grid, window and statistics (`repro.predictor`, JSON) and the model card (`repro.model_card`, Markdown).
 """
 
 import hashlib
@@ -70,7 +70,7 @@ def write_onnx(path: Path, network: nn.Module, description: dict[str, Any], card
     Args:
         path: the file to create or replace.
         network: a network of torch.
-        description: see `networks.predictor`: `encoding`, `grid` and the `channels` of the encoding.
+        description: see `networks.description`, and the `channels` of the encoding.
         card: the model card.
 
     Returns:

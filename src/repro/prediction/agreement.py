@@ -53,20 +53,6 @@ def observed(scan: Scans, grid: Grid, range_max_m: float) -> Observed:
     return Observed(hits, passed & ~hits)
 
 
-def predicted(free: np.ndarray, scan: Observed) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a map predicts for the pixels of a scan.
-
-    Args:
-        free: probability of free, or any score that is higher where free space is more certain, (H, W).
-        scan: what the scan shows of the map.
-
-    Returns:
-        for each hit the lowest value within one pixel, since poses and grids are not exact, and the value of each
-        passed pixel.
-    """
-    return minimum_filter(free, 3)[scan.hits], free[scan.passed]
-
-
 def agreement(free: np.ndarray, scan: Observed) -> tuple[float, float]:
     """Compare a map with a scan.
 
@@ -75,11 +61,10 @@ def agreement(free: np.ndarray, scan: Observed) -> tuple[float, float]:
         scan: what the scan shows of the map.
 
     Returns:
-        share of the hits at most one pixel from a predicted obstacle, and share of the passed pixels that are predicted
-        free; NaN where there are none.
+        share of the hits at most one pixel from a predicted obstacle, since poses and grids are not exact, and share of
+        the passed pixels that are predicted free; NaN where there are none.
     """
-    hits, passed = predicted(free, scan)
-    return _share(hits < 0.5), _share(passed >= 0.5)
+    return _share(minimum_filter(free, 3)[scan.hits] < 0.5), _share(free[scan.passed] >= 0.5)
 
 
 def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:

@@ -21,7 +21,7 @@ from repro.prediction.readings import (
     why_unusable,
 )
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
-from repro.prediction.stream import PredictionStream, StreamMap
+from repro.prediction.stream import PredictionStream, StreamMap, check_center
 from repro.prediction.transforms import MAX_GAP_S, Transforms, without_transform
 
 KEEP_S = 30.0  # age up to which poses are remembered
@@ -60,7 +60,8 @@ class LiveMapper:
         range_max_m: maximum range of the lidar [m]; None for that of its messages.
 
     Raises:
-        ValueError: the network needs a fixed center, or the range is not positive.
+        ValueError: the center is neither `robot` nor a point, the network needs a fixed one, or the range is not
+            positive.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class LiveMapper:
             raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
         self.predictor, self.publish, self.warn, self.range_max_m = predictor, publish, warn, range_max_m
         predictor.check_center(center)
+        check_center(center)
         self.center = center
         self.steps, self.step_s = predictor.window(steps, step_s)
         self.transforms = Transforms(KEEP_S)
@@ -93,15 +95,22 @@ class LiveMapper:
         self.lock = threading.Lock()
 
     def add_scan(self, message: Any) -> None:
-        """Take a LaserScan; if it is earlier than the last one by more than a window, the clock was set back."""
+        """Take a LaserScan.
+
+        If it is earlier by more than a window than the last one in the stream, the clock was set back; if only than
+        others, their times were wrong.
+        """
         with self.lock:
-            if seconds(message.header.stamp) < self.last_s - self.steps * self.step_s:
+            stamp, window_s = seconds(message.header.stamp), self.steps * self.step_s
+            if stamp < self.last_s - window_s:
                 self._restart()
+            elif stamp < self.newest_s - window_s:
+                self._drop_later(stamp)
             self.waiting.append(message)
             if len(self.waiting) > MAX_WAITING:
                 self.waiting.popleft()
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
-            self.newest_s = max(self.newest_s, seconds(message.header.stamp))
+            self.newest_s = max(self.newest_s, stamp)
             self._predict()
 
     def add_transforms(self, message: Any, *, is_static: bool = False) -> None:
@@ -130,6 +139,13 @@ class LiveMapper:
         self.transforms.forget()
         self.waiting.clear()
         self.newest_s = self.last_s = -np.inf
+
+    def _drop_later(self, stamp: float) -> None:
+        """Skip the waiting scans that are later than a time [s]."""
+        earlier = [message for message in self.waiting if seconds(message.header.stamp) <= stamp]
+        if skipped := len(self.waiting) - len(earlier):
+            self.warn(f"{skipped} scans are skipped: their times are ahead of a later scan")
+        self.waiting, self.newest_s = deque(earlier), stamp
 
     def _predict(self) -> None:
         """Predict maps for the scans that have their poses, or have waited too long for them."""

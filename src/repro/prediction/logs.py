@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from repro.scans import wrapped
 MIN_SCANS = 2
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
 SET_BACK_S, SET_BACK = 10.0, "before or after the clock was set back"  # a time earlier than the last one by more
+ISOLATED = f"more than {SET_BACK_S:g} s away from the scans before and after"
 HEAD = 20  # scans of which most have the beams of the log
 MILLIMETERS = 300.0  # median range [m] beyond which no 2D lidar measures; the readings are in other units
 
@@ -70,13 +71,20 @@ class ScanLog:
         """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.
 
         Raises:
-            ValueError: fewer than two beams are within it.
+            ValueError: fewer than two beams are within it, or the lidar does not see a part of it.
         """
         ahead = wrapped(self.angles)
         inside = np.flatnonzero(np.abs(ahead) <= fov_rad / 2 + 1e-6)
         if len(inside) < 2:
             raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
         inside = inside[np.argsort(ahead[inside])]
+        gaps = np.diff(ahead[inside])
+        if gaps.max() > 1.5 * gaps.min():
+            begin, end = np.degrees(ahead[inside][[gaps.argmax(), gaps.argmax() + 1]])
+            raise ValueError(
+                f"the lidar has no beams between {begin:.1f} and {end:.1f} degrees: expected a field of view around "
+                f"straight ahead that it sees, got {math.degrees(fov_rad):.1f} degrees"
+            )
         uncropped = self if len(inside) < len(ahead) else None
         ranges = np.ascontiguousarray(self.ranges[:, inside])
         return replace(self, ranges=ranges, angles=ahead[inside], uncropped=uncropped)
@@ -102,10 +110,10 @@ class ScanLog:
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
-    A scan is skipped if its time is not after that of the last one, or after it by less than `spacing_s`, if it has no
-    pose, no valid maximum range, no valid reading, or other beams than most of the first ones. If the clock was set
-    back, the longest part of the log without such a jump is kept. If the maximum range changes, the log has the
-    smallest, and a message says so.
+    A scan is skipped if its time is not after that of the last one, or after it by less than `spacing_s`, or wrong
+    alone, so that the next scan continues the time before; and if it has no pose, no valid maximum range, no valid
+    reading, or other beams than most of the first ones. If the clock was set back, the longest part of the log without
+    such a jump is kept. If the maximum range changes, the log has the smallest, and a message says so.
 
     Args:
         scans: the scans in the order of the file.
@@ -144,7 +152,7 @@ def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Cou
     if first:
         check_beams(first, str(path))
     last = -math.inf
-    for scan in chain(head, scans):
+    for scan in _without_wrong_times(chain(head, scans), skipped):
         if scan.stamp < last - SET_BACK_S:
             last = -math.inf
         reason = why_unusable(scan, first, last)
@@ -165,6 +173,19 @@ def _placed(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan
         elif scan.pose is None:
             skipped[WITHOUT_POSE] += 1
         else:
+            yield scan
+
+
+def _without_wrong_times(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
+    """Yield the scans but those that are alone away from the time of their neighbors."""
+    last = -math.inf
+    for scan, following in pairwise(chain(scans, [None])):
+        assert scan is not None, "only the last"
+        continues = following is not None and 0 <= following.stamp - last <= SET_BACK_S
+        if continues and abs(scan.stamp - last) > SET_BACK_S:
+            skipped[ISOLATED] += 1
+        else:
+            last = scan.stamp
             yield scan
 
 

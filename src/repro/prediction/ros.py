@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from repro.prediction.stream import StreamMap
 
 UNKNOWN = -1
-GRID_TYPES = ("OccupancyGrid", "MapMetaData", "Header", "Pose", "Point", "Quaternion")
 
 
 def seconds(stamp: Any) -> float:

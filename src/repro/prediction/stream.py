@@ -77,7 +77,7 @@ class PredictionStream:
         self.beams, spacing = len(self.angles), beam_spacing(torch.as_tensor(self.angles))
         check_turn(self.beams, self.angles[0], spacing, "angles")
         self.angles = self.angles[: beams_of_turn(self.angles)]
-        self.center = None if isinstance(center, str) and center == "robot" else _point(center)
+        self.center = check_center(center)
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
@@ -155,7 +155,14 @@ class PredictionStream:
         return ranges, pose
 
 
-def _point(center: str | tuple[float, float]) -> np.ndarray:
+def check_center(center: str | tuple[float, float]) -> np.ndarray | None:
+    """Return the center of a map as x, y [m], (2,); None for `robot`.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if isinstance(center, str) and center == "robot":
+        return None
     try:
         point = np.array(center, dtype=float)
     except (TypeError, ValueError):

@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
 MAX_GAP_S = 1.0  # between two poses that are interpolated
+DISORDER_S = 5.0  # by which a pose may be earlier than the one that arrived before it
 MAX_BEYOND_S = 0.1  # between a scan and the first or last pose, which then stands in
 Vector = tuple[float, ...]
 MAX_TILT = math.radians(30)  # of a lidar whose beams are taken as horizontal
@@ -79,7 +80,9 @@ class Transforms:
         """Add the pose of a frame in its parent frame at a time.
 
         A static pose replaces the one before, and poses that change replace a static one. Poses in another parent than
-        the first are left out: the tree of frames would change with each of them.
+        the first are left out: the tree of frames would change with each of them. If poses are kept for some time only,
+        one that is earlier than the last by more than `DISORDER_S` replaces all before it: a wrong time does not hide
+        the poses after it.
 
         Args:
             child: the frame.
@@ -103,6 +106,8 @@ class Transforms:
             return
         if is_static:
             return
+        if self.keep_s is not None and stamp < edge.stamps[-1] - DISORDER_S:  # its time or that of the last is wrong
+            edge.stamps, edge.poses = [], []
         place = bisect_right(edge.stamps, stamp)
         edge.stamps.insert(place, stamp)
         edge.poses.insert(place, pose)

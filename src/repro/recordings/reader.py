@@ -53,6 +53,8 @@ def read_manifest(directory: Path) -> Manifest:
         raise ValueError(f"no complete recordings in {directory}: run the same command with task=record first")
     fix = f"delete it and run the same command with task=record; the shards in {directory} are kept"
     manifest = read_typed(Manifest, path, fix)
+    if not {entry.split for entry in manifest.shards.values()} <= set(manifest.pairs):
+        raise ValueError(f"{path} cannot be read (it has shards of a split without pairs): {fix}")
     for split, count in manifest.pairs.items():
         entries = [entry for entry in manifest.shards.values() if entry.split == split]
         first = SPLITS.get(split, -1)

@@ -19,7 +19,7 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
     *("experiment", "comparison", "one", "other", "model", "encoding"),
-    *("seed", "trained", "shift", "source", "pairs", "size_px"),
+    *("seed", "trained", "shift", "tested", "source", "pairs", "size_px"),
 )
 Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
 

@@ -13,6 +13,10 @@ import pandas as pd
 from repro.metrics.names import METRICS
 
 Row = dict[str, float]
+COLUMNS = (  # of the audit, after those that identify the rows
+    *("free", "free_by_precision", "free_agrees", "dice_by_precision", "dice_agrees", "obstacle_iou"),
+    *("all_free_accuracy", "all_free_dice", "gain"),
+)
 
 
 def audit(table: pd.DataFrame) -> pd.DataFrame:
@@ -49,7 +53,7 @@ def audit(table: pd.DataFrame) -> pd.DataFrame:
                 "gain": values["accuracy"] - free,
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=[*names, *COLUMNS])
 
 
 def free_share(row: Row) -> float:

@@ -11,6 +11,7 @@ import dataclasses
 import enum
 import itertools
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -118,7 +119,7 @@ def count_verdicts(claims: pd.DataFrame) -> str:
     return ", ".join(f"{counts[verdict]} {text}" for verdict, text in words.items() if counts[verdict])
 
 
-def on_paper(claim: pd.Series | dict[str, Any], precision: str) -> str:
+def on_paper(claim: pd.Series | Mapping[str, Any], precision: str) -> str:
     """Return whether a claim of `judge` holds on the paper's numbers, with its value if it has one; empty if untested.
 
     A claim that our numbers are close to the paper's has no value there.

@@ -1,5 +1,6 @@
 """The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
+import itertools
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,12 +19,13 @@ from repro.simulation.motions import recorded_steps
 from repro.simulation.simulator import make
 from repro.simulation.worlds import World, reverse_direction, write_world
 
+FIGURES = ("data_collection", "method_overview", "data_representation", "results")
 INK, ACCENT = "#222222", "#0b6e99"
 STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 
 
 def write_figures(directory: Path, worlds: dict[str, World], examples: list[Example]) -> list[Path]:
-    """Write every figure that has data as PNG and PDF.
+    """Write every figure that has data as PNG and PDF, and delete those without.
 
     Args:
         directory: directory of the figures, created if missing.
@@ -45,6 +47,8 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
             drawn["results"] = results(examples)
         for name, figure in drawn.items():
             written.append(save(figure, directory / name))
+    for name, suffix in itertools.product(set(FIGURES) - set(drawn), ("png", "pdf")):
+        (directory / f"{name}.{suffix}").unlink(missing_ok=True)
     return written
 
 

@@ -77,7 +77,9 @@ def _replace(
         for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
             shutil.copyfile(path, new / path.name)
         if outputs.analysis.is_dir():
-            shutil.copytree(outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", STAMP))
+            shutil.copytree(
+                outputs.analysis, new / "analysis", ignore=shutil.ignore_patterns("*.pdf", "*.tmp", "*.lock", STAMP)
+            )
         write_runs(new, target.name, recipe, runs, origins)
 
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -10,7 +11,7 @@ import pandas as pd
 from repro.config import NO_DECAY, PROJECTION
 from repro.reporting.captions import caption
 from repro.reporting.markdown import markdown_table
-from repro.reporting.names import predictor_title
+from repro.reporting.names import predictor_title, scale_options
 from repro.reporting.rows import keys_of
 from repro.reporting.settings import Settings, changed, read_cells
 from repro.runs.provenance import Provenance
@@ -34,8 +35,7 @@ class Recipe:
     def options(self, name: str, model: str, encoding: str, settings: Settings) -> str:
         """Return the options that repeat a training that is published in the directory of this name."""
         own = changed(settings, self.usual(model, encoding))
-        outputs = "" if name == self.scale else f" outputs=outputs/{name}"
-        return f"scale={self.scale}{self.overrides}{''.join(overrides(own))}{outputs}"
+        return scale_options(self.scale, Path("outputs", name), self.overrides + "".join(overrides(own)))
 
 
 def overrides(settings: Settings) -> Iterator[str]:

@@ -3,9 +3,8 @@
 import re
 from pathlib import Path
 
-from markupsafe import Markup
-
 from repro.reporting.captions import caption
+from repro.reporting.names import scale_options
 from repro.reporting.page import Report, render
 from repro.reporting.results import audits, read_origins, read_published
 from repro.reporting.rows import read_rows
@@ -24,17 +23,16 @@ def render_published(directory: Path) -> str:
     scale = str(results["scale"].iloc[0])
     frames = {path.stem: read_rows(path) for path in sorted((directory / "analysis").glob("*.csv"))}
     samples = SAMPLES.search((directory / "report.html").read_text(encoding="utf-8"))
-    elsewhere = "" if directory.name == scale else f" outputs=outputs/{directory.name}"
     report = Report(
         scale=scale,
         outputs=directory.name,
-        command=f"python run.py task=analysis scale={scale}{elsewhere}",
+        command=f"python run.py task=analysis {scale_options(scale, Path('outputs', directory.name))}",
         caption=caption(results),
         tables=make_tables(results),
         frames={**frames, "audit": audits(results)},
         claims=frames["claims"],
         figures={path.stem: path for folder in (directory, directory / "analysis") for path in folder.glob("*.png")},
-        samples=Markup(samples[1]) if samples else "",
+        samples=samples[1] if samples else "",
         origins=read_origins(directory),
     )
     return render(report)

@@ -219,13 +219,15 @@ def _across(frame: pd.DataFrame | None) -> list[dict[str, Any]]:
 
 
 def _across_of(title: str, frame: pd.DataFrame) -> dict[str, Any]:
-    rows = frame.set_index(["trained", "tested", "metric"])["value"]
-    names = list(dict.fromkeys(trained for trained, *_ in rows.index))
-    table = [
-        [name, *(f"{rows[name, on, 'obstacle_iou']:.3f} / {rows[name, on, 'accuracy']:.3f}" for on in names)]
-        for name in names
-    ]
-    heads = ["Trained on", *(f"tested on {name}" for name in names)]
+    rows = frame.set_index(["trained", "tested", "metric"])["value"].to_dict()
+    trained, tested = (list(dict.fromkeys(frame[name])) for name in ("trained", "tested"))
+
+    def cell(name: str, on: str) -> str:  # empty where the network was not tested
+        found = [rows.get((name, on, metric)) for metric in ("obstacle_iou", "accuracy")]
+        return " / ".join(f"{value:.3f}" for value in found if value is not None)
+
+    table = [[name, *(cell(name, on) for on in tested)] for name in trained]
+    heads = ["Trained on", *(f"tested on {name}" for name in tested)]
     return {"caption": f"{title}: obstacle IoU / accuracy", "heads": heads, "rows": table, "text_columns": 1}
 
 

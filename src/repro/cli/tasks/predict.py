@@ -30,7 +30,7 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 Row = dict[str, float | str]
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = re.compile(r"window-\d+\.\w+|windows\.csv|source\.json|animation\.gif|.+\.mcap")
+WRITTEN = r"window-\d+\.\w+|windows\.csv|source\.json|animation\.gif"  # files of a directory, beside <its name>.mcap
 
 
 def run(job: Job) -> None:
@@ -61,7 +61,7 @@ def run(job: Job) -> None:
         clear_leftovers(target.parent, keep=new, of=target.name)
         rows, left_out = _predict_all(windows, predictor, new, range_max_m)
         if not rows:
-            raise ValueError(f"{path}: none of its {left_out} windows can be used, see above")
+            raise ValueError(f"{path}: none of its {left_out} windows or parts can be used, see above")
         if settings.animate:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
         if mcap:
@@ -82,7 +82,8 @@ def _check_target(target: Path, *sources: Path) -> None:
         if source.resolve().is_relative_to(target.resolve()):
             raise ValueError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
     others = [target] if target.exists() and not target.is_dir() else target.glob("*")
-    foreign = [path.name for path in others if not path.is_file() or not WRITTEN.fullmatch(path.name)]
+    written = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap")
+    foreign = [path.name for path in others if not path.is_file() or not written.fullmatch(path.name)]
     if foreign:
         raise ValueError(
             f"{target} has files that are no prediction, such as {sorted(foreign)[0]}: move them, or set outputs="
