@@ -35,4 +35,5 @@ def _describe(job: Job) -> None:
     published = recordings_of(read_origins(job.reference), experiment) if job.reference.is_dir() else set()
     if published:
         same = recordings_hash(job.recordings, job.pairs) in published
-        print(f"  {'equal to' if same else 'different from'} the recordings of {job.reference}")
+        equal = "equal to" if same else "different in worlds, rounding or number of pairs from"
+        print(f"  {equal} the recordings of {job.reference}")
