@@ -3,7 +3,6 @@
 import itertools
 import sys
 from contextlib import suppress
-from pathlib import Path
 
 import pandas as pd
 
@@ -106,12 +105,12 @@ def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
 
 def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     runs = {key: outputs.run(key) for key in keys_of(results)}
-    shown: dict[str, dict[Path, Run]] = {}  # by experiment and cell: the run with the lowest seed
+    shown: dict[str, dict[tuple[str, str], Run]] = {}  # by experiment and cell: the run with the lowest seed
     for key in sorted(runs, key=lambda key: key.seed or 0):
         with suppress(ValueError):  # of a damaged run, which the analysis has named
             is_there = runs[key].check_file("predictions.npz").is_file()
             if is_there and key.model not in ("all_free", *OTHER_BOUNDS):
-                shown.setdefault(key.experiment, {}).setdefault(key.path.parent, runs[key])
+                shown.setdefault(key.experiment, {}).setdefault((key.model, key.encoding), runs[key])
     report = Report(
         scale=scale,
         outputs=outputs.path.name,
