@@ -79,7 +79,7 @@ class ScanLog:
             raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
         inside = inside[np.argsort(ahead[inside])]
         gaps = np.diff(ahead[inside])
-        if gaps.max() > 1.5 * gaps.min():
+        if gaps.max() > 1.5 * np.median(gaps):
             begin, end = np.degrees(ahead[inside][[gaps.argmax(), gaps.argmax() + 1]])
             raise ValueError(
                 f"the lidar has no beams between {begin:.1f} and {end:.1f} degrees: expected a field of view around "
