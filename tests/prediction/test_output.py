@@ -43,7 +43,7 @@ def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
     corner = (left + x * facts["resolution"], bottom + y * facts["resolution"])
     centers = GRID.centers().reshape(100, 100, 2)
     assert corner == pytest.approx(tuple(centers[row, column].numpy() - 0.25 + window().origin), abs=1e-4)
-    assert cells[49, 50] == 50  # (0.45 - 0.25) / (0.65 - 0.25), to a gray of 255
+    assert cells[49, 50] == 67  # (0.45 - 0.05) / (0.65 - 0.05), to a gray of 255
     assert (cells == 0).sum() == 100 * 100 - 2
 
 

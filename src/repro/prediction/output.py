@@ -16,7 +16,8 @@ from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
 from repro.system.files import open_arrays
 
-FREE_BELOW, OCCUPIED_ABOVE = 0.25, 0.65  # probabilities of an obstacle, the defaults of nav2_map_server
+# probabilities of an obstacle: map_server's default for occupied; its 0.25 for free would include pixels out of sight
+FREE_BELOW, OCCUPIED_ABOVE = 0.05, 0.65
 
 
 def write_probabilities(path: Path, free: np.ndarray, window: Window, grid: Grid) -> None:
