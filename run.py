@@ -94,8 +94,7 @@ def run_jobs(configs: list[Config], multirun: bool) -> int:
             from repro.cli.output import print_tables  # imports pandas
 
             tables = tuple({config.decay: "main" if config.decay else "ablation" for config in configs}.values())
-            for path in sorted(outputs):
-                left_out += print_tables(Outputs(path), tables)
+            left_out = [error for path in sorted(outputs) for error in print_tables(Outputs(path), tables)]
         failed = failures.read_text(encoding="utf-8").splitlines() if failures.is_file() else []
     finally:
         failures.unlink(missing_ok=True)

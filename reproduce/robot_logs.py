@@ -16,7 +16,7 @@ training, but at most ten steps have the same scan.
 import argparse
 import gzip
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -112,19 +112,22 @@ def compared(path: Path, predictor: Predictor, figures: Path | None) -> Iterator
             figure.savefig(figures / "window.png", dpi=120)
         network = np.rint((LEVELS - 1) * free).astype(np.int64)
         for name, levels in ((NETWORK, network), (BASELINE, baseline)):
-            for pixels, mask in zip(PIXELS, (np.ones_like(seen), seen, ~seen), strict=True):
-                yield {"map": name, "pixels": pixels, "counts": count(levels, scan, mask)}
+            counts = count(levels, scan, (np.ones_like(seen), seen, ~seen))
+            for pixels, each in zip(PIXELS, counts, strict=True):
+                yield {"map": name, "pixels": pixels, "counts": each}
 
 
-def count(levels: np.ndarray, scan: Observed, mask: np.ndarray) -> np.ndarray:
-    """Count the pixels of a scan within a mask by truth, hits first, and level of a map, (2, 256).
+def count(levels: np.ndarray, scan: Observed, masks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+    """Count the pixels of a scan within each mask by truth, hits first, and level of a map, (2, 256).
 
     Poses and grids are not exact, so every pixel takes the lowest level within one pixel, hits and passed pixels alike,
     and passed pixels beside a hit are left out. A map that does not depend on the scan thus has an AUROC of 0.5.
     """
     nearby = minimum_filter(levels, 3)
-    clear = Observed(scan.hits, scan.passed & ~maximum_filter(scan.hits, 3)).within(mask)
-    return np.stack([np.bincount(nearby[pixels], minlength=LEVELS) for pixels in (clear.hits, clear.passed)])
+    clear = Observed(scan.hits, scan.passed & ~maximum_filter(scan.hits, 3))
+    for mask in masks:
+        within = clear.within(mask)
+        yield np.stack([np.bincount(nearby[pixels], minlength=LEVELS) for pixels in (within.hits, within.passed)])
 
 
 def measures(counts: np.ndarray) -> np.ndarray:

@@ -80,7 +80,7 @@ def test_a_map_that_knows_nothing_is_at_chance(script):
     for _ in range(40):
         hits = rng.random((64, 64)) < 0.02
         scan = Observed(hits, (rng.random((64, 64)) < 0.5) & ~hits)
-        counts += script.count(rng.integers(0, 256, (64, 64)), scan, np.ones((64, 64), bool))
+        counts += next(script.count(rng.integers(0, 256, (64, 64)), scan, [np.ones((64, 64), bool)]))
     assert script.measures(counts)[0] == pytest.approx(0.5, abs=0.02)
 
 
@@ -89,10 +89,10 @@ def test_a_hit_beside_an_obstacle_counts_as_found_and_a_passed_pixel_beside_a_hi
     levels[4, 4] = 0
     hits[3, 3] = True
     passed[3, :3] = passed[5, :] = True  # (3, 2) is beside the hit, (5, 3) to (5, 5) are beside the obstacle
-    counts = script.count(levels, Observed(hits, passed), np.ones((9, 9), bool))
-    assert counts[:, [0, 255]].tolist() == [[1, 0], [3, 8]]
-    here = np.arange(81).reshape(9, 9) < 36  # without the row of the obstacle and below
-    assert script.count(levels, Observed(hits, passed), here)[:, [0, 255]].tolist() == [[1, 0], [0, 2]]
+    above = np.arange(81).reshape(9, 9) < 36  # without the row of the obstacle and below
+    everywhere, here = script.count(levels, Observed(hits, passed), (np.ones((9, 9), bool), above))
+    assert everywhere[:, [0, 255]].tolist() == [[1, 0], [3, 8]]
+    assert here[:, [0, 255]].tolist() == [[1, 0], [0, 2]]
 
 
 def test_the_mean_over_logs_has_an_interval_and_a_gain(script):

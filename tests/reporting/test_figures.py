@@ -7,7 +7,7 @@ import pytest
 import torch
 from conftest import fake_run, run_config, world_spec
 
-from repro.cli.figures import lowest_seed
+from repro.cli.figures import draw_figures
 from repro.config import PROJECTION, PairCounts
 from repro.evaluation.evaluate import write_predictions
 from repro.evaluation.examples import Example, load_example
@@ -16,7 +16,6 @@ from repro.maps.projection import Projection
 from repro.recordings import format
 from repro.reporting.comparison_figures import efficiency, pairs
 from repro.reporting.figures import (
-    FIGURES,
     data_collection,
     data_representation,
     irsim_drawing,
@@ -169,19 +168,23 @@ def test_networks_are_compared_by_pairs_at_a_resolution_that_both_have():
 
 
 def test_figures_without_data_are_deleted(example, tmp_path):
+    figures = {"data_collection", "method_overview", "data_representation", "results"}
     written = write_figures(tmp_path, {"3": sample_world(world_spec("3"), 0)}, [example])
-    assert {path.stem for path in written} == set(FIGURES)
+    assert {path.stem for path in written} == figures
     mine = tmp_path / "mine.png"
     mine.touch()
     write_figures(tmp_path, {}, [example])
-    assert {path.stem for path in tmp_path.iterdir()} == {*FIGURES, "mine"} - {"data_collection"}
+    assert {path.stem for path in tmp_path.iterdir()} == {*figures, "mine"} - {"data_collection"}
 
 
-def test_figures_show_the_network_with_the_lowest_seed(tmp_path):
-    outputs = Outputs(tmp_path)
+def test_figures_show_the_network_with_the_lowest_seed(tmp_path, monkeypatch):
     for seed in (2, 1):
         fake_run(tmp_path, "3", "unet", 0.5, seed=seed)
     fake_run(tmp_path, "3", "unet", 0.5, seed=0, status=Status.failed)
     fake_run(tmp_path, "3", "fpn", 0.5)
-    assert lowest_seed(outputs, "3", PROJECTION) == RunKey("3", "unet", PROJECTION, 1)
-    assert lowest_seed(outputs, "4", PROJECTION) is None
+    record_experiment(Outputs(tmp_path).recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 2}, workers=1)
+    shown = []
+    monkeypatch.setattr("repro.cli.figures.load_example", lambda outputs, key: shown.append(key))
+    monkeypatch.setattr("repro.cli.figures.write_figures", lambda *_: [])
+    assert draw_figures(Outputs(tmp_path)) == []
+    assert shown == [RunKey("3", "unet", PROJECTION, 1)]

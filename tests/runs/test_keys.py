@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from repro.runs.keys import RunKey
+from repro.runs.keys import RunKey, lowest_seeds
 
 NAMES = st.from_regex(r"\A[\w-]+\Z")  # of experiments, models and encodings
 KEYS = st.builds(RunKey, NAMES, NAMES, NAMES, st.integers(0, 2**32 - 1)) | st.builds(RunKey, NAMES, NAMES)
@@ -42,3 +42,9 @@ def test_different_keys_have_different_paths(one, other):
 def test_other_paths_are_refused(path):
     with pytest.raises(ValueError, match=r"expected runs/exp<name>/<model>/<encoding>/seed<n> or .*, got"):
         RunKey.parse(path)
+
+
+def test_the_lowest_seed_of_each_cell_is_chosen():
+    keys = [RunKey("3", "unet", "projection", seed) for seed in (2, 1)]
+    others = [RunKey("3", "unet", "series10", 3), RunKey("4", "unet", "projection", 0), RunKey("3", "tracker")]
+    assert set(lowest_seeds([*keys, *others])) == {keys[1], *others}

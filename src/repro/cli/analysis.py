@@ -3,6 +3,7 @@
 import itertools
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import pandas as pd
 
@@ -26,6 +27,7 @@ from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import write_tables
 from repro.reporting.uptodate import mark_up_to_date
 from repro.runs.directories import Run
+from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
 from repro.system.errors import is_about_input
 from repro.system.files import write_text
@@ -59,13 +61,7 @@ def analyze(job: Job) -> None:
     frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator) | _written_by_other_tasks(outputs)
     frames["audit"] = audits(results)
     frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(_of_papers_worlds(frames, results)))
-    outputs.analysis.mkdir(parents=True, exist_ok=True)
-    for name in set(ANALYZED) - set(frames):  # of an earlier analysis of other runs
-        (outputs.analysis / f"{name}.csv").unlink(missing_ok=True)
-    for name, frame in frames.items():
-        if name != GENERALIZATION:  # task=generalization may be writing it
-            write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
-    write_analysis_figures(outputs.analysis, frames)
+    _write_frames(outputs.analysis, frames)
     scale = results["scale"].iloc[0]
     if scale != "smoke" and not frames["claims"].empty:  # empty without a run in the paper's worlds
         print(f"claims of the paper: {count_verdicts(frames['claims'])}")
@@ -76,6 +72,17 @@ def analyze(job: Job) -> None:
     if left_out:
         raise ValueError(f"{len(left_out)} runs are left out of the analysis, see above")
     mark_up_to_date(outputs.analysis, inputs)
+
+
+def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
+    """Write the tables and figures of the analysis, and delete those of an earlier one that have no rows now."""
+    directory.mkdir(parents=True, exist_ok=True)
+    for name in set(ANALYZED) - set(frames):
+        (directory / f"{name}.csv").unlink(missing_ok=True)
+    for name, frame in frames.items():
+        if name != GENERALIZATION:  # task=generalization may be writing it
+            write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+    write_analysis_figures(directory, frames)
 
 
 def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
@@ -103,14 +110,18 @@ def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
     return frames
 
 
+def _has_predictions(run: Run) -> bool:
+    with suppress(ValueError):  # of a damaged run, which the analysis has named
+        return run.check_file("predictions.npz").is_file()
+    return False
+
+
 def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     runs = {key: outputs.run(key) for key in keys_of(results)}
-    shown: dict[str, dict[tuple[str, str], Run]] = {}  # by experiment and cell: the run with the lowest seed
-    for key in sorted(runs, key=lambda key: key.seed or 0):
-        with suppress(ValueError):  # of a damaged run, which the analysis has named
-            is_there = runs[key].check_file("predictions.npz").is_file()
-            if is_there and key.model not in ("all_free", *OTHER_BOUNDS):
-                shown.setdefault(key.experiment, {}).setdefault((key.model, key.encoding), runs[key])
+    shown: dict[str, list[Run]] = {}
+    for key in lowest_seeds(key for key, run in runs.items() if _has_predictions(run)):
+        if key.model not in ("all_free", *OTHER_BOUNDS):
+            shown.setdefault(key.experiment, []).append(runs[key])
     report = Report(
         scale=scale,
         outputs=outputs.path.name,
@@ -120,7 +131,7 @@ def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], r
         frames=frames,
         claims=frames["claims"],
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
-        samples=samples_json({name: load_samples(outputs, name, [*mine.values()]) for name, mine in shown.items()}),
+        samples=samples_json({name: load_samples(outputs, name, mine) for name, mine in shown.items()}),
         origins={str(key.path): run.provenance() for key, run in runs.items()},
     )
     write_text(outputs.path / "report.html", render(report))

@@ -1,13 +1,14 @@
 """The paper's figures from the runs of an outputs directory."""
 
 import itertools
+from collections.abc import Iterator
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.evaluation.examples import load_example
 from repro.recordings.format import SPLITS
 from repro.recordings.reader import read_manifest
 from repro.reporting.figures import write_figures
-from repro.runs.keys import RunKey
+from repro.runs.keys import RunKey, lowest_seeds
 from repro.runs.outputs import Outputs
 from repro.simulation.worlds import sample_world
 
@@ -22,7 +23,7 @@ def draw_figures(outputs: Outputs) -> list[str]:
             errors.append(str(error))
     for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds):
         try:
-            if key := lowest_seed(outputs, experiment, encoding):
+            for key in lowest_seeds(_evaluated(outputs, experiment, encoding)):
                 examples.append(load_example(outputs, key))
         except ValueError as error:
             errors.append(str(error))
@@ -31,8 +32,9 @@ def draw_figures(outputs: Outputs) -> list[str]:
     return errors
 
 
-def lowest_seed(outputs: Outputs, experiment: str, encoding: str) -> RunKey | None:
-    """Return the evaluated run of U-Net with the lowest seed; None without any."""
-    keys = [RunKey.parse(run.path.relative_to(outputs.path)) for run in outputs.runs()]
-    mine = [key for key in keys if (key.experiment, key.model, key.encoding) == (experiment, "unet", encoding)]
-    return next((key for key in sorted(mine, key=lambda key: key.seed or 0) if outputs.run(key).is_evaluated), None)
+def _evaluated(outputs: Outputs, experiment: str, encoding: str) -> Iterator[RunKey]:
+    """Yield the keys of the evaluated U-Nets of an experiment with an encoding."""
+    for run in outputs.runs():
+        key = RunKey.parse(run.path.relative_to(outputs.path))
+        if (key.experiment, key.model, key.encoding) == (experiment, "unet", encoding) and run.is_evaluated:
+            yield key

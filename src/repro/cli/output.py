@@ -19,16 +19,19 @@ def print_tables(outputs: Outputs, names: tuple[str, ...]) -> list[str]:
     """Write the tables of the runs in an outputs directory, print some, and return why runs, or all, are left out."""
     errors: list[str] = []
     try:
-        for name, table in write_tables(outputs, errors).items():
-            if name in names:
-                print("\n" + table.to_markdown())
-                if table.note:
-                    print(table.note)
-        print(f"Tables: {outputs.tables}", flush=True)
+        tables = write_tables(outputs, errors)
     except ValueError as problem:  # the runs cannot share a table
         if not is_about_input(problem):
             raise
+        tables = {}
         errors.append(str(problem))
+    for name, table in tables.items():
+        if name in names:
+            print("\n" + table.to_markdown())
+            if table.note:
+                print(table.note)
+    if tables:
+        print(f"Tables: {outputs.tables}", flush=True)
     for error in errors:
         print(f"error: left out of the tables: {error}", file=sys.stderr)
     return errors

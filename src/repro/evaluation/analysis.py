@@ -33,7 +33,15 @@ from repro.runs.outputs import Outputs
 from repro.system.errors import is_about_input
 
 ANALYZED = (  # tables of `gather`
-    *("intervals", "differences", "recency", "ages", "obstacles", "uncertainty", "calibration", "reliability", "cost"),
+    "intervals",
+    "differences",
+    "recency",
+    "ages",
+    "obstacles",
+    "uncertainty",
+    "calibration",
+    "reliability",
+    "cost",
 )
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 

@@ -21,7 +21,7 @@ from repro.prediction.readings import (
     why_unusable,
 )
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
-from repro.prediction.stream import PredictionStream, StreamMap, check_center
+from repro.prediction.stream import PredictionStream, StreamMap, center_point
 from repro.prediction.transforms import MAX_GAP_S, Transforms, without_transform
 
 KEEP_S = 30.0  # age up to which poses are remembered
@@ -78,8 +78,7 @@ class LiveMapper:
         if range_max_m is not None and not range_max_m > 0:
             raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
         self.predictor, self.publish, self.warn, self.range_max_m = predictor, publish, warn, range_max_m
-        predictor.check_center(center)
-        check_center(center)
+        center_point(predictor, center)  # refuses it now, not with the first scan
         self.center = center
         self.steps, self.step_s = predictor.window(steps, step_s)
         self.transforms = Transforms(KEEP_S)
@@ -97,8 +96,8 @@ class LiveMapper:
     def add_scan(self, message: Any) -> None:
         """Take a LaserScan.
 
-        If it is earlier by more than a window than the last one in the stream, the clock was set back; if only than
-        others, their times were wrong.
+        If it is earlier than the last one in the stream by more than a window, the clock was set back. If it is that
+        much earlier than another scan, the time of the other one was wrong.
         """
         with self.lock:
             stamp, window_s = seconds(message.header.stamp), self.steps * self.step_s

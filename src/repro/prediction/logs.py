@@ -110,10 +110,10 @@ class ScanLog:
 def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
-    A scan is skipped if its time is not after that of the last one, or after it by less than `spacing_s`, or wrong
-    alone, so that the next scan continues the time before; and if it has no pose, no valid maximum range, no valid
-    reading, or other beams than most of the first ones. If the clock was set back, the longest part of the log without
-    such a jump is kept. If the maximum range changes, the log has the smallest, and a message says so.
+    A scan is skipped if its time is not after that of the last one, after it by less than `spacing_s`, or far from
+    those of both neighbors, and if it has no pose, no valid maximum range, no valid reading, or other beams than most
+    of the first ones. If the clock was set back, the longest part of the log without such a jump is kept. If the
+    maximum range changes, the log has the smallest, and a message says so.
 
     Args:
         scans: the scans in the order of the file.
@@ -177,7 +177,7 @@ def _placed(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan
 
 
 def _without_wrong_times(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
-    """Yield the scans but those that are alone away from the time of their neighbors."""
+    """Yield the scans without those whose time is far from that of both neighbors."""
     last = -math.inf
     for scan, following in pairwise(chain(scans, [None])):
         assert scan is not None, "only the last"

@@ -72,12 +72,11 @@ class PredictionStream:
         self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
-        predictor.check_center(center)
         check_angles(torch.as_tensor(self.angles))
         self.beams, spacing = len(self.angles), beam_spacing(torch.as_tensor(self.angles))
         check_turn(self.beams, self.angles[0], spacing, "angles")
         self.angles = self.angles[: beams_of_turn(self.angles)]
-        self.center = check_center(center)
+        self.center = center_point(predictor, center)
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
 
@@ -155,12 +154,13 @@ class PredictionStream:
         return ranges, pose
 
 
-def check_center(center: str | tuple[float, float]) -> np.ndarray | None:
+def center_point(predictor: Predictor, center: str | tuple[float, float]) -> np.ndarray | None:
     """Return the center of a map as x, y [m], (2,); None for `robot`.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: it is neither, or the network needs a fixed center.
     """
+    predictor.check_center(center)
     if isinstance(center, str) and center == "robot":
         return None
     try:

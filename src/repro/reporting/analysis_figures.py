@@ -11,7 +11,7 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.comparison_figures import baselines, curves, encodings, generalization, pairs
-from repro.reporting.figures import STYLE, save
+from repro.reporting.figures import STYLE, save_or_delete
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import LOOKS, DataFrames, columns, marks, one_legend
 
@@ -25,18 +25,10 @@ def write_analysis_figures(
     suffixes: tuple[str, ...] = ("png", "pdf"),
 ) -> list[Path]:
     """Write every figure that has data, or those of `names`, and delete those without; return the PNG files."""
-    written = []
+    chosen = {name: draw for name, draw in FIGURES.items() if names is None or name in names}
     with plt.rc_context(STYLE):
-        for name, draw in FIGURES.items():
-            if names is not None and name not in names:
-                continue
-            figure = draw(frames)
-            if figure is None:
-                for suffix in suffixes:
-                    (directory / f"{name}.{suffix}").unlink(missing_ok=True)
-            else:
-                written.append(save(figure, directory / name, suffixes))
-    return written
+        written = [save_or_delete(draw(frames), directory / name, suffixes) for name, draw in chosen.items()]
+    return [path for path in written if path]
 
 
 def ages(frames: DataFrames) -> Figure | None:

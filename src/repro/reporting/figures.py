@@ -1,6 +1,5 @@
 """The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
-import itertools
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,7 +18,6 @@ from repro.simulation.motions import recorded_steps
 from repro.simulation.simulator import make
 from repro.simulation.worlds import World, reverse_direction, write_world
 
-FIGURES = ("data_collection", "method_overview", "data_representation", "results")
 INK, ACCENT = "#222222", "#0b6e99"
 STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 
@@ -37,19 +35,24 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
     """
     decayed = [example for example in examples if example.encoding == PROJECTION]
     directory.mkdir(parents=True, exist_ok=True)
-    written = []
     with plt.rc_context(STYLE):
-        drawn = {"data_collection": data_collection(worlds)} if worlds else {}
-        if decayed:
-            drawn["method_overview"] = method_overview(decayed[-1])
-            drawn["data_representation"] = data_representation(decayed)
-        if examples:
-            drawn["results"] = results(examples)
-        for name, figure in drawn.items():
-            written.append(save(figure, directory / name))
-    for name, suffix in itertools.product(set(FIGURES) - set(drawn), ("png", "pdf")):
-        (directory / f"{name}.{suffix}").unlink(missing_ok=True)
-    return written
+        drawn = {
+            "data_collection": data_collection(worlds) if worlds else None,
+            "method_overview": method_overview(decayed[-1]) if decayed else None,
+            "data_representation": data_representation(decayed) if decayed else None,
+            "results": results(examples) if examples else None,
+        }
+        written = [save_or_delete(figure, directory / name) for name, figure in drawn.items()]
+    return [path for path in written if path]
+
+
+def save_or_delete(figure: Figure | None, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path | None:
+    """Write a figure, see `save`, or delete its files without one; return the PNG file if it is written."""
+    if figure:
+        return save(figure, stem, suffixes)
+    for suffix in suffixes:
+        stem.with_name(f"{stem.name}.{suffix}").unlink(missing_ok=True)
+    return None
 
 
 def save(figure: Figure, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path:

@@ -1,6 +1,7 @@
 """The identity of a run: experiment, model, encoding and seed, with its path and its columns in tidy tables."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
@@ -51,3 +52,11 @@ class RunKey:
         raise ValueError(
             f"expected runs/exp<name>/<model>/<encoding>/seed<n> or baselines/exp<name>/<model>, got {path}"
         )
+
+
+def lowest_seeds(keys: Iterable[RunKey]) -> list[RunKey]:
+    """Return the key with the lowest seed of each cell, see `CELL`; baselines have no seed."""
+    lowest: dict[tuple[str, str, str], RunKey] = {}
+    for key in sorted(keys, key=lambda key: key.seed or 0):
+        lowest.setdefault((key.experiment, key.model, key.encoding), key)
+    return list(lowest.values())
