@@ -36,6 +36,7 @@ SIZES = {  # pixels, batch, pairs of an epoch
     "cuda": [(256, 16, 2048)],
 }
 RECURRENT = "light_convgru"
+WARM_UPS = 3  # epochs of a few steps, until a process keeps all the memory that a step needs
 ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
 Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches
 _epoch: Epoch  # of this process
@@ -69,7 +70,7 @@ def training_rows(
             ways[f"ours, {best}, compiled"] = (our_epoch, *arguments, best, True)
         with ExitStack() as processes:
             epochs = {way: _in_process(processes, *created) for way, created in ways.items()}
-            for epoch in epochs.values():
+            for epoch in WARM_UPS * list(epochs.values()):
                 epoch()
             rounds = [{way: epoch() for way, epoch in epochs.items()} for _ in range(ROUNDS)]
         times = {way: np.median([results[way] for results in rounds], axis=0) for way in ways}
