@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import torch
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scans:
     """One window of scans, or a batch of them (B), as NumPy arrays or as tensors.
 
@@ -22,7 +22,8 @@ class Scans:
         poses: robot poses at each step, x, y [m] and heading [rad], (T, 3) or (B, T, 3).
 
     Raises:
-        ValueError: the shapes disagree, an array is empty, masked or not numeric.
+        ValueError: the shapes disagree, an array is empty, masked or without real numbers, or arrays and tensors are
+            mixed.
     """
 
     ranges: Any
@@ -32,6 +33,8 @@ class Scans:
     def __post_init__(self) -> None:
         for name in ("ranges", "angles", "poses"):
             _check_array(name, getattr(self, name))
+        if len({isinstance(array, np.ndarray) for array in (self.ranges, self.angles, self.poses)}) > 1:
+            raise ValueError("expected ranges, angles and poses as arrays, or all of them as tensors, got both")
         ranges, angles, poses = (tuple(array.shape) for array in (self.ranges, self.angles, self.poses))
         agree = (
             len(ranges) in (2, 3)
@@ -98,7 +101,7 @@ class Scans:
 
 
 def wrapped(angles: Any) -> Any:
-    """Return the same angles between -pi and pi [rad]."""
+    """Return the same angles in [-pi, pi) [rad]."""
     return (angles + np.pi) % (2 * np.pi) - np.pi
 
 
@@ -118,10 +121,17 @@ def _contiguous(array: Any) -> Any:
     return np.ascontiguousarray(array, array.dtype.newbyteorder("=")) if isinstance(array, np.ndarray) else array
 
 
+def _is_real(dtype: Any) -> bool:
+    """Return whether a type of NumPy or torch has real numbers."""
+    if isinstance(dtype, np.dtype):
+        return dtype.kind in "fiu"
+    return not dtype.is_complex and str(dtype) != "torch.bool"
+
+
 def _check_array(name: str, array: Any) -> None:
     if not hasattr(array, "shape") or not hasattr(array, "dtype"):
         raise ValueError(f"{name}: expected an array or a tensor, got {type(array).__name__}")
     if isinstance(array, np.ma.MaskedArray):
         raise ValueError(f"{name}: expected a plain array, got a masked one: set invalid ranges to NaN, misses to inf")
-    if isinstance(array, np.ndarray) and array.dtype.kind not in "fiu":
+    if not _is_real(array.dtype):
         raise ValueError(f"{name}: expected real numbers, got {array.dtype}")

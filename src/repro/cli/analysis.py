@@ -57,10 +57,11 @@ def analyze(job: Job) -> None:
             errors.append(str(error))
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
+    ledger = read_claims(CLAIMS)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator) | _written_by_other_tasks(outputs)
     frames["audit"] = audits(results)
-    frames["claims"] = judge(read_claims(CLAIMS), analysis_rows(_of_papers_worlds(frames, results)))
+    frames["claims"] = judge(ledger, analysis_rows(_of_papers_worlds(frames, results)))
     _write_frames(outputs.analysis, frames)
     scale = results["scale"].iloc[0]
     if scale != "smoke" and not frames["claims"].empty:  # empty without a run in the paper's worlds

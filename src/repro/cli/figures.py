@@ -34,7 +34,6 @@ def draw_figures(outputs: Outputs) -> list[str]:
 
 def _evaluated(outputs: Outputs, experiment: str, encoding: str) -> Iterator[RunKey]:
     """Yield the keys of the evaluated U-Nets of an experiment with an encoding."""
-    for run in outputs.runs():
-        key = RunKey.parse(run.path.relative_to(outputs.path))
+    for key, run in outputs.named_runs()[0].items():
         if (key.experiment, key.model, key.encoding) == (experiment, "unet", encoding) and run.is_evaluated:
             yield key

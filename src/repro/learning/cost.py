@@ -14,6 +14,7 @@ from repro.runs.config import RunConfig
 from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
 from repro.system.resources import parallel_trainings
 
+MIXED = {"bf16-mixed": torch.bfloat16, "16-mixed": torch.float16}  # the others are measured in float32
 USUAL_EPOCHS = 20  # early stopping usually ends a training by then
 
 
@@ -34,7 +35,7 @@ def seconds_per_image(
         encoding: its input.
         size_px: pixels along one side.
         batch_size: images per step.
-        precision: precision of the trainer, 32-true or bf16-mixed.
+        precision: precision of the trainer, such as 32-true or bf16-mixed.
         steps: measured steps.
         loss: the training loss; None for that of the paper.
         accelerator: auto, cpu or gpu.
@@ -47,12 +48,13 @@ def seconds_per_image(
     check_output(network, encoding.channels)
     network.to(device)
     accelerate(network, device)
-    optimizer, loss = torch.optim.Adam(network.parameters()), loss or MapLoss()
+    optimizer, loss = torch.optim.Adam(network.parameters(), fused=True), loss or MapLoss()
     image = torch.rand(batch_size, encoding.channels, size_px, size_px, device=device)
+    image = image.to(memory_format=torch.channels_last)
     for step in range(steps + 1):
         if step == 1:  # the first step is a warm-up
             began = clock(device)
-        with torch.autocast(device, torch.bfloat16, enabled=precision.startswith("bf16")):
+        with torch.autocast(device, MIXED.get(precision), enabled=precision in MIXED):
             value = loss.of_batch(network, image, image[:, :1])
         optimizer.zero_grad()
         value.backward()

@@ -30,9 +30,12 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
         the step, counted from 1, 0 for never, int16, (B, H, W).
 
     Raises:
-        ValueError: the beam angles are not evenly spaced and increasing.
+        ValueError: the beam angles are not evenly spaced and increasing, or a window has too many steps for int16.
     """
     spacing = beam_spacing(scans.angles)
+    steps, most = scans.ranges.shape[1], np.iinfo(np.int16).max
+    if steps > most:
+        raise ValueError(f"expected windows of at most {most} steps, got {steps}")
     # a miss reaches the maximum range, or less by the margin if that is negative
     reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)
     reach = reach.double().cpu().numpy() / grid.resolution_m

@@ -8,7 +8,7 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.networks.blocks import conv_block, each_part
+from repro.networks.blocks import check_series, conv_block, each_part
 
 
 class ConvLSTM(nn.Module, PyTorchModelHubMixin):
@@ -21,6 +21,7 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
     """
 
     def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:
+        check_series(in_channels, frames)
         super().__init__()
         self.frames = frames
         self.encoder = nn.Sequential(

@@ -9,7 +9,7 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.networks.blocks import each_part
+from repro.networks.blocks import check_series, each_part
 
 SIZE = 7  # of every kernel
 ENCODED, STATE = 16, 32  # channels
@@ -24,6 +24,7 @@ class DeepTracking(nn.Module, PyTorchModelHubMixin):
     """
 
     def __init__(self, in_channels: int, frames: int) -> None:
+        check_series(in_channels, frames)
         super().__init__()
         self.frames = frames
         self.encoder = nn.Conv2d(in_channels // frames, ENCODED, SIZE, padding="same")

@@ -152,8 +152,9 @@ class Predictor:
         return torch.cat([self.network(self.encoding.to_input(each)).sigmoid().cpu() for each in shown])
 
     def to(self, device: str) -> "Predictor":
-        """Return a predictor with the network on a device."""
-        return dataclasses.replace(self, network=self.network.to(device))
+        """Move the network to a device, in place, and return the predictor."""
+        self.network.to(device)
+        return self
 
     def save(self, directory: Path | str, dtype: torch.dtype = torch.float32) -> str:
         """Write the network with its encoding and grid to a directory, atomically.

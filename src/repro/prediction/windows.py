@@ -61,8 +61,11 @@ def cut(
         the windows, and for each one that cannot be used, each gap and each part that is too short, the reason.
 
     Raises:
-        ValueError: no part of the log is as long as one window, or its scans are too rare for steps of `step_s`.
+        ValueError: the center is another word, no part of the log is as long as one window, or its scans are too rare
+            for steps of `step_s`.
     """
+    if isinstance(center, str) and center not in ("start", "robot"):
+        raise ValueError(f"center: expected start, robot or x, y [m], got {center}")
     length, longest_gap = (steps - 1) * step_s, longest_gap_s(step_s)
     gaps = np.diff(log.stamps)
     begins = np.flatnonzero(gaps > longest_gap) + 1
@@ -169,7 +172,7 @@ def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 def _center(center: str | tuple[float, float], log: ScanLog, last: int) -> np.ndarray:
     if isinstance(center, str):
-        return log.poses[0 if center == "start" else last, :2]
+        return log.poses[{"start": 0, "robot": last}[center], :2]
     return np.array(center, dtype=float)
 
 

@@ -74,10 +74,14 @@ def read_claims(path: Path) -> Ledger:
     """Read claims.yaml.
 
     Raises:
-        ValueError: the file cannot be read, or a claim has neither or both of a test and a reason why it has none.
+        ValueError: the file cannot be read, or a claim has neither or both of a test and a reason why it has none, or a
+            tolerance that is not in the file.
     """
     ledger = read_typed(Ledger, path, "correct it")
     for claim in ledger.claims:
+        by_metric = ledger.tolerances.get(claim.tolerance, {}) if isinstance(claim.tolerance, str) else None
+        if by_metric is not None and not by_metric.keys() >= set(claim.over.get("metric", [None])):
+            raise ValueError(f"{path}: {claim.id} has the tolerance {claim.tolerance} without values for its metrics")
         if bool(claim.test) == bool(claim.untestable):
             raise ValueError(f"{path}: {claim.id} needs either a test or a reason why it is untestable")
     return ledger

@@ -24,7 +24,7 @@ from repro.reporting.uptodate import STAMP
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
-from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
+from repro.system.files import clear_leftovers, lock, read_table, replacing_directory, write_json, write_text
 
 
 def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = False) -> Path:
@@ -114,7 +114,7 @@ def write_histories(outputs: Outputs, keys: Iterable[RunKey], directory: Path) -
         history = outputs.run(key).path / "history.csv"
         if history.is_file():
             cell = {name: getattr(key, name) for name in KEY}
-            histories.append(pd.read_csv(history).assign(**cell))
+            histories.append(read_table(history, ("epoch", "val_loss"), "delete it").assign(**cell))
     if histories:
         rows = pd.concat(histories, ignore_index=True)
         rows = rows[[*KEY, *rows.columns.drop(KEY)]]

@@ -216,6 +216,6 @@ def averages_of(results: pd.DataFrame) -> pd.DataFrame:
 def audits(results: pd.DataFrame) -> pd.DataFrame:
     """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
     rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
-    ours = rows.groupby(CELL, as_index=False)[list(TABLE_METRICS)].mean()
-    tables = {"paper": _papers(results), "ours": pd.concat([ours, averages_of(ours)])}
+    ours = pd.concat([rows, averages_of(rows)]).groupby(CELL, as_index=False)[list(TABLE_METRICS)].mean()
+    tables = {"paper": _papers(results), "ours": ours}
     return pd.concat([audit(table[[*CELL, *METRICS]]).assign(source=source) for source, table in tables.items()])

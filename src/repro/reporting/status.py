@@ -11,7 +11,6 @@ from repro.reporting.markdown import markdown_table
 from repro.reporting.names import duration, model_title
 from repro.reporting.study import Study
 from repro.runs.directories import Run
-from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
@@ -25,7 +24,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     """
     outputs, planned = study.outputs, study.runs()
     recorded = [(experiment, _recorded(outputs, experiment, pairs)) for experiment in study.experiments]
-    existing, others = _existing(outputs)
+    existing, others = outputs.named_runs()
     states = {key: _state(run) for key, run in (planned | existing).items()}
     seeds = sorted({key.seed for key in states if key.seed is not None})
     rows: dict[tuple[str, str, str], dict[int | None, str]] = {}
@@ -44,17 +43,6 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         lines.append(f"About {duration(left)} of training remain, estimated from finished trainings.")
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
     return "\n".join(lines)
-
-
-def _existing(outputs: Outputs) -> tuple[dict[RunKey, Run], list[str]]:
-    """Return the run directories by their keys, and the paths of others beside them, such as copies."""
-    runs, others = {}, []
-    for run in outputs.runs():
-        try:
-            runs[RunKey.parse(run.path.relative_to(outputs.path))] = run
-        except ValueError:
-            others.append(str(run.path))
-    return runs, others
 
 
 def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:

@@ -92,3 +92,13 @@ class Outputs:
         """Yield every run directory, of networks and of baselines."""
         for pattern in ("runs/exp*/*/*/seed*", "baselines/exp*/*"):
             yield from (Run(path) for path in sorted(self.path.glob(pattern)) if path.is_dir())
+
+    def named_runs(self) -> tuple[dict[RunKey, Run], list[Path]]:
+        """Return the run directories by their keys, and the paths of others beside them, such as copies."""
+        runs, others = {}, []
+        for run in self.runs():
+            try:
+                runs[RunKey.parse(run.path.relative_to(self.path))] = run
+            except ValueError:
+                others.append(run.path)
+        return runs, others

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from repro.simulation.motions import DRIVES, recorded_steps, robot_path, waypoint_commands
+from repro.simulation.motions import DRIVES, robot_commands, robot_path
 
 Motion = dict[str, Any]
 
@@ -127,6 +127,4 @@ def _goal(
 
 def _is_long_enough(drive: Motion, step_time: float) -> bool:
     """Return whether the robot still drives in the last step of the recording."""
-    parameters = {key: value for key, value in drive.items() if key != "name"}
-    commands = waypoint_commands(**parameters, direction=1, step_time=step_time)
-    return bool(commands[recorded_steps(drive) - 1].any())
+    return bool(robot_commands({**drive, "direction": 1}, step_time)[-1].any())

@@ -11,6 +11,8 @@ from typing import Any
 
 import torch
 
+from repro.system.files import first_line
+
 
 def resolve_device(accelerator: str = "auto") -> str:
     """Return the device for an accelerator setting on this machine.
@@ -72,7 +74,7 @@ def compiles(network: torch.nn.Module, image: torch.Tensor) -> bool:
     try:
         network(image).sum().backward()
     except Exception as error:  # the compiler may raise anything, and the network works without it
-        print(f"torch.compile failed ({type(error).__name__}), continuing without it")
+        print(f"torch.compile failed ({type(error).__name__}: {first_line(error)}), continuing without it")
         return False
     return True
 
