@@ -39,6 +39,7 @@ from repro.prediction.windows import Window, cut
 from repro.runs.provenance import environment
 from repro.scans import Scans
 from repro.system.devices import one_thread
+from repro.system.errors import InputError
 from repro.system.files import sha256, write_json, write_text
 
 RESULTS = Path(__file__).parent / "results"
@@ -75,7 +76,7 @@ def windows_of(path: Path, predictor: Predictor) -> Iterator[tuple[Window, float
     options = {"stride_s": STRIDE * step, "center": "robot", "size_m": predictor.grid.size_m}
     for window in cut(log, steps=steps, step_s=step, **options):  # type: ignore[arg-type]
         if isinstance(window, str):
-            raise ValueError(f"{path}: {window}")
+            raise InputError(f"{path}: {window}")
         yield window, min(log.range_max_m, REACH_M)
 
 

@@ -26,6 +26,15 @@ def test_shapes_that_disagree_are_refused_naming_them(ranges, angles, poses):
     assert f"got {ranges}, {angles}, {poses}" in str(caught.value)
 
 
+def test_arrays_and_tensors_are_not_mixed_and_hold_real_numbers():
+    arrays = window()
+    with pytest.raises(ValueError, match="as arrays, or all of them as tensors, got both"):
+        Scans(torch.as_tensor(arrays.ranges), arrays.angles, arrays.poses)
+    for dtype in (torch.bool, torch.complex64):
+        with pytest.raises(ValueError, match=f"ranges: expected real numbers, got {dtype}"):
+            Scans(torch.ones(5, 4, dtype=dtype), torch.zeros(4), torch.zeros(5, 3))
+
+
 def test_windows_are_stacked_and_indexed():
     first, second = window(), window()
     batch = Scans.stack([first, second])

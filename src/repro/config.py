@@ -11,6 +11,8 @@ from omegaconf import DictConfig, OmegaConf
 from pydantic import AfterValidator, ConfigDict, Field, ValidationError
 from typing_extensions import TypedDict
 
+from repro.system.errors import InputError
+
 NETWORKS = ("unet", "fpn", "upernet", "segformer")  # the paper's four, in its order
 PAPER_ENCODER = "mit_b0"
 LONGEST = 200  # characters of a value in a message
@@ -33,7 +35,7 @@ FrameCount = Annotated[int, Field(ge=1, le=100)]
 def ordered(values: tuple[Any, ...]) -> tuple[Any, ...]:
     """Check in a pydantic validator that values do not decrease."""
     if sorted(values) != list(values):
-        raise ValueError("must be ordered, low to high")
+        raise InputError("must be ordered, low to high")
     return values
 
 
@@ -42,7 +44,7 @@ def choice(*allowed: str) -> AfterValidator:
 
     def check(value: str) -> str:
         if value not in allowed:
-            raise ValueError(f"must be one of {', '.join(allowed)}")
+            raise InputError(f"must be one of {', '.join(allowed)}")
         return value
 
     return AfterValidator(check)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from repro.system.errors import InputError
+
 if TYPE_CHECKING:
     import torch
 
@@ -34,7 +36,7 @@ class Scans:
         for name in ("ranges", "angles", "poses"):
             _check_array(name, getattr(self, name))
         if len({isinstance(array, np.ndarray) for array in (self.ranges, self.angles, self.poses)}) > 1:
-            raise ValueError("expected ranges, angles and poses as arrays, or all of them as tensors, got both")
+            raise InputError("expected ranges, angles and poses as arrays, or all of them as tensors, got both")
         ranges, angles, poses = (tuple(array.shape) for array in (self.ranges, self.angles, self.poses))
         agree = (
             len(ranges) in (2, 3)
@@ -44,7 +46,7 @@ class Scans:
             and poses == (*ranges[:-1], 3)
         )
         if not agree:
-            raise ValueError(
+            raise InputError(
                 "expected ranges (B, T, N), angles (N,), poses (B, T, 3), none of them empty, "
                 "or ranges and poses without B, got "
                 f"{ranges}, {angles}, {poses}"
@@ -72,7 +74,7 @@ class Scans:
             ValueError: the windows have different angles.
         """
         if any(not np.array_equal(item.angles, scans[0].angles) for item in scans):
-            raise ValueError("expected windows with the same beam angles, got different ones: predict them separately")
+            raise InputError("expected windows with the same beam angles, got different ones: predict them separately")
         return cls(np.stack([item.ranges for item in scans]), scans[0].angles, np.stack([item.poses for item in scans]))
 
     def points(self) -> tuple[Any, Any]:
@@ -130,8 +132,8 @@ def _is_real(dtype: Any) -> bool:
 
 def _check_array(name: str, array: Any) -> None:
     if not hasattr(array, "shape") or not hasattr(array, "dtype"):
-        raise ValueError(f"{name}: expected an array or a tensor, got {type(array).__name__}")
+        raise InputError(f"{name}: expected an array or a tensor, got {type(array).__name__}")
     if isinstance(array, np.ma.MaskedArray):
-        raise ValueError(f"{name}: expected a plain array, got a masked one: set invalid ranges to NaN, misses to inf")
+        raise InputError(f"{name}: expected a plain array, got a masked one: set invalid ranges to NaN, misses to inf")
     if not _is_real(array.dtype):
-        raise ValueError(f"{name}: expected real numbers, got {array.dtype}")
+        raise InputError(f"{name}: expected real numbers, got {array.dtype}")

@@ -48,7 +48,8 @@ def test_per_image_metrics_agree_with_the_pooled_ones(evaluated):
     [
         (torch.full((1, 1, 32, 32), 0.5), r"\(4, 1, 32, 32\) as the maps, got \(1, 1, 32, 32\)"),
         (torch.full((4, 32, 32), 0.5), r"got \(4, 32, 32\)"),
-        (np.full((4, 1, 32, 32), 0.5), "expected a tensor of probabilities of free"),
+        ([0.5], "expected probabilities of free, .*, got list"),
+        (np.full((4, 1, 32, 32), -0.5), "values from -0.5 to -0.5"),
         (torch.full((4, 1, 32, 32), 3.0), "logits need a sigmoid"),
         (torch.full((4, 1, 32, 32), torch.nan), "logits need a sigmoid"),
     ],

@@ -7,6 +7,7 @@ import pytest
 import segmentation_models_pytorch as smp
 import torch
 from conftest import prepared, spent_budget
+from huggingface_hub import PyTorchModelHubMixin
 
 from repro.learning import callbacks, training
 from repro.learning.callbacks import CPUContention
@@ -235,7 +236,7 @@ def test_worlds_without_a_hit_are_refused_before_the_training(recorded, tmp_path
     assert Run(tmp_path).status is not Status.training
 
 
-class TwoMaps(torch.nn.Module):
+class TwoMaps(torch.nn.Module, PyTorchModelHubMixin):
     """A network with an output of two channels."""
 
     def __init__(self, in_channels):

@@ -1,3 +1,5 @@
+from typing import ClassVar
+
 import pytest
 import torch
 from conftest import world_spec
@@ -22,6 +24,26 @@ def test_pairs_are_images_and_maps_of_the_split(recorded):
     assert image.dtype == target.dtype == torch.float32
     assert image.min() == 0
     assert image.max() == 1
+
+
+@pytest.mark.parametrize(
+    ("drawn", "is_binary", "message"),
+    [
+        (lambda images: images / 255, False, r"must draw images of torch.uint8, \(\d+, 1, 64, 64\), got torch.float32"),
+        (lambda images: images[:, :, :32], False, r"must draw .*, got torch.uint8, \(\d+, 1, 32, 64\)"),
+        (lambda images: images, True, "is binary and must draw no other values than 0 and 255"),
+    ],
+)
+def test_other_images_than_an_encoding_promises_are_refused(recorded, drawn, is_binary, message):
+    class Own(Projection):
+        is_binary: ClassVar[bool] = False
+
+        def encode(self, scans, grid):
+            return drawn(super().encode(scans, grid))
+
+    Own.is_binary = is_binary
+    with pytest.raises(ValueError, match=f"the encoding projection {message}"):
+        load_pairs(recorded, "train", Grid(64, 50.0), Own())
 
 
 def test_twins_share_the_map_and_not_the_image(recorded):

@@ -3,9 +3,10 @@ import json
 import pytest
 import segmentation_models_pytorch as smp
 import torch
+from huggingface_hub import PyTorchModelHubMixin
 
 from repro.config import NETWORKS, Model, paper_model
-from repro.networks.create import OWN_ARCHITECTURES, check_output, create_network, load_network
+from repro.networks.create import OWN_ARCHITECTURES, check_interface, create_network, load_network
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 
@@ -41,19 +42,36 @@ def test_a_network_has_the_channels_of_its_encoding(channels):
     ],
 )
 def test_another_output_than_one_map_is_refused(output, got):
-    class Own(torch.nn.Module):
+    class Own(torch.nn.Module, PyTorchModelHubMixin):
         def forward(self, images):
             return output(images[:, :1])
 
     expected = r"images \(B, 3, H, W\) to logits \(B, 1, H, W\): expected \(2, 1, 64, 64\) of \(2, 3, 64, 64\), got "
     with pytest.raises(ValueError, match=expected + got):
-        check_output(Own(), 3)
+        check_interface(Own(), 3)
+
+
+def test_a_network_is_checked_at_the_size_of_its_maps():
+    class Embedded(torch.nn.Module, PyTorchModelHubMixin):
+        def __init__(self):
+            super().__init__()
+            self.position = torch.nn.Parameter(torch.zeros(1, 1, 128, 128))
+
+        def forward(self, images):
+            return images + self.position
+
+    check_interface(Embedded(), 1, 128)
+
+
+def test_a_network_that_cannot_be_saved_is_refused():
+    with pytest.raises(ValueError, match="Conv2d must save itself: make it a subclass of PyTorchModelHubMixin"):
+        check_interface(torch.nn.Conv2d(1, 1, 1), 1)
 
 
 def test_a_checked_network_is_unchanged():
     network = create_network(paper_model("unet")).train()
     before, state = {name: value.clone() for name, value in network.state_dict().items()}, torch.get_rng_state()
-    check_output(network, 1)
+    check_interface(network, 1)
     assert network.training
     assert torch.equal(torch.get_rng_state(), state)
     assert all(torch.equal(value, before[name]) for name, value in network.state_dict().items())

@@ -117,3 +117,8 @@ def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
         assert np.isnan(held_out[1:4]).all()
         assert held_out[[0, 4]] == pytest.approx(window.scans.ranges[-1, [0, 4]])
         assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])
+
+
+def test_another_word_for_the_center_is_refused():
+    with pytest.raises(ValueError, match=r"center: expected start, robot or x, y .*, got Start"):
+        next(cut(log_of(np.arange(0, 1.5, 0.1)), **{**OPTIONS, "center": "Start"}))

@@ -151,6 +151,14 @@ def test_all_combinations_must_hold_or_most_if_the_claim_says_so(tmp_path):
     assert verdict(ledger_of(tmp_path, **claim, most=True), ours, paper)["verdict"] is Verdict.reproduced
 
 
+def test_a_tolerance_must_be_there_for_every_metric(tmp_path):
+    message = "one has the tolerance {} without values for its metrics"
+    with pytest.raises(ValueError, match=message.format("samplng")):
+        ledger_of(tmp_path, test="1", tolerance="samplng", **{"for": {"metric": ["accuracy"]}})
+    with pytest.raises(ValueError, match=message.format("seeds")):
+        ledger_of(tmp_path, test="1", tolerance="seeds")
+
+
 def test_a_claim_needs_a_test_or_a_reason(tmp_path):
     with pytest.raises(ValueError, match="one needs either a test or a reason"):
         ledger_of(tmp_path)

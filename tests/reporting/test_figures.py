@@ -1,4 +1,5 @@
 import dataclasses
+import shutil
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -182,6 +183,9 @@ def test_figures_show_the_network_with_the_lowest_seed(tmp_path, monkeypatch):
         fake_run(tmp_path, "3", "unet", 0.5, seed=seed)
     fake_run(tmp_path, "3", "unet", 0.5, seed=0, status=Status.failed)
     fake_run(tmp_path, "3", "fpn", 0.5)
+    shutil.copytree(
+        tmp_path / RunKey("3", "unet", PROJECTION, 1).path, tmp_path / "runs/exp3/unet/projection/seed1_old"
+    )
     record_experiment(Outputs(tmp_path).recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 2}, workers=1)
     shown = []
     monkeypatch.setattr("repro.cli.figures.load_example", lambda outputs, key: shown.append(key))

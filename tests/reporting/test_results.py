@@ -6,6 +6,7 @@ from conftest import fake_run, fake_study, run_config
 
 from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS
+from repro.reporting.audit import dice_by_precision
 from repro.reporting.captions import caption, missing
 from repro.reporting.paper import read_paper
 from repro.reporting.results import audits, compare, read_results
@@ -42,6 +43,24 @@ def test_several_seeds_give_mean_and_deviation(tmp_path):
     assert table.loc["unet", "std_ssim"] == pytest.approx(0.01)
     assert table.loc["average", "std_ssim"] == pytest.approx(0.01)
     assert "seeds 0, 1, 2" in caption(read_results(Outputs(tmp_path)))
+
+
+def test_the_audit_averages_the_seeds_that_all_four_networks_have(tmp_path):
+    fake_study(tmp_path)
+    fake_run(tmp_path, "3", "unet", 0.9, seed=1)
+    results = read_results(Outputs(tmp_path))
+    audited = audits(results).query("source == 'ours' and model == 'average' and encoding == @PROJECTION")
+    average = compare(results, PROJECTION).set_index("model").loc["average"]
+    assert audited["dice_by_precision"].item() == pytest.approx(dice_by_precision(average))
+
+
+def test_results_that_are_older_than_a_metric_have_no_value_of_it(tmp_path, monkeypatch):
+    fake_study(tmp_path)
+    monkeypatch.setattr("repro.reporting.results.EXTRA_METRICS", ("mcc",))
+    monkeypatch.setattr("repro.reporting.results.TABLE_METRICS", (*METRICS, "mcc"))
+    table = compare(read_results(Outputs(tmp_path)), PROJECTION)
+    assert table["mcc"].isna().all()
+    assert table["ssim"].notna().all()
 
 
 def test_there_is_no_average_while_a_network_is_missing(tmp_path):

@@ -16,7 +16,7 @@ def test_a_failed_compilation_is_reported_and_skipped(monkeypatch, capsys):
 
     monkeypatch.setattr(torch.nn.Module, "compile", fail)
     assert not compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
-    assert "torch.compile failed (TypeError)" in capsys.readouterr().out
+    assert "torch.compile failed (TypeError: 'NoneType' object is not callable)" in capsys.readouterr().out
     monkeypatch.setattr(torch.nn.Module, "compile", lambda self: None)
     assert compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
 

@@ -33,6 +33,7 @@ from repro.baselines.laws import (
 )
 from repro.maps.grid import Grid
 from repro.maps.recorded import Recorded
+from repro.system.errors import InputError
 
 CORNERS = 64  # of a disc, as in the simulation
 
@@ -55,12 +56,12 @@ def infer(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
 def _check_window(test: Recorded, spec: dict[str, Any]) -> None:
     behavior, steps = spec["obstacles"].get("behavior"), test.scans.ranges.shape[1]
     if behavior and 2 * behavior["turn_steps"][0] < steps:
-        raise ValueError(
+        raise InputError(
             f"the inference takes one random turn in {steps} steps: expected turn_steps of at least "
             f"{math.ceil(steps / 2)}, got {list(behavior['turn_steps'])}"
         )
     if float(test.scans.angles.abs().max()) >= math.pi / 2:
-        raise ValueError("the inference takes a field of view of less than 180 degrees")
+        raise InputError("the inference takes a field of view of less than 180 degrees")
 
 
 def _predict(test: Recorded, spec: dict[str, Any], others: Obstacles, index: int) -> np.ndarray:

@@ -23,6 +23,7 @@ from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
+from repro.system.errors import InputError
 from repro.system.resources import count_cores
 from repro.world_config import lidar_of
 
@@ -65,7 +66,10 @@ def knows(spec: dict[str, Any]) -> bool:
     """Return whether the laws of a world spec are those that these predictors draw from, the paper's."""
     is_exact = not lidar_of(spec).get("noise")
     has_zone = spec["motion"]["name"] in ("rotate", "square")
-    return is_exact and has_zone and not spec.get("fixed") and "radius_m" in spec["obstacles"]
+    if spec.get("fixed") or "radius_m" not in spec["obstacles"]:
+        return False
+    behavior = spec["obstacles"].get("behavior")
+    return is_exact and has_zone and (behavior is None or behavior["name"] == "drift")
 
 
 def check_laws(spec: dict[str, Any]) -> None:
@@ -75,9 +79,9 @@ def check_laws(spec: dict[str, Any]) -> None:
         ValueError: the worlds have other laws than the paper's.
     """
     if not knows(spec):
-        raise ValueError(
-            "needs worlds with one population of discs and rectangles and the motion rotate or square, "
-            "without fixed obstacles or noise of the lidar"
+        raise InputError(
+            "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
+            "or square, without fixed obstacles or noise of the lidar"
         )
 
 

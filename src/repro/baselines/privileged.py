@@ -35,6 +35,7 @@ from repro.baselines.laws import (
 )
 from repro.maps.recorded import Recorded, Truth
 from repro.scans import wrapped
+from repro.system.errors import InputError
 
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
@@ -151,7 +152,7 @@ def _draw(
     ends, which, tried = draw_ends(outlines, starts, motion, later, DRAWS, MOST_DRAWS, rng)
     if not len(ends):
         if knowledge == UPPER_BOUND:
-            raise ValueError(f"none of {tried} drawn motions of an obstacle agrees with the scans")
+            raise InputError(f"none of {tried} drawn motions of an obstacle agrees with the scans")
         return outlines[:DRAWS], np.repeat(starts[:1, :2], len(outlines[:DRAWS]), axis=0)  # it stays where it was hit
     return outlines[which], ends
 

@@ -26,6 +26,7 @@ from repro.maps.projection import newest_hits
 from repro.maps.recorded import Recorded
 from repro.maps.visibility import newest_passed
 from repro.metrics.scores import confusion, scores
+from repro.system.errors import InputError
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
@@ -107,12 +108,18 @@ def tune(
 
     Returns:
         the probability of free of the test recordings, (M, 1, H, W), and the chosen settings.
+
+    Raises:
+        ValueError: `predict` returns another shape.
     """
     since, steps = steps_since_free(val), val.scans.ranges.shape[1]
     scored: list[tuple[float, Settings, int]] = []
     for values in itertools.product(*settings.values()):
         chosen = dict(zip(settings, values, strict=True))
         free = predict(val, **chosen)
+        if free.shape != val.maps.shape:
+            expected, got = tuple(val.maps.shape), tuple(free.shape)
+            raise InputError(f"expected probabilities of free, {expected} as the maps, got {got}")
         for free_steps in (round(share * steps) for share in FREE):
             scored.append((_obstacle_iou(free.masked_fill(since < free_steps, 1.0), val), chosen, free_steps))
     _, chosen, free_steps = max(scored, key=lambda each: each[0])

@@ -29,7 +29,7 @@ from repro.reporting.uptodate import mark_up_to_date
 from repro.runs.directories import Run
 from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
@@ -42,8 +42,10 @@ def analyze(job: Job) -> None:
     outputs = job.outputs
     errors: list[str] = []
     results = read_results(outputs, errors)
+    before = tuple(errors)
     if results.empty or not (results["encoding"] != "").any():
-        raise ValueError(f"no network has been evaluated in {outputs.path}: train some first")
+        reason = f" ({errors[0]})" if errors else ""
+        raise InputError(f"no network has been evaluated in {outputs.path}{reason}: train some first")
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
     configs = {config.experiment: config for config in networks}
     for experiment, name in itertools.product(sorted(configs), PREDICTORS):
@@ -51,11 +53,10 @@ def analyze(job: Job) -> None:
             continue
         try:
             evaluate_baseline(outputs, configs[experiment], name)
-        except ValueError as error:
-            if not is_about_input(error):
-                raise
+        except InputError as error:
             errors.append(str(error))
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
+    errors = [error for error in errors if error not in before]  # the evaluation may have restored those runs
     results = read_results(outputs, errors)
     ledger = read_claims(CLAIMS)
     print(f"analyzing {len(results)} runs", flush=True)
@@ -71,7 +72,7 @@ def analyze(job: Job) -> None:
     for message in left_out:
         print(f"error: left out of the analysis: {message}", file=sys.stderr)
     if left_out:
-        raise ValueError(f"{len(left_out)} runs are left out of the analysis, see above")
+        raise InputError(f"{len(left_out)} runs are left out of the analysis, see above")
     mark_up_to_date(outputs.analysis, inputs)
 
 
@@ -88,7 +89,7 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
 
 def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
     """Return whether a baseline applies to the worlds of an experiment; true without readable recordings."""
-    with suppress(ValueError):
+    with suppress(InputError):
         return applies(name, read_manifest(outputs.recordings(experiment)).spec)
     return True
 
@@ -112,7 +113,7 @@ def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
 
 
 def _has_predictions(run: Run) -> bool:
-    with suppress(ValueError):  # of a damaged run, which the analysis has named
+    with suppress(InputError):  # of a damaged run, which the analysis has named
         return run.check_file("predictions.npz").is_file()
     return False
 

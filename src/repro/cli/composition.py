@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -103,7 +103,7 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
     if arguments.config_dir:
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
-    with _refusing(arguments.config_dir), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+    with _refusing(arguments.config_dir, overrides), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         parser = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader())
         parsed = parser.parse_overrides(overrides)
         wrong = [error for each in parsed for error in override_errors(each, arguments.multirun)]
@@ -119,11 +119,12 @@ def compose_values(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def _refusing(config_dir: str | None) -> Iterator[None]:
+def _refusing(config_dir: str | None, overrides: Sequence[str]) -> Iterator[None]:
     """Refuse a call whose configuration cannot be composed, with the reasons.
 
     Args:
         config_dir: a directory beside conf/ that has files of groups.
+        overrides: the overrides of the call.
 
     Raises:
         Refused: a job cannot be composed.
@@ -133,7 +134,7 @@ def _refusing(config_dir: str | None) -> Iterator[None]:
     except (HydraException, OmegaConfBaseException, YAMLError, RecursionError, TypeError, ValueError) as error:
         if WANTS_TRACEBACKS:
             raise
-        reasons = composition_errors(error)
+        reasons = composition_errors(error, overrides)
         if isinstance(error, UnicodeDecodeError):  # which does not name its file
             folders = [CONF, *([Path(config_dir)] if config_dir else [])]
             reasons = [f"{path}: is not UTF-8" for folder in folders for path in _not_utf8(folder)] or reasons
@@ -178,6 +179,14 @@ def _not_utf8(folder: Path) -> Iterator[Path]:
             yield path
 
 
+def _choices(overrides: Sequence[str]) -> list[str]:
+    """Return the overrides that choose one file of a group in conf/ and exist there."""
+    chosen = [each.partition("=") for each in overrides]
+    return [
+        f"{group}={name}" for group, _, name in chosen if group in GROUPS and (CONF / group / f"{name}.yaml").is_file()
+    ]
+
+
 def _value_error(message: str) -> str:
     if message.startswith(("Index '", "invalid literal for int")):  # OmegaConf's own for an entry of a list
         name = message.split("'")[1]
@@ -185,8 +194,13 @@ def _value_error(message: str) -> str:
     return " ".join(message.split())
 
 
-def composition_errors(error: Exception) -> list[str]:
-    """Explain why a call cannot be parsed or composed, each reason in one line where it is known."""
+def composition_errors(error: Exception, overrides: Sequence[str] = ()) -> list[str]:
+    """Explain why a call cannot be parsed or composed, each reason in one line where it is known.
+
+    Args:
+        error: what was raised.
+        overrides: the overrides of the call, whose files of conf/ have the known keys.
+    """
     if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError):
         return [f"a configuration file cannot be read: {' '.join(str(error).split())}"]
     if not isinstance(error, HydraException | OmegaConfBaseException):
@@ -202,7 +216,7 @@ def composition_errors(error: Exception) -> list[str]:
         return [f"{first.split(chr(39))[1]}: is not a known key of Hydra"]
     if first.startswith("Could not override"):
         with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-            values = plain(hydra.compose("config"))
+            values = plain(hydra.compose("config", overrides=_choices(overrides)))
         return [str(unknown_key(first.split("'")[1], None, values))]
     if first.startswith("Error merging override "):
         return [f"{first.removeprefix('Error merging override ')}: {str(error.__cause__).splitlines()[0]}"]

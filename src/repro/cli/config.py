@@ -11,6 +11,7 @@ from omegaconf import MISSING
 from pydantic import AfterValidator, Field, TypeAdapter
 
 from repro.config import KNOWN_KEYS, Encoding, Gray, Model, NotNegative, Scale, Training, choice
+from repro.system.errors import InputError
 
 RUN_TASKS = (
     *("all", "record", "train", "evaluate", "world", "animate"),
@@ -42,7 +43,7 @@ class Runtime:
 def _is_center(value: Any) -> Any:
     is_point = isinstance(value, list) and len(value) == 2 and all(type(number) in (int, float) for number in value)
     if value not in ("robot", "start") and not (is_point and all(map(math.isfinite, value))):
-        raise ValueError("must be robot, start, or [x,y] in meters")
+        raise InputError("must be robot, start, or [x,y] in meters")
     return value
 
 

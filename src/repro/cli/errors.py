@@ -3,7 +3,7 @@
 import errno
 import os
 
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 _ROOM = "free some space and repeat the command; complete files stay complete"
@@ -39,6 +39,6 @@ def explain(error: BaseException) -> str | None:
         return f"{file}: {_FIXES[error.errno]}"
     if type(error).__name__ in ("TerminatedWorkerError", "BrokenProcessPool"):
         return "a worker process was killed, perhaps for lack of memory: repeat the command with runtime.workers=1"
-    if isinstance(error, (ValueError, FloatingPointError)) and is_about_input(error):
+    if isinstance(error, InputError | FloatingPointError):
         return str(error)
     return None

@@ -11,6 +11,7 @@ from repro.reporting.figures import write_figures
 from repro.runs.keys import RunKey, lowest_seeds
 from repro.runs.outputs import Outputs
 from repro.simulation.worlds import sample_world
+from repro.system.errors import InputError
 
 
 def draw_figures(outputs: Outputs) -> list[str]:
@@ -19,13 +20,13 @@ def draw_figures(outputs: Outputs) -> list[str]:
     for experiment, path in outputs.recorded().items():
         try:
             worlds[experiment] = sample_world(read_manifest(path).spec, SPLITS["test"])
-        except ValueError as error:
+        except InputError as error:
             errors.append(str(error))
     for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds):
         try:
             for key in lowest_seeds(_evaluated(outputs, experiment, encoding)):
                 examples.append(load_example(outputs, key))
-        except ValueError as error:
+        except InputError as error:
             errors.append(str(error))
     for path in write_figures(outputs.figures, worlds, examples):
         print(f"Figure: {path}", flush=True)

@@ -6,6 +6,7 @@ from repro.cli.jobs import ROOT
 from repro.reporting.paper import WORLDS
 from repro.reporting.uptodate import inputs_hash
 from repro.runs.outputs import Outputs
+from repro.system.errors import InputError
 
 CLAIMS = ROOT / "reproduce" / "claims.yaml"
 GENERALIZATION = "generalization"  # rows of task=generalization, and the name of their file
@@ -20,7 +21,7 @@ def find(key: str, name: str) -> Path:
     for path in (Path(name), ROOT / name):
         if path.exists():
             return path
-    raise ValueError(f"{key}: {name}: no such file or directory")
+    raise InputError(f"{key}: {name}: no such file or directory")
 
 
 def analysis_inputs(outputs: Outputs) -> str:

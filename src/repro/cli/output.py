@@ -7,7 +7,7 @@ import pandas as pd
 from repro.metrics.names import SUMMARY
 from repro.reporting.tables import write_tables
 from repro.runs.outputs import Outputs
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 
 
 def summary_line(metrics: pd.Series) -> str:
@@ -20,9 +20,7 @@ def print_tables(outputs: Outputs, names: tuple[str, ...]) -> list[str]:
     errors: list[str] = []
     try:
         tables = write_tables(outputs, errors)
-    except ValueError as problem:  # the runs cannot share a table
-        if not is_about_input(problem):
-            raise
+    except InputError as problem:  # the runs cannot share a table
         tables = {}
         errors.append(str(problem))
     for name, table in tables.items():

@@ -18,6 +18,7 @@ from repro.networks.onnx_files import OnnxNetwork
 from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.reporting.names import model_title, predictor_title
 from repro.runs.keys import RunKey
+from repro.system.errors import InputError
 
 # the encodings that assets/encodings.js draws, with a number or without
 DRAWN_ENCODINGS = ("projection", "negative", "stack", "series")
@@ -59,11 +60,11 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     """
     predictor = load_predictor(directory)
     if predictor.has_fixed:
-        raise ValueError(f"{directory} was trained with fixed obstacles, which the demo does not have")
+        raise InputError(f"{directory} was trained with fixed obstacles, which the demo does not have")
     encoding = {"name": predictor.encoding.name, "parameters": asdict(predictor.encoding)}  # type: ignore[call-overload]
     if encoding["name"].rstrip("0123456789") not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
-        raise ValueError(
+        raise InputError(
             f"{directory} has the encoding {encoding['name']}, expected {expected}: the page draws no other"
         )
     whole = _onnx_of(directory, predictor)
@@ -90,7 +91,7 @@ def with_float16_weights(content: bytes) -> bytes:
             continue
         name, values = tensor.name, numpy_helper.to_array(tensor)
         if np.abs(values).max() > np.finfo(np.float16).max:
-            raise ValueError(f"weights {name}: expected values within float16, the largest is {np.abs(values).max()}")
+            raise InputError(f"weights {name}: expected values within float16, the largest is {np.abs(values).max()}")
         tensor.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}.float16"))
         casts.append(helper.make_node("Cast", [f"{name}.float16"], [name], to=TensorProto.FLOAT))
     nodes = [*casts, *graph.node]
@@ -124,7 +125,7 @@ def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
     free = OnnxNetwork(content)(predictor.encoding.to_input(images)).sigmoid()
     error = float((free - predictor.predict_images(images)).abs().max())
     if not error <= TOLERANCE:
-        raise ValueError(
+        raise InputError(
             f"{directory}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}"
         )
 

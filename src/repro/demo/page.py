@@ -18,6 +18,7 @@ from jinja2.utils import htmlsafe_json_dumps
 
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
+from repro.system.errors import InputError
 from repro.world_config import is_moving, lidar_of
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
@@ -72,7 +73,7 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any]) 
     )
     if len(page.encode()) > MAX_BYTES:
         sizes = ", ".join(f"{network.title} {len(network.onnx) / 1e6:.1f} MB" for network in networks)
-        raise ValueError(
+        raise InputError(
             f"the page has {len(page) / 1e6:.1f} MB, at most {MAX_BYTES / 1e6:.0f} are allowed: name fewer or smaller "
             f"networks with demo.networks= (now {sizes})"
         )
@@ -93,7 +94,7 @@ def _check_worlds(spec: dict[str, Any]) -> None:
             problem = "shapes other than discs and rectangles"
         else:
             continue
-        raise ValueError(f"the demo cannot simulate experiment {name}, which has {problem}: use world=paper")
+        raise InputError(f"the demo cannot simulate experiment {name}, which has {problem}: use world=paper")
 
 
 def _check_network(network: DemoNetwork, world: dict[str, Any], steps: int) -> None:
@@ -104,7 +105,7 @@ def _check_network(network: DemoNetwork, world: dict[str, Any], steps: int) -> N
         found_words, expected_words = (
             f"maps of {size_m:g} m from {count} steps of {step_s:g} s" for size_m, count, step_s in (found, expected)
         )
-        raise ValueError(f"demo.networks: {network.title} predicts {found_words}, this page needs {expected_words}")
+        raise InputError(f"demo.networks: {network.title} predicts {found_words}, this page needs {expected_words}")
 
 
 def link_modules(runtime: Runtime) -> dict[str, str]:

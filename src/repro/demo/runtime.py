@@ -10,6 +10,7 @@ from http.client import HTTPException
 from io import BytesIO
 from pathlib import Path
 
+from repro.system.errors import InputError
 from repro.system.files import replacing
 
 VERSION = "1.30.0"
@@ -66,7 +67,7 @@ def _download() -> bytes:
         with urllib.request.urlopen(URL, timeout=TIMEOUT_S) as response:
             return response.read()
     except (OSError, HTTPException) as error:
-        raise ValueError(
+        raise InputError(
             f"{URL} cannot be downloaded ({error}): connect to the internet once, or download the file elsewhere and "
             "name it with demo.runtime="
         ) from error
@@ -76,13 +77,13 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise ValueError(f"demo.runtime={path} cannot be read: {error.strerror}; expected {ARCHIVE}") from error
+        raise InputError(f"demo.runtime={path} cannot be read: {error.strerror}; expected {ARCHIVE}") from error
 
 
 def _checked(content: bytes, source: str) -> bytes:
     digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
     if digest != SHA512:
-        raise ValueError(f"{source} has the hash sha512-{digest}, expected sha512-{SHA512}")
+        raise InputError(f"{source} has the hash sha512-{digest}, expected sha512-{SHA512}")
     return content
 
 

@@ -30,7 +30,7 @@ from repro.networks.predictor import load_predictor
 from repro.runs.directories import Run
 from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 
 ANALYZED = (  # tables of `gather`
     "intervals",
@@ -119,8 +119,8 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
             try:
                 measurements[cell] = _measure_cell(runs, shared)
-            except ValueError as error:
-                if errors is None or not is_about_input(error):
+            except InputError as error:
+                if errors is None:
                     raise
                 errors.append(str(error))
         for cell, measurement in measurements.items():
@@ -135,7 +135,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         for rows, columns in differences(draws):
             analysis.add("differences", rows, columns)
     if errors and "calibration" not in analysis.rows:
-        raise ValueError(f"no run can be analyzed: {errors[0]}")
+        raise InputError(f"no run can be analyzed: {errors[0]}")
     return analysis.frames()
 
 
@@ -149,7 +149,7 @@ def _cells(outputs: Outputs, errors: list[str] | None) -> dict[Cell, list[Run]]:
     for run in outputs.runs():
         try:
             key = run.config().key if run.is_evaluated else None
-        except ValueError as error:
+        except InputError as error:
             if errors is None:
                 raise
             errors.append(str(error))
@@ -163,7 +163,7 @@ def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, np.ndarray]:
     """Read the quantized predictions, (M, H, W), and the SSIM, (M,), of a run on the test set."""
     free, ssim = read_quantized(run), read_ssim(run)
     if free.shape != test.truth.shape or len(ssim) != len(free):
-        raise ValueError(
+        raise InputError(
             f"{run} has predictions of shape {free.shape} and {len(ssim)} SSIM values for test maps of shape "
             f"{test.truth.shape}: {run.evaluate_again}"
         )

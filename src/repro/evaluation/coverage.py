@@ -8,6 +8,7 @@ from repro.evaluation.recency import obstacle_masks
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import true_maps
 from repro.recordings.reader import read_shards
+from repro.system.errors import InputError
 
 
 def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
@@ -37,7 +38,7 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
             seen_px += area[shard.seen[2 * shard.world + twin, rank]].sum()
             all_px += area.sum()
     if not all_px:
-        raise ValueError(
+        raise InputError(
             f"no obstacle of {split} covers the center of a pixel: expected obstacles larger than the pixels, "
             f"which are {grid.resolution_m:.2f} m wide; enlarge the obstacles or scale.size_px (now {grid.size_px})"
         )

@@ -27,6 +27,7 @@ from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
+from repro.system.errors import InputError
 from repro.system.files import open_arrays, read_table, replacing, sha256, write_text
 
 FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
@@ -59,7 +60,10 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         else:
             pairs, probability = _predict_split("test", run, recordings, accelerator)
             maps = pairs.maps
-        row, per_image = measure(probability, maps)
+        try:
+            row, per_image = measure(probability, maps)
+        except InputError as error:
+            raise InputError(f"{run}: {error}") from error
         write_predictions(run, probability)
         write_text(run.path / "per_image.csv", per_image.rename_axis("image").to_csv(float_format="%.6f"))
         _write_row(row, run.metrics)
@@ -109,20 +113,38 @@ def check_trained(run: Run) -> None:
         ValueError: it is not.
     """
     if not run.is_trained:
-        raise ValueError(f"{run} is not fully trained: train it with task=train first")
+        raise InputError(f"{run} is not fully trained: train it with task=train first")
 
 
-def measure(probability: Tensor, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
-    """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image.
+def checked_probabilities(free: Tensor | np.ndarray, maps: Tensor) -> Tensor:
+    """Return predictions as a tensor on the CPU, float32, after a check.
+
+    Args:
+        free: probability of free, (M, 1, H, W).
+        maps: the true maps, (M, 1, H, W).
 
     Raises:
         ValueError: they are no probabilities of free, or their shape is not that of the maps.
     """
-    if not isinstance(probability, Tensor) or probability.shape != maps.shape:
-        got = tuple(getattr(probability, "shape", ())) or type(probability).__name__
-        raise ValueError(f"expected a tensor of probabilities of free, {tuple(maps.shape)} as the maps, got {got}")
+    if not isinstance(free, Tensor | np.ndarray) or tuple(free.shape) != tuple(maps.shape):
+        got = tuple(getattr(free, "shape", ())) or type(free).__name__
+        raise InputError(f"expected probabilities of free, {tuple(maps.shape)} as the maps, got {got}")
+    probability = torch.as_tensor(free).cpu().float()
     if not bool(((probability >= 0) & (probability <= 1)).all()):
-        raise ValueError("expected probabilities of free in [0, 1], got others: logits need a sigmoid")
+        low, high = probability.min().item(), probability.max().item()
+        raise InputError(
+            f"expected probabilities of free from 0 to 1, got values from {low:g} to {high:g}: logits need a sigmoid"
+        )
+    return probability
+
+
+def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
+    """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image.
+
+    Raises:
+        ValueError: see `checked_probabilities`.
+    """
+    probability = checked_probabilities(free, maps)
     truth = maps.cpu().float()
     counts = confusion(probability, truth)
     similarity = ssim(probability, truth)
@@ -192,7 +214,7 @@ def read_quantized(run: Run) -> np.ndarray:
         with open_arrays(path) as file:
             return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} cannot be read ({error}): {run.evaluate_again}") from error
+        raise InputError(f"{path} cannot be read ({error}): {run.evaluate_again}") from error
 
 
 def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:

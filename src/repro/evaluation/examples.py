@@ -11,6 +11,7 @@ from repro.recordings.reader import read_recording
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.scans import Scans
+from repro.system.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def load_example(outputs: Outputs, key: RunKey, index: int = 0) -> Example:
     run, recordings = outputs.run(key), outputs.recordings(key.experiment)
     config = run.config()
     if config.encoding is None:
-        raise ValueError(f"{run} is a baseline, which has no encoding")
+        raise InputError(f"{run} is a baseline, which has no encoding")
     shard, at = read_recording(recordings, "test", index)
     grid = grid_of(config)
     return Example(

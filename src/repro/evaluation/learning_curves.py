@@ -21,6 +21,7 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.bootstrap import bounds
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
+from repro.system.errors import InputError
 
 FITTED_METRICS = ("accuracy", "specificity", "dice", "obstacle_iou")
 CURVE = ["experiment", "encoding"]
@@ -63,7 +64,7 @@ def read_points(directories: list[Outputs], worlds: set[str]) -> pd.DataFrame:
         for name, own in points.groupby(list(by)):
             if own[fact].nunique() > 1:
                 rare = own.loc[own[fact] == own[fact].value_counts().index[-1], "run"]
-                raise ValueError(
+                raise InputError(
                     f"the runs of {', '.join(by)} {', '.join(map(str, name))} differ in {fact} and cannot share a "
                     f"curve: move {rare.iloc[0]} elsewhere"
                 )
@@ -129,7 +130,7 @@ def fit_power_law(curve: np.ndarray, pairs: np.ndarray, size_px: np.ndarray, val
         ValueError: a curve has fewer than 3 points.
     """
     if np.bincount(curve).min() < 3:
-        raise ValueError(f"a curve needs at least 3 points, got {np.bincount(curve).min()}")
+        raise InputError(f"a curve needs at least 3 points, got {np.bincount(curve).min()}")
 
     def solve(exponents: np.ndarray) -> tuple[float, np.ndarray]:
         terms = _terms(exponents, pairs, size_px)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pandas as pd
-import torch
 from torch import Tensor
 
-from repro.evaluation.evaluate import measured_of
+from repro.evaluation.evaluate import checked_probabilities, measured_of
 from repro.metrics.bootstrap import Measured, difference, draw_weights, resample
+from repro.system.errors import InputError
 
 
 def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, maps: Tensor) -> pd.DataFrame:
@@ -28,7 +28,7 @@ def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, map
         ValueError: the shapes differ, the number of maps is odd, or a value is no probability.
     """
     if maps.ndim != 4 or maps.shape[1] != 1 or len(maps) % 2 or not len(maps):
-        raise ValueError(f"maps: expected the shape (M, 1, H, W) with an even M, got {tuple(maps.shape)}")
+        raise InputError(f"maps: expected the shape (M, 1, H, W) with an even M, got {tuple(maps.shape)}")
     weights = draw_weights(len(maps) // 2)
     drawn = [resample(_measured(name, free, maps), weights) for name, free in (("one", one), ("other", other))]
     return difference(*drawn)
@@ -36,10 +36,7 @@ def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, map
 
 def _measured(name: str, free: Tensor | np.ndarray, maps: Tensor) -> Measured:
     """Count the pixels of a prediction, as one seed."""
-    free, truth = torch.as_tensor(free).cpu().float(), maps.cpu()
-    if free.shape != truth.shape:
-        raise ValueError(f"{name}: expected the shape of the maps, {tuple(truth.shape)}, got {tuple(free.shape)}")
-    if not ((free >= 0) & (free <= 1)).all():
-        low, high = free.min().item(), free.max().item()
-        raise ValueError(f"{name}: expected probabilities from 0 to 1, got values from {low:g} to {high:g}")
-    return measured_of(free, truth)
+    try:
+        return measured_of(checked_probabilities(free, maps), maps.cpu())
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error

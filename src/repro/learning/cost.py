@@ -9,7 +9,7 @@ from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss, VisibleLoss, create_loss
 from repro.maps.datasets import encoding_of
 from repro.maps.encodings import Encoding
-from repro.networks.create import check_output, create_network
+from repro.networks.create import check_interface, create_network
 from repro.runs.config import RunConfig
 from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
 from repro.system.resources import parallel_trainings
@@ -41,11 +41,11 @@ def seconds_per_image(
         accelerator: auto, cpu or gpu.
 
     Raises:
-        ValueError: the network does not map images to logits of one map.
+        ValueError: the network cannot be saved, or does not map images to logits of one map.
     """
     device = resolve_device(accelerator)
     network = create_network(model, encoding.channels, encoding.frames)
-    check_output(network, encoding.channels)
+    check_interface(network, encoding.channels, size_px)
     network.to(device)
     accelerate(network, device)
     optimizer, loss = torch.optim.Adam(network.parameters(), fused=True), loss or MapLoss()

@@ -31,7 +31,7 @@ from repro.learning.kernels import accelerate
 from repro.learning.losses import create_loss
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.maps.statistics import Statistics
-from repro.networks.create import Network, check_output, create_network
+from repro.networks.create import Network, check_interface, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
@@ -39,6 +39,7 @@ from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.simulation.motions import recorded_steps
 from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
+from repro.system.errors import InputError
 from repro.system.resources import keep_freed_memory
 
 Facts = dict[str, Any]  # of a training, for its provenance
@@ -168,7 +169,7 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     torch.manual_seed(config.seed)
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
-    check_output(network, encoding.channels)
+    check_interface(network, encoding.channels, config.data.size_px)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
@@ -235,7 +236,7 @@ def _best_predictor(
     best = find_best(checkpoints)
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
-        raise ValueError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
+        raise InputError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
     spec = read_manifest(recordings).spec
     window = (recorded_steps(spec["motion"]), float(spec["world"]["step_time"]), bool(spec.get("fixed")))

@@ -17,6 +17,7 @@ from repro.maps.ground_truth import true_maps
 from repro.maps.statistics import Statistics, summarize
 from repro.recordings.reader import read_manifest, read_shards
 from repro.runs.config import RunConfig
+from repro.system.errors import InputError
 
 STATISTICS_PAIRS = 4000  # more change the quantiles little
 
@@ -81,7 +82,7 @@ class Batches:
         self.seed = seed
         self.flip_augmentation = flip_augmentation
         if seed is not None and len(pairs) < batch_size:
-            raise ValueError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
+            raise InputError(f"train.batch_size={batch_size} but there are only {len(pairs)} training pairs")
 
     def __len__(self) -> int:
         full, rest = divmod(len(self.pairs), self.batch_size)
@@ -122,7 +123,8 @@ def load_pairs(
         device: device on which the images are drawn and kept.
 
     Raises:
-        ValueError: a shard fails verification, see `recordings.reader.read_shards`.
+        ValueError: a shard fails verification, see `recordings.reader.read_shards`, or the encoding draws other images
+            than it should.
     """
     shards = tqdm(read_shards(recordings, split, count), desc=f"drawing {split}", delay=2, leave=False, disable=None)
     room = count or read_manifest(recordings).pairs[split]
@@ -135,10 +137,22 @@ def load_pairs(
     for shard in shards:
         drawn = slice(first, first + len(shard.scans))
         images = encoding.encode(shard.scans.tensors(device), grid)
+        _check_images(images, encoding, (len(shard.scans), *stored.shape[1:3], grid.size_px))
         stored[drawn] = pack_bits(images) if encoding.is_binary else images
         maps[drawn, 0] = true_maps(shard, grid, device)
         first = drawn.stop
     return Pairs(stored, maps, encoding)
+
+
+def _check_images(images: Tensor, encoding: Encoding, shape: tuple[int, ...]) -> None:
+    """Check the type, the shape and, if a bit per pixel is stored, the values of the images of an encoding."""
+    got = (images.dtype, tuple(images.shape))
+    if got != (torch.uint8, shape):
+        raise InputError(
+            f"the encoding {encoding.name} must draw images of {torch.uint8}, {shape}, got {got[0]}, {got[1]}"
+        )
+    if encoding.is_binary and not ((images == 0) | (images == 255)).all():
+        raise InputError(f"the encoding {encoding.name} is binary and must draw no other values than 0 and 255")
 
 
 def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:

@@ -20,6 +20,7 @@ from repro.maps.projection import Projection, inverted
 from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
+from repro.system.errors import InputError
 
 
 class Encoding(Protocol):
@@ -139,15 +140,15 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
         ValueError: the name or a parameter is unknown, or a value is not allowed.
     """
     if name not in ENCODINGS:
-        raise ValueError(f"encoding must be one of {', '.join(ENCODINGS)}, got {name!r}")
+        raise InputError(f"encoding must be one of {', '.join(ENCODINGS)}, got {name!r}")
     known = [field.name for field in dataclasses.fields(ENCODINGS[name])]  # type: ignore[arg-type]
     unknown = sorted(set(parameters) - set(known))
     if unknown:
-        raise ValueError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
+        raise InputError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
     try:
         encoding = ENCODINGS[name](**parameters)
     except ValidationError as error:
-        raise ValueError("; ".join(str(each) for each in config_errors_of(error))) from error
+        raise InputError("; ".join(str(each) for each in config_errors_of(error))) from error
     if encoding.name != name:
-        raise ValueError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
+        raise InputError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
     return encoding

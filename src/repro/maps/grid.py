@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from repro.system.errors import InputError
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -27,7 +29,7 @@ class Grid:
 
     def __post_init__(self) -> None:
         if self.size_px < 1 or self.size_m <= 0:
-            raise ValueError(f"a grid needs positive sizes, got {self.size_px} px for {self.size_m} m")
+            raise InputError(f"a grid needs positive sizes, got {self.size_px} px for {self.size_m} m")
 
     @property
     def resolution_m(self) -> float:

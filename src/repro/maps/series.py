@@ -12,6 +12,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import hit_pixels, inverted
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
+from repro.system.errors import InputError
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -50,7 +51,7 @@ class Stack:
         """Return the K parts of B windows as B K windows; shorter parts end with steps without hit and pose."""
         count = scans.ranges.shape[1]
         if count < self.frames:
-            raise ValueError(f"{self.name} divides a window into {self.frames} parts, got a window of {count} steps")
+            raise InputError(f"{self.name} divides a window into {self.frames} parts, got a window of {count} steps")
         steps = torch.arange(count, device=scans.ranges.device)
         parts = pad_sequence(list(steps.tensor_split(self.frames)), batch_first=True, padding_value=-1)  # (K, steps)
         absent = (parts < 0)[..., None]

@@ -12,6 +12,7 @@ import torch
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.scans import Scans, wrapped
+from repro.system.errors import InputError
 
 LEVELS = (0.0, 0.01, 0.5, 0.99, 1.0)
 MARGIN = 0.01  # relative; some statistics are constant in training, such as the field of view
@@ -97,7 +98,7 @@ def summarize(batches: Iterable[Scans], grid: Grid) -> Statistics:
     table = np.stack([np.concatenate([each[name] for each in measured]) for name in TITLES])
     table = table[:, np.isfinite(table).all(axis=0)]
     if not table.shape[1]:
-        raise ValueError("no training window has a hit: record other worlds")
+        raise InputError("no training window has a hit: record other worlds")
     quantiles = np.quantile(table, LEVELS, axis=1).T
     rounded = {name: tuple(float(f"{v:.6g}") for v in row) for name, row in zip(TITLES, quantiles, strict=True)}
     return Statistics(table.shape[1], rounded)  # type: ignore[arg-type]

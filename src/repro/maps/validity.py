@@ -11,6 +11,7 @@ from torch import Tensor
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.scans import Scans, wrapped
+from repro.system.errors import InputError
 
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
 JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
@@ -49,7 +50,7 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     if empty.any():
         finite = ranges[empty][torch.isfinite(ranges[empty])]
         median = f"their median range is {finite.median():.4g}" if len(finite) else "all of their beams are misses"
-        raise ValueError(
+        raise InputError(
             f"{int(empty.sum())} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
             "expected ranges in meters, and poses in the frame of the map"
         )
@@ -75,4 +76,4 @@ def jumps(headings: Tensor) -> Tensor:
 
 def _refuse(wrong: Tensor, name: str, problem: str, expected: str) -> None:
     if wrong.any():
-        raise ValueError(f"{int(wrong.sum())} of {wrong.numel()} {name} are {problem}: {expected}")
+        raise InputError(f"{int(wrong.sum())} of {wrong.numel()} {name} are {problem}: {expected}")

@@ -10,6 +10,7 @@ from torch import Tensor
 from repro.maps.grid import Grid
 from repro.scans import Scans
 from repro.system.compiled import compiled
+from repro.system.errors import InputError
 
 
 def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> Tensor:
@@ -35,7 +36,7 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     spacing = beam_spacing(scans.angles)
     steps, most = scans.ranges.shape[1], np.iinfo(np.int16).max
     if steps > most:
-        raise ValueError(f"expected windows of at most {most} steps, got {steps}")
+        raise InputError(f"expected windows of at most {most} steps, got {steps}")
     # a miss reaches the maximum range, or less by the margin if that is negative
     reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)
     reach = reach.double().cpu().numpy() / grid.resolution_m
@@ -79,7 +80,7 @@ def beam_spacing(angles: Tensor) -> float:
     gaps = angles.double().diff()
     spacing = float(gaps.mean()) if len(gaps) else 0.0
     if not 0 < spacing < math.pi or (gaps - spacing).abs().max() > 0.01 * spacing:
-        raise ValueError("the beam angles must rise evenly, by less than half a turn from beam to beam")
+        raise InputError("the beam angles must rise evenly, by less than half a turn from beam to beam")
     return spacing
 
 

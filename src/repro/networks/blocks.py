@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 from torch import Tensor, nn
 
+from repro.system.errors import InputError
+
 
 def conv_block(
     channels: int, new_channels: int, stride: int = 1, dilation: int = 1, *, batch_norm: bool = False
@@ -68,4 +70,4 @@ def check_series(in_channels: int, frames: int) -> None:
         ValueError: there are fewer than two parts, or another number of images in each.
     """
     if frames < 2 or in_channels % frames:
-        raise ValueError(f"needs a series of at least 2 parts, got {in_channels} images in {frames} parts")
+        raise InputError(f"needs a series of at least 2 parts, got {in_channels} images in {frames} parts")

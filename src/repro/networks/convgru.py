@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from repro.networks.blocks import Residual, check_series, conv_block, each_part, last_state
+from repro.system.errors import InputError
 
 DETAIL = 16  # channels at full resolution
 
@@ -33,7 +34,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
     def __init__(self, in_channels: int, frames: int, hidden: int = 48, stride: int = 4) -> None:
         check_series(in_channels, frames)
         if hidden < 16 or hidden % 16 or stride not in (2, 4):
-            raise ValueError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
+            raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
         super().__init__()
         self.frames = frames
         self.encoder = nn.Sequential(

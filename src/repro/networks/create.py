@@ -13,11 +13,12 @@ from typing import Any, TypeAlias
 import torch
 from torch import Tensor
 
-from repro.config import RECURRENT, ConfigError, Model
+from repro.config import ConfigError, Model
 from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.deeptracking import DeepTracking
 from repro.networks.light_convgru import LightConvGRU
+from repro.system.errors import InputError
 
 Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`
 OWN_ARCHITECTURES: dict[str, Any] = {
@@ -37,7 +38,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     Args:
         model: architecture, encoder and encoder weights.
         in_channels: channels of the encoding, C.
-        frames: parts of the window with channels of their own; only a recurrent network uses it.
+        frames: parts of the window with channels of their own, for a class that has this parameter.
 
     Raises:
         ValueError: the architecture or one of its parameters is not allowed, or the encoder weights cannot be loaded.
@@ -45,33 +46,39 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     architecture = model.kind
     if architecture in OWN_ARCHITECTURES:
         try:
-            series = {"frames": frames} if architecture in RECURRENT else {}
-            return OWN_ARCHITECTURES[architecture](in_channels, **series, **model.parameters)
+            kind = OWN_ARCHITECTURES[architecture]
+            series = {"frames": frames} if "frames" in signature(kind).parameters else {}
+            return kind(in_channels, **series, **model.parameters)
         except TypeError as error:
-            raise ValueError(f"model.parameters={model.parameters}: {error}") from error
+            raise InputError(f"model.parameters={model.parameters}: {error}") from error
     smp_networks = _smp_networks()
     if architecture not in smp_networks.ARCHITECTURES:
-        raise ValueError(f"model.architecture={architecture}: must be one of {_known(smp_networks)}")
+        raise InputError(f"model.architecture={architecture}: must be one of {_known(smp_networks)}")
     return smp_networks.create_smp_network(architecture, model, in_channels)
 
 
-def check_output(network: Network, in_channels: int) -> None:
-    """Check that a network on the CPU maps images (B, C, H, W) to logits (B, 1, H, W), with two images of 64 px.
+def check_interface(network: Network, in_channels: int, size_px: int = 64) -> None:
+    """Check that a network on the CPU can be saved and maps images (B, C, H, W) to logits (B, 1, H, W).
 
     Args:
         network: the network, which stays unchanged.
         in_channels: channels of the images, C.
+        size_px: pixels along one side of the two images of the check.
 
     Raises:
-        ValueError: its output is of another kind or shape.
+        ValueError: it has no `save_pretrained`, or its output is of another kind or shape.
     """
-    images = torch.zeros(2, in_channels, 64, 64)
+    if not hasattr(network, "save_pretrained"):
+        name = type(network).__name__
+        raise InputError(f"the network {name} must save itself: make it a subclass of PyTorchModelHubMixin, too")
+    images = torch.zeros(2, in_channels, size_px, size_px)
     with torch.inference_mode(), torch.random.fork_rng(devices=[]):
         output = copy.deepcopy(network).eval()(images)
     got = tuple(output.shape) if isinstance(output, Tensor) else type(output).__name__
-    if got != (2, 1, 64, 64):
-        raise ValueError(
-            f"the network must map images (B, {in_channels}, H, W) to logits (B, 1, H, W): expected (2, 1, 64, 64) of "
+    expected = (2, 1, size_px, size_px)
+    if got != expected:
+        raise InputError(
+            f"the network must map images (B, {in_channels}, H, W) to logits (B, 1, H, W): expected {expected} of "
             f"{tuple(images.shape)}, got {got}"
         )
 
@@ -94,7 +101,7 @@ def load_network(directory: Path, architecture: str) -> Network:
     if architecture == "smp":
         return _smp_networks().load_smp_network(directory).float()
     if architecture not in OWN_ARCHITECTURES:
-        raise ValueError(f"architecture={architecture}: must be one of smp, {', '.join(OWN_ARCHITECTURES)}")
+        raise InputError(f"architecture={architecture}: must be one of smp, {', '.join(OWN_ARCHITECTURES)}")
     return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 

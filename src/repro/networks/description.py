@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, with_c
 from typing_extensions import TypedDict
 
 from repro.config import STRICT, Finite, config_errors_of, ordered
+from repro.system.errors import InputError
 
 MAX_ERRORS = 3  # in a message
 
@@ -70,10 +71,10 @@ def checked(content: dict[str, Any], required: Literal["architecture", "channels
         ValueError: a key is unknown or missing, or a value has another type or is out of range.
     """
     if required not in content:
-        raise ValueError(f"{required}: is missing")
+        raise InputError(f"{required}: is missing")
     try:
         return TypeAdapter(Description).validate_json(json.dumps(content))  # JSON, for strict types and lists as tuples
     except ValidationError as error:
         errors = config_errors_of(error)
         more = f"; and {len(errors) - MAX_ERRORS} more" if len(errors) > MAX_ERRORS else ""
-        raise ValueError("; ".join(map(str, errors[:MAX_ERRORS])) + more) from error
+        raise InputError("; ".join(map(str, errors[:MAX_ERRORS])) + more) from error

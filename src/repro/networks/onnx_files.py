@@ -19,6 +19,7 @@ from onnx import AttributeProto, ModelProto, NodeProto, TensorProto
 from torch import Tensor, nn
 
 from repro.networks.description import Description, checked
+from repro.system.errors import InputError
 from repro.system.files import first_line, replacing
 
 DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
@@ -53,14 +54,14 @@ class OnnxNetwork(nn.Module):
         try:
             self.session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # classes of its own, without a common base
-            raise ValueError(f"ONNX Runtime cannot run it ({first_line(error)})") from error
+            raise InputError(f"ONNX Runtime cannot run it ({first_line(error)})") from error
 
     def forward(self, images: Tensor) -> Tensor:
         """Return logits, (B, 1, H, W), of images, (B, C, H, W)."""
         try:
             (logits,) = self.session.run([OUTPUT], {INPUT: images.cpu().numpy()})
         except Exception as error:  # classes of its own, without a common base
-            raise ValueError(f"ONNX Runtime cannot run it ({first_line(error)})") from error
+            raise InputError(f"ONNX Runtime cannot run it ({first_line(error)})") from error
         return torch.from_numpy(logits)
 
 
@@ -100,7 +101,7 @@ def write_onnx(path: Path, network: nn.Module, description: dict[str, Any], card
     content = model.SerializeToString()
     difference = _difference(network, OnnxNetwork(content), example)
     if not difference <= TOLERANCE:
-        raise ValueError(
+        raise InputError(
             f"{path} is not written: in ONNX Runtime a probability differs by {difference:.2g} from that of torch, "
             f"expected at most {TOLERANCE:g}"
         )
@@ -123,7 +124,7 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, Description]:
     """
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise ValueError(f"it is larger than {MAX_BYTES / 1e9:.1f} GB")
+            raise InputError(f"it is larger than {MAX_BYTES / 1e9:.1f} GB")
         content = path.read_bytes()
         model = onnx.load_model_from_string(content)
         metadata = _metadata(model)
@@ -131,22 +132,22 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, Description]:
         onnx.checker.check_model(model, full_check=True)
         checksum = metadata.pop("sha256", None)
         if _checksum(model, metadata) != checksum:
-            raise ValueError("it differs from its checksum")
+            raise InputError("it differs from its checksum")
         description = checked(metadata, "channels")
         network = OnnxNetwork(content)
         _check_output(network, description)
     except Exception as error:  # of protobuf, onnx, ONNX Runtime or ours
-        raise ValueError(f"{path} cannot be used ({first_line(error)}): export it with task=export") from error
+        raise InputError(f"{path} cannot be used ({first_line(error)}): export it with task=export") from error
     return network, description
 
 
 def _metadata(model: ModelProto) -> dict[str, Any]:
     properties = {each.key: each.value for each in model.metadata_props}
     if DESCRIPTION not in properties:
-        raise ValueError(f"its metadata lack {DESCRIPTION}")
+        raise InputError(f"its metadata lack {DESCRIPTION}")
     description = json.loads(properties[DESCRIPTION])
     if not isinstance(description, dict):
-        raise ValueError(f"its metadata {DESCRIPTION} are no mapping: {type(description).__name__}")
+        raise InputError(f"its metadata {DESCRIPTION} are no mapping: {type(description).__name__}")
     return description
 
 
@@ -156,17 +157,17 @@ def _check_structure(model: ModelProto) -> None:
     domains = {each.domain for each in model.opset_import} | {each.domain for each in graph.node}
     custom = sorted(domains - set(STANDARD_DOMAINS))
     if custom:
-        raise ValueError(f"it has custom operators, of {', '.join(custom)}")
+        raise InputError(f"it has custom operators, of {', '.join(custom)}")
     if model.functions or model.training_info or graph.sparse_initializer:
-        raise ValueError("it has functions, training information or sparse weights")
+        raise InputError("it has functions, training information or sparse weights")
     for tensor in (*graph.initializer, *_tensors(graph.node)):
         if tensor.data_location == EXTERNAL or tensor.external_data:
-            raise ValueError(f"its weights {tensor.name} are in another file")
+            raise InputError(f"its weights {tensor.name} are in another file")
         if tensor.data_type == FLOAT and not np.isfinite(onnx.numpy_helper.to_array(tensor)).all():
-            raise ValueError(f"its weights {tensor.name} are not finite")
+            raise InputError(f"its weights {tensor.name} are not finite")
     names = [each.name for each in graph.input], [each.name for each in graph.output]
     if names != ([INPUT], [OUTPUT]):
-        raise ValueError(f"expected the input {INPUT} and the output {OUTPUT}, it has {names[0]} and {names[1]}")
+        raise InputError(f"expected the input {INPUT} and the output {OUTPUT}, it has {names[0]} and {names[1]}")
 
 
 def _tensors(nodes: Iterator[NodeProto]) -> Iterator[TensorProto]:
@@ -174,7 +175,7 @@ def _tensors(nodes: Iterator[NodeProto]) -> Iterator[TensorProto]:
     for node in nodes:
         for attribute in node.attribute:
             if attribute.type in REFUSED:
-                raise ValueError(f"it has a {REFUSED[attribute.type]}, in {node.op_type}")
+                raise InputError(f"it has a {REFUSED[attribute.type]}, in {node.op_type}")
             yield from (attribute.t, *attribute.tensors)
 
 
@@ -182,10 +183,10 @@ def _check_output(network: OnnxNetwork, description: Description) -> None:
     size, channels = description["grid"]["size_px"], description["channels"]
     given = network.session.get_inputs()[0]
     if given.type != "tensor(float)" or len(given.shape) != 4 or given.shape[1:] != [channels, size, size]:
-        raise ValueError(f"its input is {given.type} {given.shape}, its metadata say {channels} images of {size} px")
+        raise InputError(f"its input is {given.type} {given.shape}, its metadata say {channels} images of {size} px")
     logits = network(torch.zeros(1, channels, size, size))
     if logits.shape != (1, 1, size, size) or not torch.isfinite(logits).all():
-        raise ValueError(f"the network must map {channels} images to one map of finite logits")
+        raise InputError(f"the network must map {channels} images to one map of finite logits")
 
 
 def _difference(network: nn.Module, exported: OnnxNetwork, example: Tensor) -> float:

@@ -31,6 +31,7 @@ from repro.networks.description import Description
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
 from repro.scans import Scans
 from repro.system.devices import one_thread
+from repro.system.errors import InputError
 
 ONNX = "model.onnx"
 
@@ -72,7 +73,7 @@ class Predictor:
             ValueError: the range is not positive.
         """
         if not range_max_m > 0:
-            raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
+            raise InputError(f"range_max_m: expected a positive range [m], got {range_max_m}")
         if range_max_m >= self.reach_m:
             return self
         encoding = dataclasses.replace(self.encoding, range_max_m=range_max_m)  # type: ignore[type-var, call-arg]
@@ -87,7 +88,7 @@ class Predictor:
         steps, step_s = self.steps if steps is None else steps, self.step_s if step_s is None else step_s
         least = self.encoding.frames
         if not float(steps).is_integer() or steps < least or not 0 < step_s < math.inf:
-            raise ValueError(
+            raise InputError(
                 f"expected {least} steps or more, a whole number, and a positive step_s [s], got {steps} and {step_s}"
             )
         return steps, step_s
@@ -103,7 +104,7 @@ class Predictor:
         """
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
-            raise ValueError(
+            raise InputError(
                 f"the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie where that "
                 f"of the training lies, expected x,y of its center in the frame of the poses [m], got {center}"
             )
@@ -128,7 +129,7 @@ class Predictor:
         if not isinstance(scans, Scans):
             raise TypeError(f"expected Scans(ranges, angles, poses), got {type(scans).__name__}")
         if batch < 1:
-            raise ValueError(f"batch: expected 1 window or more, got {batch}")
+            raise InputError(f"batch: expected 1 window or more, got {batch}")
         device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
         windows = scans.tensors(device)
         check_windows(windows, self.grid, allow_empty=allow_empty)
@@ -191,7 +192,7 @@ class Predictor:
 
     def _check_torch(self) -> None:
         if not hasattr(self.network, "save_pretrained"):
-            raise ValueError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
+            raise InputError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
 
     def _description(self) -> dict[str, Any]:
         parameters = dataclasses.asdict(self.encoding)  # type: ignore[call-overload]
@@ -227,9 +228,9 @@ def _load_torch(directory: Path) -> Predictor:
     network, content = read_torch(directory)
     try:
         predictor = _predictor(network, content)
-        check_network(network, predictor.encoding.channels)
+        check_network(network, predictor.encoding.channels, predictor.grid.size_px)
     except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
-        raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
+        raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
     return predictor
 
 
@@ -238,9 +239,9 @@ def _load_onnx(path: Path) -> Predictor:
     try:
         predictor = _predictor(network, content)
         if predictor.encoding.channels != content["channels"]:
-            raise ValueError(f"its encoding has {predictor.encoding.channels} images, not {content['channels']}")
+            raise InputError(f"its encoding has {predictor.encoding.channels} images, not {content['channels']}")
     except ValueError as error:
-        raise ValueError(f"{path} cannot be used ({error}): export it with task=export") from error
+        raise InputError(f"{path} cannot be used ({error}): export it with task=export") from error
     return predictor
 
 

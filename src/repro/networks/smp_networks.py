@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from repro.config import ConfigError, Model
+from repro.system.errors import InputError
 
 ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)
 # The rows of a 3 x 3 kernel that are summed in each of the four rows of the kernel of `_convolve_sum`
@@ -129,7 +130,7 @@ def create_smp_network(architecture: str, model: Model, in_channels: int) -> Any
     except Exception as error:
         if model.encoder_weights is None:
             raise
-        raise ValueError(
+        raise InputError(
             f"the {model.encoder_weights} weights of {model.encoder_name} cannot be loaded "
             f"({type(error).__name__}: {error}); connect to the internet once, or train from scratch with "
             "model.encoder_weights=null"
@@ -148,7 +149,7 @@ def load_smp_network(directory: Path) -> Any:
     network = smp.from_pretrained(directory, strict=True, encoder_weights=None)
     activations = [module for module in network.modules() if isinstance(module, Activation)]
     if any(not isinstance(module.activation, torch.nn.Identity) for module in activations):
-        raise ValueError("the network must end in logits, without an activation")
+        raise InputError("the network must end in logits, without an activation")
     return network
 
 

@@ -12,8 +12,9 @@ from typing import Any
 
 import torch
 
-from repro.networks.create import Network, architecture_of, check_output, load_network
+from repro.networks.create import Network, architecture_of, check_interface, load_network
 from repro.networks.description import Description, checked
+from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
 DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
@@ -35,7 +36,7 @@ def write_torch(directory: Path, network: Network, description: dict[str, Any]) 
     """
     is_other = directory.exists() and not (directory / DESCRIPTION).is_file()
     if is_other and (not directory.is_dir() or any(directory.iterdir())):
-        raise ValueError(f"{directory} exists and is no predictor: expected a new or an empty directory")
+        raise InputError(f"{directory} exists and is no predictor: expected a new or an empty directory")
     with replacing_directory(directory) as new:
         network.save_pretrained(new)
         content = {"architecture": architecture_of(network), **description}
@@ -54,25 +55,25 @@ def read_torch(directory: Path) -> tuple[Network, Description]:
     missing = [name for name in (NETWORK, WEIGHTS) if not (directory / name).is_file()]
     if missing or _checksum(content, directory) != expected:
         problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
-        raise ValueError(f"{directory} {problem}: restore its files, or train or export it again")
+        raise InputError(f"{directory} {problem}: restore its files, or train or export it again")
     try:
         description = checked(content, "architecture")
         with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
             return load_network(directory, description["architecture"]), description
     except Exception as error:  # of smp, safetensors or ours: the files are complete, and hold no network
-        raise ValueError(f"{directory} cannot be used ({error}): train or export it again") from error
+        raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
 
 
-def check_network(network: Network, channels: int) -> None:
-    """Check that a network has finite weights and maps images of some channels to one map.
+def check_network(network: Network, channels: int, size_px: int) -> None:
+    """Check that a network has finite weights and maps images of some channels and pixels to one map.
 
     Raises:
         ValueError: it does not.
     """
     broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
     if broken:
-        raise ValueError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
-    check_output(network.eval(), channels)
+        raise InputError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
+    check_interface(network.eval(), channels, size_px)
 
 
 def _checksum(content: dict[str, Any], directory: Path) -> str:

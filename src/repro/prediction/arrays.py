@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 from repro.system.files import first_line, open_arrays
 from repro.system.resources import available_memory_gb
 
@@ -32,7 +32,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         with open_arrays(path) as content:
             missing = [name for name in ARRAYS if name not in content]
             if missing:
-                raise ValueError(f"{path}: lacks {', '.join(missing)}: expected {', '.join(ARRAYS)}")
+                raise InputError(f"{path}: lacks {', '.join(missing)}: expected {', '.join(ARRAYS)}")
             assert content.zip, "it is open"
             names = (*ARRAYS, RANGE_MAX) if RANGE_MAX in content else ARRAYS
             for name in names:
@@ -40,14 +40,14 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
             arrays = {name: content[name] for name in names}
             _check_resolution(path, arrays["poses"])
             found = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
+    except InputError:
+        raise
     except Exception as error:  # NumPy and zipfile raise many types for damaged files
-        if is_about_input(error):
-            raise
         expected = f"expected {', '.join(ARRAYS)}"
-        raise ValueError(f"{path}: cannot be read ({type(error).__name__}: {first_line(error)}): {expected}") from error
+        raise InputError(f"{path}: cannot be read ({type(error).__name__}: {first_line(error)}): {expected}") from error
     range_max_m = found.get(RANGE_MAX, np.array(math.inf))
     if range_max_m.size != 1:
-        raise ValueError(f"{path}: {RANGE_MAX}: expected one number, got an array of shape {range_max_m.shape}")
+        raise InputError(f"{path}: {RANGE_MAX}: expected one number, got an array of shape {range_max_m.shape}")
     return found | {RANGE_MAX: range_max_m.reshape(())}
 
 
@@ -61,7 +61,7 @@ def _check_resolution(path: Path, poses: np.ndarray) -> None:
     farthest_m = np.abs(places[np.isfinite(places)]).max(initial=0)
     step_m = np.spacing(farthest_m)
     if step_m > RESOLUTION_M:
-        raise ValueError(
+        raise InputError(
             f"{path}: poses: {poses.dtype} resolves {step_m:.2g} m at positions of {farthest_m:.3g} m: "
             "store them as float64, relative to a near origin"
         )
@@ -78,10 +78,10 @@ def _check_header(path: Path, archive: zipfile.ZipFile, name: str) -> None:
         shape, _, dtype = HEADERS[np.lib.format.read_magic(file)](file)
         stored_bytes = member.file_size - file.tell()
     if dtype.kind not in "fiu":
-        raise ValueError(f"{path}: {name}: expected real numbers, got {dtype}")
+        raise InputError(f"{path}: {name}: expected real numbers, got {dtype}")
     count = math.prod(shape)
     if count * dtype.itemsize > stored_bytes:
-        raise ValueError(f"{path}: {name}: is damaged: shape {shape} of {dtype}, but {stored_bytes} bytes of data")
+        raise InputError(f"{path}: {name}: is damaged: shape {shape} of {dtype}, but {stored_bytes} bytes of data")
     needed_gb, available_gb = count * 8 / 1e9, available_memory_gb()
     if needed_gb > available_gb:
-        raise ValueError(f"{path}: {name}: needs {needed_gb:.3g} GB of memory, {available_gb:.3g} GB are available")
+        raise InputError(f"{path}: {name}: needs {needed_gb:.3g} GB of memory, {available_gb:.3g} GB are available")

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from repro.prediction.readings import LogScan
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of
 from repro.prediction.transforms import Transforms, without_transform
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -55,10 +55,10 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
                         why = transforms.why_unplaced(frame, middle_of(message))
                         print(f"{path}: the first scan without a pose: {why}", flush=True)
                     yield scan
+        except InputError:
+            raise
         except Exception as error:  # rosbags and its storages raise many types for damaged files
-            if is_about_input(error):
-                raise
-            raise ValueError(f"{path}: the bag cannot be read ({type(error).__name__}: {error})") from error
+            raise InputError(f"{path}: the bag cannot be read ({type(error).__name__}: {error})") from error
 
 
 def _with_suffix(path: Path, directory: Path) -> Path:
@@ -77,9 +77,9 @@ def _with_suffix(path: Path, directory: Path) -> Path:
 def _topic(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> str:
     topics = {name: info for name, info in bag.topics.items() if info.msgtype in types and info.msgcount}
     if topic is not None and topic not in topics:
-        raise ValueError(f"{path}: no messages on {topic} of {types[0]}; there are {', '.join(topics) or 'none'}")
+        raise InputError(f"{path}: no messages on {topic} of {types[0]}; there are {', '.join(topics) or 'none'}")
     if not topics:
-        raise ValueError(f"{path}: no messages of {types[0]}; its topics are {', '.join(bag.topics) or 'none'}")
+        raise InputError(f"{path}: no messages of {types[0]}; its topics are {', '.join(bag.topics) or 'none'}")
     return topic or max(topics, key=lambda name: topics[name].msgcount)
 
 
@@ -96,7 +96,7 @@ def _messages(bag: AnyReader, path: Path, connections: list[Connection]) -> Iter
         yield connection, bag.deserialize(raw, connection.msgtype)
     for topic, count in counts.items():
         if read[topic] < count:
-            raise ValueError(
+            raise InputError(
                 f"{path}: the bag is damaged: {read[topic]} of {count} messages on {topic} can be read; repair it, "
                 "such as with rosbag reindex, ros2 bag reindex or mcap recover"
             )
@@ -124,7 +124,7 @@ def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Trans
         print(f"{path}: {message}", flush=True)
     if all(edge.is_static for edge in transforms.edges.values()):
         reason = left_out[-1] if moving.edges else "it has neither transforms that change nor odometry"
-        raise ValueError(f"{path}: no poses: {reason}; its topics are {list(bag.topics)}")
+        raise InputError(f"{path}: no poses: {reason}; its topics are {list(bag.topics)}")
     return transforms
 
 

@@ -23,6 +23,7 @@ from repro.prediction.readings import (
 from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of, seconds
 from repro.prediction.stream import PredictionStream, StreamMap, center_point
 from repro.prediction.transforms import MAX_GAP_S, Transforms, without_transform
+from repro.system.errors import InputError
 
 KEEP_S = 30.0  # age up to which poses are remembered
 MAX_WAITING = 50  # scans that wait for their poses or for the network
@@ -41,7 +42,7 @@ def two_numbers(text: str) -> tuple[float, float] | None:
         numbers = ()
     if numbers is None or len(numbers) == 2:
         return numbers
-    raise ValueError(f"expected two numbers, x,y, got {text!r}")
+    raise InputError(f"expected two numbers, x,y, got {text!r}")
 
 
 class LiveMapper:
@@ -76,7 +77,7 @@ class LiveMapper:
         range_max_m: float | None = None,
     ) -> None:
         if range_max_m is not None and not range_max_m > 0:
-            raise ValueError(f"range_max_m: expected a positive range [m], got {range_max_m}")
+            raise InputError(f"range_max_m: expected a positive range [m], got {range_max_m}")
         self.predictor, self.publish, self.warn, self.range_max_m = predictor, publish, warn, range_max_m
         center_point(predictor, center)  # refuses it now, not with the first scan
         self.center = center
@@ -180,7 +181,7 @@ class LiveMapper:
             if reason == WITHOUT_POSE:
                 reason += f": {self.transforms.why_unplaced(message.header.frame_id, middle_of(message))}"
             if reason:
-                raise ValueError(f"a scan is skipped: it is {reason}")
+                raise InputError(f"a scan is skipped: it is {reason}")
             predicted = self._map(scan)
             self.root = root
         except ValueError as error:

@@ -27,6 +27,7 @@ from repro.prediction.readings import (
     why_unusable,
 )
 from repro.scans import wrapped
+from repro.system.errors import InputError
 
 MIN_SCANS = 2
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
@@ -76,12 +77,12 @@ class ScanLog:
         ahead = wrapped(self.angles)
         inside = np.flatnonzero(np.abs(ahead) <= fov_rad / 2 + 1e-6)
         if len(inside) < 2:
-            raise ValueError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
+            raise InputError(f"{len(inside)} beams are within {math.degrees(fov_rad):.1f} degrees: use a larger one")
         inside = inside[np.argsort(ahead[inside])]
         gaps = np.diff(ahead[inside])
         if gaps.max() > 1.5 * np.median(gaps):
             begin, end = np.degrees(ahead[inside][[gaps.argmax(), gaps.argmax() + 1]])
-            raise ValueError(
+            raise InputError(
                 f"the lidar has no beams between {begin:.1f} and {end:.1f} degrees: expected a field of view around "
                 f"straight ahead that it sees, got {math.degrees(fov_rad):.1f} degrees"
             )
@@ -135,7 +136,7 @@ def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
     kept = _longest_part(kept, path, skipped)
     if first is None or len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
-        raise ValueError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
+        raise InputError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
     _check_values(kept, path, skipped)
     if message := note_on_changes(kept["range_max"]):
         print(f"{path}: {message}", flush=True)
@@ -197,14 +198,14 @@ def _check_values(kept: np.ndarray, path: Path, skipped: Counter[str]) -> None:
     """
     if skipped[NOT_LATER] > MOSTLY * len(kept):
         counts = f"{skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later"
-        raise ValueError(f"{path}: {counts}: its times are lost, or its scans are not in the order of their times")
+        raise InputError(f"{path}: {counts}: its times are lost, or its scans are not in the order of their times")
     sample = kept["ranges"][:: max(1, len(kept) // 1000)]
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MILLIMETERS:
-        raise ValueError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
+        raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     check_heading(float(np.abs(kept["pose"][:, 2]).max()), f"{path}: the headings look")
     if jumps(torch.as_tensor(kept["pose"][:, 2].copy())):
-        raise ValueError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")
+        raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")
 
 
 def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:
@@ -225,7 +226,7 @@ def _longest_part(kept: np.ndarray, path: Path, skipped: Counter[str]) -> np.nda
     """
     parts = np.split(kept, np.flatnonzero(np.diff(kept["stamp"]) < 0) + 1)
     if len(parts) > MOSTLY:
-        raise ValueError(
+        raise InputError(
             f"{path}: time goes back by more than {SET_BACK_S:g} s {len(parts) - 1} times: its times are lost, or its "
             "scans are not in the order of their times"
         )

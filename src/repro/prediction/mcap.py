@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from repro.prediction.logs import ScanLog
 from repro.prediction.ros import grid_message, occupancy
 from repro.prediction.stream import StreamMap
+from repro.system.errors import InputError
 
 MAP_FRAME, LASER_FRAME = "map", "laser"
 STORE = get_typestore(Stores.ROS2_HUMBLE)
@@ -64,7 +65,7 @@ def check_times(log: ScanLog) -> None:
     """
     first, last = log.stamps[0], log.stamps[-1]
     if first < 0 or last >= 2**31:
-        raise ValueError(f"the times of the log are {first:.2f} to {last:.2f} s: an MCAP takes 0 to 2**31")
+        raise InputError(f"the times of the log are {first:.2f} to {last:.2f} s: an MCAP takes 0 to 2**31")
 
 
 def _scans(log: ScanLog, range_max_m: float) -> Iterator[tuple[float, str, Any]]:

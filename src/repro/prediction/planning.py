@@ -10,6 +10,7 @@ from scipy.ndimage import distance_transform_edt
 
 from repro.prediction.stream import StreamMap
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: silences its import
+from repro.system.errors import InputError
 
 # isort: split
 from irsim.lib.path_planners.a_star import AStarPlanner
@@ -33,12 +34,12 @@ def planner_map(predicted: StreamMap, robot_radius_m: float = 0.0, occupied_abov
         ValueError: a number is outside of its range, or the map is not finite.
     """
     if not 0 <= robot_radius_m < math.inf or not 0 <= occupied_above < 1:
-        raise ValueError(
+        raise InputError(
             "expected a robot_radius_m of at least 0 m and occupied_above from 0 to below 1, "
             f"got {robot_radius_m} and {occupied_above}"
         )
     if not np.isfinite(predicted.free).all():
-        raise ValueError("the map has probabilities that are not finite")
+        raise InputError("the map has probabilities that are not finite")
     height, width = predicted.free.shape
     is_obstacle = 1 - predicted.free > occupied_above
     if is_obstacle.any():
@@ -71,11 +72,11 @@ def plan(grid_map: Map, start: np.ndarray, goal: np.ndarray, planner: Any = ASta
     corner, size = np.array(grid_map.world_offset), np.array([grid_map.width, grid_map.height])
     for name, point in ends.items():
         if not ((point >= corner) & (point < corner + size)).all():
-            raise ValueError(f"the {name} {point} is outside the map, {corner} to {corner + size} m")
+            raise InputError(f"the {name} {point} is outside the map, {corner} to {corner + size} m")
     if grid_map.grid_occupied(*ends["goal"]):
-        raise ValueError(f"the goal {ends['goal']} is on an obstacle")
+        raise InputError(f"the goal {ends['goal']} is on an obstacle")
     with contextlib.redirect_stdout(io.StringIO()):  # where the planners report
         found = planner(grid_map).planning(*ends.values(), show_animation=False)
     if found is None or len(found[0]) < 2:
-        raise ValueError(f"no path from {ends['start']} to {ends['goal']}")
+        raise InputError(f"no path from {ends['start']} to {ends['goal']}")
     return np.array(found).T[::-1]

@@ -14,6 +14,7 @@ import numpy as np
 from repro.prediction.arrays import ARRAYS, RANGE_MAX, read_arrays
 from repro.prediction.logs import ScanLog, collect
 from repro.prediction.readings import LogScan
+from repro.system.errors import InputError
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
 CARMEN_MAX_M = 81.83  # of the SICK LMS 200 in its longest setting, where a log does not say
@@ -33,27 +34,27 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
             message names it and what was expected.
     """
     if not path.exists():
-        raise ValueError(f"{path}: no such file: expected {KINDS}")
+        raise InputError(f"{path}: no such file: expected {KINDS}")
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
-            raise ValueError(f"{path}: is a directory without metadata.yaml: expected {KINDS}")
+            raise InputError(f"{path}: is a directory without metadata.yaml: expected {KINDS}")
         return _read_bag(path, spacing_s, topics)
     if not path.is_file():
-        raise ValueError(f"{path}: is neither a file nor a directory: expected {KINDS}")
+        raise InputError(f"{path}: is neither a file nor a directory: expected {KINDS}")
     try:
         with path.open("rb") as file:
             head = file.read(4096)
     except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror}): expected {KINDS}") from error
+        raise InputError(f"{path}: cannot be read ({error.strerror}): expected {KINDS}") from error
     if not head:
-        raise ValueError(f"{path}: is empty: expected {KINDS}")
+        raise InputError(f"{path}: is empty: expected {KINDS}")
     if head.startswith((b"#ROSBAG V2.0", b"\x89MCAP", b"SQLite format 3")):
         return _read_bag(path, spacing_s, topics)
     if head.startswith(b"PK"):
         return collect(_npz_scans(path), path, spacing_s)
     is_gzip = head.startswith(b"\x1f\x8b")
     if not is_gzip and not _is_carmen(head):
-        raise ValueError(f"{path}: is of no known kind: expected {KINDS}")
+        raise InputError(f"{path}: is of no known kind: expected {KINDS}")
     try:
         with (
             gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
@@ -62,7 +63,7 @@ def read_log(path: Path, spacing_s: float, topics: tuple[str | None, str | None]
         ):
             return collect(carmen_scans(lines, path), path, spacing_s)
     except (gzip.BadGzipFile, zlib.error, EOFError) as error:
-        raise ValueError(f"{path}: is damaged ({error})") from error
+        raise InputError(f"{path}: is damaged ({error})") from error
 
 
 def _is_carmen(head: bytes) -> bool:
@@ -78,10 +79,10 @@ def _npz_scans(path: Path) -> Iterator[LogScan]:
     range_max_m = float(content[RANGE_MAX])
     shapes = [array.shape for array in (ranges, angles, poses, stamps)]
     if ranges.ndim != 2 or shapes[1:] != [ranges.shape[1:], (len(ranges), 3), (len(ranges),)]:
-        raise ValueError(f"{path}: expected ranges (S, N), angles (N,), poses (S, 3), stamps (S,), got {shapes}")
+        raise InputError(f"{path}: expected ranges (S, N), angles (N,), poses (S, 3), stamps (S,), got {shapes}")
     gaps = np.diff(angles)
     if not len(gaps) or not np.isfinite(gaps).all() or np.abs(gaps - gaps.mean()).max() > 0.01 * abs(gaps.mean()):
-        raise ValueError(f"{path}: the beam angles are not evenly spaced: resample the scans first")
+        raise InputError(f"{path}: the beam angles are not evenly spaced: resample the scans first")
     for stamp, scan, pose in zip(stamps, ranges, poses, strict=True):
         x, y, heading = pose
         yield LogScan(stamp, scan, float(angles[0]), float(gaps.mean()), 0.0, range_max_m, (x, y, heading))
@@ -115,7 +116,7 @@ def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
             elif words[:1] == ["ROBOTLASER1"]:
                 yield _robotlaser(words)
         except (ValueError, IndexError) as error:
-            raise ValueError(f"{path}: line {number} is no {words[0]} line of CARMEN ({error})") from error
+            raise InputError(f"{path}: line {number} is no {words[0]} line of CARMEN ({error})") from error
 
 
 def _flaser(words: list[str], range_max_m: float) -> LogScan:
@@ -142,7 +143,7 @@ def _robotlaser(words: list[str]) -> LogScan:
 
 def _floats(words: list[str], count: int) -> np.ndarray:
     if len(words) != count:
-        raise ValueError(f"expected {count} numbers, got {len(words)}")
+        raise InputError(f"expected {count} numbers, got {len(words)}")
     return np.array(words, dtype=float)
 
 
@@ -150,5 +151,5 @@ def _read_bag(path: Path, spacing_s: float, topics: tuple[str | None, str | None
     try:
         from repro.prediction.bags import bag_scans
     except ModuleNotFoundError as error:
-        raise ValueError(f"{path}: reading a bag needs the package rosbags: pip install rosbags") from error
+        raise InputError(f"{path}: reading a bag needs the package rosbags: pip install rosbags") from error
     return collect(bag_scans(path, *topics), path, spacing_s)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from repro.maps.validity import MAX_HEADING, RADIANS
+from repro.system.errors import InputError
 
 MAX_BEAMS = 100_000
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
@@ -75,10 +76,10 @@ def check_beams(scan: LogScan, source: str) -> None:
         ValueError: they are not those of a lidar; the message begins with the source of the scan.
     """
     if not 2 <= len(scan.ranges) <= MAX_BEAMS:
-        raise ValueError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
+        raise InputError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
     check_turn(len(scan.ranges), scan.first_angle, scan.spacing, source)
     if not has_valid_range(scan):
-        raise ValueError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
+        raise InputError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
 
 
 def check_turn(beams: int, first_angle: float, spacing: float, source: str) -> None:
@@ -88,7 +89,7 @@ def check_turn(beams: int, first_angle: float, spacing: float, source: str) -> N
         ValueError: they are not, or are in one direction; the message begins with the source of the scan.
     """
     if not math.isfinite(first_angle) or not 0 < abs(spacing) * (beams - 1) <= 2 * math.pi + 0.1:
-        raise ValueError(
+        raise InputError(
             f"{source}: expected beam angles in radians within one turn, got {beams} beams from {first_angle:.4g} with "
             f"a spacing of {spacing:.4g}"
         )
@@ -101,7 +102,7 @@ def check_heading(heading: float, subject: str) -> None:
         ValueError: it is more than ten turns; the message begins with the subject.
     """
     if abs(heading) > MAX_HEADING:
-        raise ValueError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {RADIANS}")
+        raise InputError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {RADIANS}")
 
 
 def valid_ranges(scan: LogScan) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from repro.prediction.readings import LogScan
 from repro.prediction.transforms import Transforms
+from repro.system.errors import InputError
 
 if TYPE_CHECKING:
     from repro.prediction.stream import StreamMap
@@ -83,7 +84,7 @@ def occupancy(free: np.ndarray, undecided: tuple[float, float] | None = None) ->
     occupied = 1 - np.flipud(np.asarray(free, dtype=float)).ravel()
     is_known = ~np.isnan(occupied)
     if ((occupied[is_known] < 0) | (occupied[is_known] > 1)).any():
-        raise ValueError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
+        raise InputError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
     if undecided is not None:
         is_known &= (occupied <= undecided[0]) | (occupied >= undecided[1])
     return np.where(is_known, np.rint(100 * np.where(is_known, occupied, 0)), UNKNOWN).astype(np.int8)

@@ -12,6 +12,7 @@ from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.readings import beams_of_turn, check_heading, check_turn, readings
 from repro.prediction.windows import longest_gap_s, on_map, steps_before
+from repro.system.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class PredictionStream:
         self.predictor, self.angles = predictor.with_range(self.range_max_m), np.array(angles, dtype=float)
         self.steps, self.step_s = predictor.window(steps, step_s)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
-            raise ValueError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
+            raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
         check_angles(torch.as_tensor(self.angles))
         self.beams, spacing = len(self.angles), beam_spacing(torch.as_tensor(self.angles))
         check_turn(self.beams, self.angles[0], spacing, "angles")
@@ -114,7 +115,7 @@ class PredictionStream:
         stamps = np.array([kept[0] for kept in self._kept])
         try:
             index = steps_before(stamps, stamp, steps=self.steps, step_s=self.step_s)
-        except ValueError as error:
+        except InputError as error:
             self.reason = str(error)
             return None
         grid = self.predictor.grid
@@ -144,12 +145,12 @@ class PredictionStream:
         """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
         ranges, pose = readings(ranges, 0.0, self.range_max_m), np.array(pose, dtype=float)
         if ranges.shape != (self.beams,) or pose.shape != (3,):
-            raise ValueError(f"expected ranges ({self.beams},) and a pose (3,), got {ranges.shape} and {pose.shape}")
+            raise InputError(f"expected ranges ({self.beams},) and a pose (3,), got {ranges.shape} and {pose.shape}")
         ranges = ranges[: len(self.angles)]
         if np.isnan(ranges).all():
-            raise ValueError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
+            raise InputError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
         if not np.isfinite(pose).all() or not math.isfinite(stamp):
-            raise ValueError(f"expected a finite pose and time, got {pose} at {stamp} s")
+            raise InputError(f"expected a finite pose and time, got {pose} at {stamp} s")
         check_heading(float(pose[2]), "the headings look")
         return ranges, pose
 
@@ -168,5 +169,5 @@ def center_point(predictor: Predictor, center: str | tuple[float, float]) -> np.
     except (TypeError, ValueError):
         point = np.array(math.nan)
     if point.shape != (2,) or not np.isfinite(point).all():
-        raise ValueError(f"center: expected robot or x, y [m], got {center!r}")
+        raise InputError(f"center: expected robot or x, y [m], got {center!r}")
     return point

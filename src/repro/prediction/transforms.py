@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
+from repro.system.errors import InputError
+
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
 MAX_GAP_S = 1.0  # between two poses that are interpolated
 DISORDER_S = 5.0  # by which a pose may be earlier than the one that arrived before it
@@ -150,7 +152,7 @@ class Transforms:
         axes = total.rotation.as_matrix()
         tilt = math.acos(min(abs(axes[2, 2]), 1.0))
         if tilt > MAX_TILT:
-            raise ValueError(
+            raise InputError(
                 f"{frame} is tilted by {math.degrees(tilt):.0f} degrees: expected a horizontal lidar, "
                 f"within {math.degrees(MAX_TILT):.0f} degrees"
             )

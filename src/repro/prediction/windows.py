@@ -7,6 +7,7 @@ import numpy as np
 
 from repro.prediction.logs import ScanLog
 from repro.scans import Scans, wrapped
+from repro.system.errors import InputError
 
 MOST_BETWEEN_S = 30.0  # between two scans of a lidar
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; a larger gap leaves out the window
@@ -65,7 +66,7 @@ def cut(
             for steps of `step_s`.
     """
     if isinstance(center, str) and center not in ("start", "robot"):
-        raise ValueError(f"center: expected start, robot or x, y [m], got {center}")
+        raise InputError(f"center: expected start, robot or x, y [m], got {center}")
     length, longest_gap = (steps - 1) * step_s, longest_gap_s(step_s)
     gaps = np.diff(log.stamps)
     begins = np.flatnonzero(gaps > longest_gap) + 1
@@ -83,7 +84,7 @@ def cut(
             number += 1
             try:
                 index = begin + steps_before(stamps, end, steps=steps, step_s=step_s)
-            except ValueError as error:
+            except InputError as error:
                 yield str(error)
                 continue
             origin = _center(center, log, index[-1]) - size_m / 2
@@ -98,16 +99,16 @@ def _check_times(gaps: np.ndarray, parts: list[np.ndarray], steps: int, step_s: 
     """Check that scans with these times between them [s], in parts (S,) without a gap, have windows."""
     length, longest_gap, between_s = (steps - 1) * step_s, longest_gap_s(step_s), float(np.median(gaps))
     if between_s > MOST_BETWEEN_S:
-        raise ValueError(f"the log has a scan every {between_s:.3g} s: expected times in seconds, not in ms or ns")
+        raise InputError(f"the log has a scan every {between_s:.3g} s: expected times in seconds, not in ms or ns")
     if between_s > longest_gap:
-        raise ValueError(
+        raise InputError(
             f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "
             f"use prediction.step_s={between_s:.2g}"
         )
     longest = max(float(stamps[-1] - stamps[0]) for stamps in parts)
     if longest < length - step_s / 2:
         without = " without a gap" if len(parts) > 1 else ""
-        raise ValueError(
+        raise InputError(
             f"the log has {longest:.1f} s of scans{without}, a window of {steps} steps takes {length:.1f} s"
         )
 
@@ -140,11 +141,11 @@ def steps_before(stamps: np.ndarray, end: float, *, steps: int, step_s: float) -
     """
     times = end - step_s * np.arange(steps - 1, -1, -1)
     if stamps[0] - times[0] > (0.5 + 1e-6) * step_s:
-        raise ValueError(f"scans of {end - stamps[0]:.1f} s before {end:.2f} s, a window takes {end - times[0]:.1f} s")
+        raise InputError(f"scans of {end - stamps[0]:.1f} s before {end:.2f} s, a window takes {end - times[0]:.1f} s")
     index = _nearest(stamps, times)
     gap = np.abs(stamps[index] - times).max()
     if gap > MAX_AGE_STEPS * step_s:
-        raise ValueError(f"no scan for {gap:.1f} s before {end:.2f} s")
+        raise InputError(f"no scan for {gap:.1f} s before {end:.2f} s")
     return index
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from repro.scans import Scans
+from repro.system.errors import InputError
 from repro.system.files import open_arrays
 
 FORMAT = 1
@@ -26,7 +27,7 @@ SHOWN_SEED = 10_000_000  # seed 0 of task=world and task=animate: these worlds a
 SHARD_WORLDS = 50  # worlds per shard, each with two recordings
 
 
-class BrokenShard(ValueError):
+class BrokenShard(InputError):
     """A shard that cannot be read or was altered after recording."""
 
 
@@ -74,7 +75,7 @@ def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
     """
     for split, count in pairs.items():
         if count % 2 or count < 2:
-            raise ValueError(f"pairs must be even and at least 2 (a world and its twin), got {split}={count}")
+            raise InputError(f"pairs must be even and at least 2 (a world and its twin), got {split}={count}")
         for number, first in enumerate(range(0, count // 2, SHARD_WORLDS)):
             yield Shard(split, number, SPLITS[split] + first, min(SHARD_WORLDS, count // 2 - first))
 
@@ -121,5 +122,5 @@ def read_shard(path: Path, fingerprint: str) -> ShardContent:
     except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise BrokenShard(f"shard {path} cannot be read ({error}): record again with task=record") from error
     if recorded != fingerprint:
-        raise ValueError(f"shard {path} was recorded with another configuration: delete {path.parent} or set outputs=")
+        raise InputError(f"shard {path} was recorded with another configuration: delete {path.parent} or set outputs=")
     return content

@@ -20,6 +20,7 @@ from repro.recordings.format import (
     read_shard,
 )
 from repro.scans import Scans
+from repro.system.errors import InputError
 from repro.system.files import read_typed, sha256
 
 
@@ -50,18 +51,18 @@ def read_manifest(directory: Path) -> Manifest:
     """
     path = directory / "manifest.json"
     if not path.is_file():
-        raise ValueError(f"no complete recordings in {directory}: run the same command with task=record first")
+        raise InputError(f"no complete recordings in {directory}: run the same command with task=record first")
     fix = f"delete it and run the same command with task=record; the shards in {directory} are kept"
     manifest = read_typed(Manifest, path, fix)
     if not {entry.split for entry in manifest.shards.values()} <= set(manifest.pairs):
-        raise ValueError(f"{path} cannot be read (it has shards of a split without pairs): {fix}")
+        raise InputError(f"{path} cannot be read (it has shards of a split without pairs): {fix}")
     for split, count in manifest.pairs.items():
         entries = [entry for entry in manifest.shards.values() if entry.split == split]
         first = SPLITS.get(split, -1)
         within = all(first <= e.first_seed <= first + SPLIT_SEEDS - e.worlds for e in entries)
         named = all(manifest.shards.get(entry.name) == entry for entry in entries)
         if not within or not named or 2 * sum(entry.worlds for entry in entries) != count:
-            raise ValueError(f"{path} cannot be read (its shards of the split {split} do not match its pairs): {fix}")
+            raise InputError(f"{path} cannot be read (its shards of the split {split} do not match its pairs): {fix}")
     return manifest
 
 
@@ -98,7 +99,7 @@ def read_recording(directory: Path, split: str, index: int) -> tuple[ShardConten
         if first <= index < first + len(shard.scans):
             return shard, index - first
         first += len(shard.scans)
-    raise ValueError(f"{directory} has {first} recordings in {split}, none of index {index}")
+    raise InputError(f"{directory} has {first} recordings in {split}, none of index {index}")
 
 
 def read_scans(directory: Path, split: str, index: int) -> Scans:
@@ -118,7 +119,7 @@ def check_worlds(directory: Path, fingerprint: str) -> None:
         ValueError: they are of other worlds, or there are no recordings.
     """
     if read_manifest(directory).fingerprint != fingerprint:
-        raise ValueError(
+        raise InputError(
             f"{directory} holds recordings of other worlds than the configuration describes: "
             "use the world and exp they were recorded with, or another recordings= or outputs="
         )
@@ -145,7 +146,7 @@ def recordings_hash(directory: Path, pairs: Mapping[str, int] | None = None) -> 
 def _used(directory: Path, manifest: Manifest, asked: Mapping[str, int]) -> Iterator[ShardEntry]:
     """Yield the shards that hold the requested pairs."""
     if not holds(manifest.pairs, asked):
-        raise ValueError(f"{directory} holds {manifest.pairs} pairs, which do not cover the requested {dict(asked)}")
+        raise InputError(f"{directory} holds {manifest.pairs} pairs, which do not cover the requested {dict(asked)}")
     left = dict(asked)
     for entry in manifest.shards.values():
         if left[entry.split] > 0:

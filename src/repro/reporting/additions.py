@@ -15,6 +15,7 @@ from repro.reporting.settings import conflicts
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
@@ -48,7 +49,7 @@ def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: 
     target = results / outputs.path.name
     found = read_results(outputs)
     if found.empty and not outputs.analysis.is_dir():
-        raise ValueError(f"nothing to add from {outputs.path}: no run is evaluated")
+        raise InputError(f"nothing to add from {outputs.path}: no run is evaluated")
     read_published(target)  # before a lock is created where nothing is published
     with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
         clear_leftovers(results)
@@ -59,10 +60,10 @@ def add_to_published(outputs: Outputs, results: Path, recipe: Recipe, *, force: 
         earlier = read_origins(target, known)
         origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(new)}
         if new.empty and not analysis:
-            raise ValueError(f"nothing added to {target}: all evaluated runs are published")
+            raise InputError(f"nothing added to {target}: all evaluated runs are published")
         problem = _problem(new, published, origins, earlier, force=force)
         if problem:
-            raise ValueError(f"not added to {target}: {problem}")
+            raise InputError(f"not added to {target}: {problem}")
         every = {**earlier, **origins}
         runs = pd.concat([published, new], ignore_index=True).sort_values(KEY)
         with replacing_directory(target) as directory:

@@ -23,6 +23,7 @@ from uncertainties import nominal_value, std_dev
 from repro.config import choice
 from repro.reporting.expressions import Names, evaluate
 from repro.reporting.numbers import Number, Numbers, Z, paper_rows
+from repro.system.errors import InputError
 from repro.system.files import read_typed
 
 COLUMNS = (
@@ -81,9 +82,9 @@ def read_claims(path: Path) -> Ledger:
     for claim in ledger.claims:
         by_metric = ledger.tolerances.get(claim.tolerance, {}) if isinstance(claim.tolerance, str) else None
         if by_metric is not None and not by_metric.keys() >= set(claim.over.get("metric", [None])):
-            raise ValueError(f"{path}: {claim.id} has the tolerance {claim.tolerance} without values for its metrics")
+            raise InputError(f"{path}: {claim.id} has the tolerance {claim.tolerance} without values for its metrics")
         if bool(claim.test) == bool(claim.untestable):
-            raise ValueError(f"{path}: {claim.id} needs either a test or a reason why it is untestable")
+            raise InputError(f"{path}: {claim.id} needs either a test or a reason why it is untestable")
     return ledger
 
 
@@ -207,7 +208,7 @@ def _evaluate(claim: Claim, rows: Numbers, values: dict[str, Any]) -> Number:
     try:
         return evaluate(claim.test, Names({**values, "networks": rows.networks}, {"m": rows.m}))
     except (ValueError, TypeError, ArithmeticError, IndexError) as error:
-        raise ValueError(f"claims.yaml: the test of {claim.id}, {claim.test.strip()!r}, fails: {error}") from error
+        raise InputError(f"claims.yaml: the test of {claim.id}, {claim.test.strip()!r}, fails: {error}") from error
 
 
 def _verdict(claim: Claim, tested: list[_Tested]) -> Verdict:

@@ -11,6 +11,7 @@ from repro.reporting.names import SETUPS, model_title
 from repro.reporting.paper import are_papers, world_files
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
 CARD_METRICS = (*METRICS, "obstacle_iou")
@@ -33,7 +34,7 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     if (target / "predictor.json").is_file() and not force:
         existing = load_predictor(target)
         if existing.grid.size_px > predictor.grid.size_px or existing.encoding != predictor.encoding:
-            raise ValueError(
+            raise InputError(
                 f"{target} has weights for {existing.grid.size_px} px and {existing.encoding}, {run} has "
                 f"{predictor.grid.size_px} px and {predictor.encoding}: publish.force=true replaces them anyway"
             )
@@ -170,12 +171,12 @@ def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, fl
     card = f"---\n{data.to_yaml()}\n---\n\n{body}"
     read = ModelCard(card, ignore_metadata_errors=False)  # raises ValueError if it cannot be parsed
     if read.data.to_dict() != data.to_dict():
-        raise ValueError(f"the metadata of the model card of {title} are not those that huggingface_hub reads")
+        raise InputError(f"the metadata of the model card of {title} are not those that huggingface_hub reads")
     return card
 
 
 def _check_evaluated(run: Run) -> None:
     if not run.is_evaluated:
-        raise ValueError(
+        raise InputError(
             f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
         )

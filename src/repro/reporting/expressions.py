@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from repro.system.errors import InputError
+
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -44,7 +46,7 @@ def evaluate(text: str, names: Names) -> Any:
     try:
         tree = ast.parse(text.strip(), mode="eval")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ValueError(f"{text.strip()!r} is not an expression ({error})") from error
+        raise InputError(f"{text.strip()!r} is not an expression ({error})") from error
     return _evaluate(tree.body, names)
 
 
@@ -67,4 +69,4 @@ def _evaluate(node: ast.expr, names: Names) -> Any:
             if len(options) == len(keywords):
                 return names.functions[name](*(_evaluate(arg, names) for arg in args), **options)
     known = ", ".join([*names.values, *(f"{name}(...)" for name in names.functions)])
-    raise ValueError(f"{ast.unparse(node)!r} is not allowed: use numbers, + - * / and {known}")
+    raise InputError(f"{ast.unparse(node)!r} is not allowed: use numbers, + - * / and {known}")

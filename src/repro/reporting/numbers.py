@@ -18,6 +18,7 @@ from repro.reporting.audit import free_share
 from repro.reporting.names import TITLES
 from repro.reporting.paper import read_paper
 from repro.runs.keys import CELL
+from repro.system.errors import InputError
 
 Z = 1.96  # half-width of a 95 % interval in standard errors
 Number = Any  # a float, or a number of `uncertainties` with its standard error
@@ -81,7 +82,7 @@ def _check(kind: str, name: str, known: Collection[str]) -> None:
         ValueError: it is not.
     """
     if name not in known:
-        raise ValueError(f"expected a {kind}: {', '.join(sorted(known))}; got {name!r}")
+        raise InputError(f"expected a {kind}: {', '.join(sorted(known))}; got {name!r}")
 
 
 def paper_rows() -> pd.DataFrame:

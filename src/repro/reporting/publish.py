@@ -24,6 +24,7 @@ from repro.reporting.uptodate import STAMP
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_table, replacing_directory, write_json, write_text
 
 
@@ -46,10 +47,10 @@ def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = Fa
     """
     runs = read_results(outputs)
     if runs.empty or not (runs["encoding"] != "").any():
-        raise ValueError(f"nothing to publish in {outputs.path}: no network is evaluated")
+        raise InputError(f"nothing to publish in {outputs.path}: no network is evaluated")
     name = outputs.path.name
     if not re.fullmatch(r"[\w-]+", name):
-        raise ValueError(
+        raise InputError(
             f"outputs={outputs.path}: results are published under its last part, which must be a plain name"
         )
     target = results / name
@@ -59,7 +60,7 @@ def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = Fa
         clear_leftovers(results)
         reasons = doubts(runs, list(origins.values()), target)
         if reasons and not force:
-            raise ValueError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
+            raise InputError(f"not published to {target}: {'; '.join(reasons)}; publish.force=true publishes it anyway")
         _replace(target, outputs, runs, origins, recipe)
     return target
 

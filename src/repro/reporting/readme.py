@@ -21,6 +21,7 @@ from repro.reporting.summaries import (
 )
 from repro.reporting.tables import Table, costs_to_markdown
 from repro.runs.keys import CELL
+from repro.system.errors import InputError
 
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -52,7 +53,7 @@ def with_results(text: str, results: Path) -> str:
     """
     begins, ends = text.count("<!-- results:"), len(MARKS.findall(text))
     if begins != ends or any("<!-- results:" in match[0][len(match[1]) :] for match in MARKS.finditer(text)):
-        raise ValueError("every mark <!-- results: ... --> needs its own <!-- end --> before the next mark")
+        raise InputError("every mark <!-- results: ... --> needs its own <!-- end --> before the next mark")
 
     def table(match: re.Match[str]) -> str:
         return match[1] + _markdown(results / match[2], match[3]) + match[4]

@@ -8,9 +8,8 @@ import pandas as pd
 
 from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
 from repro.config import NETWORKS, NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
-from repro.metrics.names import METRICS, TABLE_METRICS
+from repro.metrics.names import EXTRA_METRICS, METRICS, TABLE_METRICS
 from repro.reporting.audit import audit
-from repro.reporting.names import TITLES
 from repro.reporting.paper import are_papers, read_paper
 from repro.reporting.rows import MEASURED, check_runs, keys_of, read_rows
 from repro.reporting.settings import conflicts, settings_cell
@@ -18,6 +17,7 @@ from repro.runs.directories import Run
 from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance, Status
+from repro.system.errors import InputError
 from repro.system.files import read_typed
 
 SIZES = {
@@ -26,6 +26,7 @@ SIZES = {
     "test_pairs": "test pairs",
 }  # sizes of a run with their units
 OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22
+STUDIED = (*NETWORKS, "light_convgru", "convgru", "convlstm", "deeptracking")  # the networks of this study
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
@@ -50,12 +51,13 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
         try:
             if run.status is Status.evaluated:
                 rows.append(_row(outputs, run))
-        except ValueError as error:
+        except InputError as error:
             if errors is None:
                 raise
             errors.append(str(error))
     table = pd.DataFrame(rows)
     if len(table):
+        table = _with_all_metrics(table)
         table["seed"] = table["seed"].astype("Int64")  # baselines have no seed
         _check_comparable(outputs, table)
     return table.drop(columns="worlds", errors="ignore")
@@ -73,7 +75,7 @@ def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
         if len(counts) > 1:
             rare = rows[rows[fact] == counts.index[-1]]
             paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rare)[:3])
-            raise ValueError(
+            raise InputError(
                 f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot "
                 f"share a table: move or delete {paths}" + (f" and {len(rare) - 3} more" if len(rare) > 3 else "")
             )
@@ -81,7 +83,7 @@ def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
         listing = conflicts(rows["settings"])
         if listing:
             paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rows))
-            raise ValueError(f"seeds of one network have different settings ({listing}): move or delete one of {paths}")
+            raise InputError(f"seeds of one network have different settings ({listing}): move or delete one of {paths}")
 
 
 def read_published(directory: Path) -> pd.DataFrame:
@@ -93,12 +95,17 @@ def read_published(directory: Path) -> pd.DataFrame:
     path = directory / "runs.csv"
     if not path.is_file():
         published = sorted(path.parent.name for path in directory.parent.glob("*/runs.csv"))
-        raise ValueError(
+        raise InputError(
             f"no results are published in {directory}; published results: {', '.join(published) or 'none'}"
         )
     rows = read_rows(path, (*KEY, *MEASURED, "scale", "size_px", *FACTS))
     check_runs(rows, path)
-    return rows
+    return _with_all_metrics(rows)
+
+
+def _with_all_metrics(rows: pd.DataFrame) -> pd.DataFrame:
+    """Add the columns of metrics that are younger than the evaluation of all runs, without values."""
+    return rows.reindex(columns=list(dict.fromkeys([*rows.columns, *EXTRA_METRICS])))
 
 
 def read_origins(directory: Path, keys: Iterable[RunKey] = ()) -> dict[str, Provenance]:
@@ -116,13 +123,13 @@ def read_origins(directory: Path, keys: Iterable[RunKey] = ()) -> dict[str, Prov
     for name, origin in origins.items():
         try:
             RunKey.parse(name)
-        except ValueError as error:
-            raise ValueError(f"{path} cannot be read ({error}): {fix}") from error
+        except InputError as error:
+            raise InputError(f"{path} cannot be read ({error}): {fix}") from error
         if not origin.steps or not all("step" in step for step in origin.steps):
-            raise ValueError(f"{path} cannot be read ({name}: expected steps with names, got {origin.steps}): {fix}")
+            raise InputError(f"{path} cannot be read ({name}: expected steps with names, got {origin.steps}): {fix}")
     missing = [str(key.path) for key in keys if str(key.path) not in origins]
     if missing:
-        raise ValueError(f"{path} cannot be read (it lacks {len(missing)} runs of runs.csv, {missing[0]} first): {fix}")
+        raise InputError(f"{path} cannot be read (it lacks {len(missing)} runs of runs.csv, {missing[0]} first): {fix}")
     return origins
 
 
@@ -136,7 +143,7 @@ def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
     config, origin = run.config(), run.provenance()
     expected = outputs.run(config.key)
     if expected != run:
-        raise ValueError(f"{run} holds the run of {expected}, by its config.yaml: move it there or delete it")
+        raise InputError(f"{run} holds the run of {expected}, by its config.yaml: move it there or delete it")
     return {
         **dict(zip(KEY, (config.key.experiment, config.key.model, config.key.encoding, config.key.seed), strict=True)),
         **{str(name): value for name, value in run.read_metrics().items()},
@@ -190,13 +197,14 @@ def _papers(results: pd.DataFrame) -> pd.DataFrame:
 def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     """Select the runs of a table: one encoding and the quick baselines.
 
-    The main table has all baselines, `OURS`, and the networks of the user, which are not in `names.TITLES`, with any
-    input.
+    The main table has all baselines, `OURS`, and the networks of the user, which are not in `STUDIED`, with any input.
     """
     chosen = results["encoding"] == encoding
     if encoding == PROJECTION:
         is_ours = (results["model"] == OURS[0]) & (results["encoding"] == OURS[1])
-        is_users = ~results["model"].isin(list(TITLES)) & ~results["encoding"].str.endswith(NO_DECAY)
+        is_users = (
+            (results["encoding"] != "") & ~results["model"].isin(STUDIED) & ~results["encoding"].str.endswith(NO_DECAY)
+        )
         is_baseline = (results["encoding"] == "") & ~results["model"].isin(list(OTHER_BOUNDS))
         chosen |= is_ours | is_users | is_baseline
     elif chosen.any():

@@ -7,6 +7,7 @@ import pandas as pd
 
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.runs.keys import KEY, RunKey
+from repro.system.errors import InputError
 from repro.system.files import first_line
 
 MEASURED = (*METRICS, "obstacle_iou")  # metrics that every evaluated run has
@@ -39,12 +40,12 @@ def read_rows(path: Path, columns: Iterable[str] = ()) -> pd.DataFrame:
     try:
         rows = pd.read_csv(path, dtype=types)
     except (OSError, ValueError) as error:
-        raise ValueError(f"{path} cannot be read ({first_line(error)}): {FIX}") from error
+        raise InputError(f"{path} cannot be read ({first_line(error)}): {FIX}") from error
     if not isinstance(rows.index, pd.RangeIndex):  # pandas takes the first values of such rows as their names
-        raise ValueError(f"{path} cannot be read (its rows have more values than its header has columns): {FIX}")
+        raise InputError(f"{path} cannot be read (its rows have more values than its header has columns): {FIX}")
     missing = [name for name in columns if name not in rows]
     if missing:
-        raise ValueError(f"{path} cannot be read (it lacks the columns {', '.join(missing)}): {FIX}")
+        raise InputError(f"{path} cannot be read (it lacks the columns {', '.join(missing)}): {FIX}")
     for name in map(str, rows.columns):
         if name in NUMBERS or any(name.removeprefix(prefix) in NUMBERS for prefix in PREFIXES):
             _check_numbers(rows[name], path)
@@ -58,7 +59,7 @@ def _check_numbers(column: pd.Series, path: Path) -> None:
     wrong = column.notna() & (numbers.mod(1).ne(0) if is_seed else numbers.isna())
     if wrong.any():
         kind, value = "an integer" if is_seed else "a number", column[wrong].iloc[0]
-        raise ValueError(f"{path} cannot be read ({column.name}: expected {kind}, got {value}): {FIX}")
+        raise InputError(f"{path} cannot be read ({column.name}: expected {kind}, got {value}): {FIX}")
 
 
 def check_runs(rows: pd.DataFrame, path: Path) -> None:
@@ -72,14 +73,14 @@ def check_runs(rows: pd.DataFrame, path: Path) -> None:
         ValueError: the rows are not of this form.
     """
     if rows.empty:
-        raise ValueError(f"{path} cannot be read (expected one row per run, got none): {FIX}")
+        raise InputError(f"{path} cannot be read (expected one row per run, got none): {FIX}")
     for name in ("experiment", "model", "scale", "size_px", "test_pairs", *MEASURED):
         wrong = ~rows[name].between(-1, 1) if name in MEASURED else rows[name].isna()
         if wrong.any():
             line, value = rows.index[wrong][0] + 2, rows.loc[wrong, name].iloc[0]
             expected = "a number from -1 to 1" if name in MEASURED else "a value"
-            raise ValueError(f"{path} cannot be read (line {line}, {name}: expected {expected}, got {value}): {FIX}")
+            raise InputError(f"{path} cannot be read (line {line}, {name}: expected {expected}, got {value}): {FIX}")
     again = rows.duplicated(KEY)
     if again.any():
         key = keys_of(rows[again])[0]
-        raise ValueError(f"{path} cannot be read (expected one row per run, got {key.path} more than once): {FIX}")
+        raise InputError(f"{path} cannot be read (expected one row per run, got {key.path} more than once): {FIX}")

@@ -13,6 +13,7 @@ from repro.reporting.study import Study
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
+from repro.system.errors import InputError
 
 
 def describe_outputs(study: Study, pairs: PairCounts) -> str:
@@ -51,7 +52,7 @@ def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
         try:
             if holds(read_manifest(directory).pairs, wanted):
                 return "complete"
-        except ValueError:
+        except InputError:
             return "cannot be read"
     recorded = recordings_in(directory, wanted)
     return f"{recorded} of {sum(wanted.values())}" if recorded else "missing"

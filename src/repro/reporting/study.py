@@ -10,6 +10,7 @@ from repro.reporting.names import duration, predictor_title
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
+from repro.system.errors import InputError
 from repro.world_config import is_moving
 
 
@@ -66,5 +67,5 @@ class Study:
 def _is_trained(run: Run) -> bool:
     try:
         return run.is_trained
-    except ValueError:
+    except InputError:
         return False

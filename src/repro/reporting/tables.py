@@ -169,7 +169,7 @@ def _cost(name: str, value: float | str) -> str:
 
 
 def _ours(row: pd.Series, metric: str, digits: int) -> str:
-    if metric not in row:  # a metric that is younger than these published results
+    if pd.isna(row.get(metric)):  # a metric that is younger than these results
         return ""
     spread = row.get(f"std_{metric}")
     return f"{row[metric]:.{digits}f}" + (f" ± {spread:.{digits}f}" if spread is not None and pd.notna(spread) else "")

@@ -12,6 +12,7 @@ from repro.reporting.rows import MEASURED, keys_of
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
+from repro.system.errors import InputError
 
 
 def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
@@ -32,11 +33,11 @@ def verify(outputs: Outputs, published: Path) -> pd.DataFrame:
     published_runs, ours = read_published(published), read_results(outputs)
     both = ours.merge(published_runs, on=KEY, suffixes=("", "_published")) if len(ours) else ours
     if both.empty:
-        raise ValueError(f"none of the {len(published_runs)} runs in {published} is evaluated in {outputs.path}")
+        raise InputError(f"none of the {len(published_runs)} runs in {published} is evaluated in {outputs.path}")
     for size, unit in SIZES.items():
         own, other = both[size].dropna(), both[f"{size}_published"].dropna()
         if set(own) != set(other):
-            raise ValueError(
+            raise InputError(
                 f"the published runs have {other.max():.0f} {unit}, the runs in {outputs.path} have {own.max():.0f}"
             )
     origins = read_origins(published, keys_of(both))

@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from pydantic import TypeAdapter
 
-from repro.metrics.names import TABLE_METRICS
+from repro.metrics.names import METRICS
 from repro.runs.config import RunConfig, differences
 from repro.runs.provenance import Provenance, Status, environment
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_table, read_typed, sha256, write_json, write_text
 
 if TYPE_CHECKING:
@@ -48,14 +49,14 @@ class Run:
         return self.path / "metrics.csv"
 
     def read_metrics(self) -> "pd.Series":
-        """Return the pooled metrics of an evaluated run.
+        """Return the pooled metrics of an evaluated run; those that are younger than the evaluation are not there.
 
         Raises:
             ValueError: metrics.csv cannot be read.
         """
         self.check_file(self.metrics.name)
         fix = "delete it and run the same command with task=evaluate"
-        return read_table(self.metrics, TABLE_METRICS, fix).iloc[0]
+        return read_table(self.metrics, METRICS, fix).iloc[0]
 
     @property
     def evaluate_again(self) -> str:
@@ -71,7 +72,7 @@ class Run:
         path = self.path / name
         expected = (self.provenance().fact("files") or {}).get(name)
         if expected and path.is_file() and sha256(path) != expected:
-            raise ValueError(f"{path} is not what was evaluated: {self.evaluate_again}")
+            raise InputError(f"{path} is not what was evaluated: {self.evaluate_again}")
         return path
 
     def check_files(self) -> None:
@@ -83,12 +84,12 @@ class Run:
         origin, weights = self.provenance(), self.model / "model.safetensors"
         for name in origin.fact("files") or {}:
             if not self.check_file(name).is_file():
-                raise ValueError(f"{self.path / name} is missing: {self.evaluate_again}")
+                raise InputError(f"{self.path / name} is missing: {self.evaluate_again}")
         self.read_metrics()
         expected = origin.fact("weights_sha256")
         if expected and not (weights.is_file() and sha256(weights) == expected):
             found = "is not what was trained" if weights.is_file() else "is missing"
-            raise ValueError(f"{weights} {found}: delete {self} and run the same command")
+            raise InputError(f"{weights} {found}: delete {self} and run the same command")
 
     @property
     def _has_begun(self) -> bool:
@@ -125,7 +126,7 @@ class Run:
             return
         listing = differences(self.config(), config)
         if listing:
-            raise ValueError(f"{self} holds a run of another configuration ({listing}): delete it or set outputs=")
+            raise InputError(f"{self} holds a run of another configuration ({listing}): delete it or set outputs=")
 
     def config(self) -> RunConfig:
         """Read the configuration of the run.
@@ -134,7 +135,7 @@ class Run:
             ValueError: this is not a run directory, or its config.yaml cannot be read.
         """
         if not self._has_begun:
-            raise ValueError(f"{self} is not a run directory: it has no config.yaml")
+            raise InputError(f"{self} is not a run directory: it has no config.yaml")
         return read_typed(RunConfig, self.path / "config.yaml", self._fix)
 
     def provenance(self) -> Provenance:
@@ -179,7 +180,7 @@ class Run:
         """
         used = self.provenance().fact("recordings")
         if used not in (None, fingerprint):
-            raise ValueError(f"{self} was started with other recordings: delete it and train again")
+            raise InputError(f"{self} was started with other recordings: delete it and train again")
         if used is None:
             self.begin_step("recorded", self.status, recordings=fingerprint)
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+from repro.system.errors import InputError
+
 KEY = ["experiment", "model", "encoding", "seed"]  # columns that identify a run
 CELL = KEY[:3]  # columns that the runs of all seeds share
 SEED = re.compile(r"seed(\d+)")
@@ -49,7 +51,7 @@ class RunKey:
                 return cls(experiment[3:], model)
             case ("runs", experiment, model, encoding, seed) if experiment.startswith("exp") and SEED.fullmatch(seed):
                 return cls(experiment[3:], model, encoding, int(seed[4:]))
-        raise ValueError(
+        raise InputError(
             f"expected runs/exp<name>/<model>/<encoding>/seed<n> or baselines/exp<name>/<model>, got {path}"
         )
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from repro.runs.config import RunConfig, differences
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.system.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -77,16 +78,16 @@ class Outputs:
         for run in self.runs():
             try:
                 other = run.config()
-            except ValueError:
+            except InputError:
                 continue
             ignored = frozenset[str]() if other.experiment == config.experiment else frozenset(["worlds"])
             listing = differences(other.data, config.data, ignored)
             if listing:
-                raise ValueError(f"{run} has other data ({listing}): delete it, or set outputs=")
+                raise InputError(f"{run} has other data ({listing}): delete it, or set outputs=")
             if replace(other.key, seed=config.seed) == config.key and other.key != config.key:
                 listing = differences(replace(other, seed=config.seed), config)
                 if listing:
-                    raise ValueError(f"{run}, another seed, has other settings ({listing}): delete it, or set outputs=")
+                    raise InputError(f"{run}, another seed, has other settings ({listing}): delete it, or set outputs=")
 
     def runs(self) -> Iterator[Run]:
         """Yield every run directory, of networks and of baselines."""
@@ -99,6 +100,6 @@ class Outputs:
         for run in self.runs():
             try:
                 runs[RunKey.parse(run.path.relative_to(self.path))] = run
-            except ValueError:
+            except InputError:
                 others.append(run.path)
         return runs, others

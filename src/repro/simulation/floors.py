@@ -15,6 +15,7 @@ from scipy import ndimage
 from repro.config import Finite
 from repro.simulation.schema_parts import MAX_FIXED, MAX_VERTICES
 from repro.simulation.shapes import Obstacle
+from repro.system.errors import InputError
 from repro.system.files import read_typed
 
 MAX_CELLS = 10_000  # along one side of a map
@@ -67,14 +68,14 @@ def read_floor(path: Path) -> Floor:
     """
     content = read_typed(MapFile, path, "floor_map= takes the YAML of a map of map_server")
     if content.origin[2] != 0:
-        raise ValueError(f"{path}: expected an origin with heading 0, got {content.origin[2]}: rotate the map")
+        raise InputError(f"{path}: expected an origin with heading 0, got {content.origin[2]}: rotate the map")
     free = _largest_area(_free_cells(path.parent / content.image, content), path)
     side = max(free.shape)
     solid = np.ones((side, side), dtype=bool)  # row 0 at the bottom
     solid[: free.shape[0], : free.shape[1]] = ~free[::-1]
     polygons = list(_pieces(_outline(solid)))
     if len(polygons) > MAX_FIXED:
-        raise ValueError(f"{path}: expected at most {MAX_FIXED} polygons, got {len(polygons)}: remove specks of noise")
+        raise InputError(f"{path}: expected at most {MAX_FIXED} polygons, got {len(polygons)}: remove specks of noise")
     outlines = [np.asarray(polygon.exterior.coords)[:-1] * content.resolution for polygon in polygons]
     width = side * content.resolution
     return Floor(
@@ -101,9 +102,9 @@ def _read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
                 cells = image.convert("RGBA" if image.has_transparency_data else "L")
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         expected = ", ".join(FORMATS)
-        raise ValueError(f"{path} cannot be read as an image, expected one of {expected}: {error}") from error
+        raise InputError(f"{path} cannot be read as an image, expected one of {expected}: {error}") from error
     if problem:
-        raise ValueError(f"{path}: {problem}")
+        raise InputError(f"{path}: {problem}")
     gray = np.asarray(cells.convert("L"))
     return gray, np.asarray(cells.getchannel("A")) == 255 if cells.mode == "RGBA" else np.ones_like(gray, dtype=bool)
 
@@ -121,7 +122,7 @@ def _largest_area(free: np.ndarray, path: Path) -> np.ndarray:
     """Return which cells belong to the largest area of free cells that touch along their sides."""
     areas, count = ndimage.label(free)
     if not count:
-        raise ValueError(f"{path}: expected a map with free cells, got none: check negate and free_thresh")
+        raise InputError(f"{path}: expected a map with free cells, got none: check negate and free_thresh")
     return areas == 1 + np.argmax(np.bincount(areas.flat)[1:])
 
 

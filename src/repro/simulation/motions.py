@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from repro.system.errors import InputError
+
 DRIVES = ("waypoints", "random_goals")  # motions through the map; the clear zone moves with the robot
 
 
@@ -47,7 +49,7 @@ def square_commands(
         ValueError: first_steps is longer than a side.
     """
     if not 0 <= first_steps <= drive_steps:
-        raise ValueError(f"first_steps must be between 0 and drive_steps={drive_steps}, got {first_steps}")
+        raise InputError(f"first_steps must be between 0 and drive_steps={drive_steps}, got {first_steps}")
     drive = np.tile([side_m / (drive_steps * step_time), 0.0], (drive_steps, 1))
     turn = np.tile([0.0, direction * math.pi / 2 / (turn_steps * step_time)], (turn_steps, 1))
     return np.tile(np.concatenate([drive[:first_steps], turn, drive[first_steps:]]), (4, 1))
@@ -140,7 +142,7 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
         "waypoints": waypoint_commands,
     }
     if behavior["name"] not in makers:
-        raise ValueError(f"robot behavior must be one of {sorted(makers)}, got {behavior['name']!r}")
+        raise InputError(f"robot behavior must be one of {sorted(makers)}, got {behavior['name']!r}")
     return makers[behavior["name"]](**parameters, step_time=step_time)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from repro.simulation.motions import DRIVES, robot_commands, robot_path
+from repro.system.errors import InputError
 
 Motion = dict[str, Any]
 
@@ -60,12 +61,12 @@ def check_path(motion: Motion, world: dict[str, Any], walls: shapely.Geometry | 
     points = motion.get("points_m", [])
     for number, (x, y) in enumerate(points, start=1):
         if not (radius_m <= x <= world["width"] - radius_m and radius_m <= y <= world["height"] - radius_m):
-            raise ValueError(
+            raise InputError(
                 f"waypoint {number}, [{x:g}, {y:g}], is outside the map of {world['width']:g} x {world['height']:g} m, "
                 f"or nearer to its border than the robot's radius of {radius_m:g} m"
             )
         if walls is not None and shapely.distance(walls, shapely.Point(x, y)) < radius_m:
-            raise ValueError(
+            raise InputError(
                 f"waypoint {number}, [{x:g}, {y:g}], is in a fixed obstacle, or nearer to one than the robot's radius "
                 f"of {radius_m:g} m"
             )
@@ -74,7 +75,7 @@ def check_path(motion: Motion, world: dict[str, Any], walls: shapely.Geometry | 
     path = shapely.LineString(points or planned_path(motion, world)[:, :2])
     if shapely.distance(walls, path) < radius_m:
         nearest = shapely.get_coordinates(shapely.shortest_line(walls, path))[1]
-        raise ValueError(
+        raise InputError(
             f"the robot's path touches a fixed obstacle near [{nearest[0]:.2f}, {nearest[1]:.2f}]: it needs its radius "
             f"of {radius_m:g} m on both sides"
         )
@@ -110,7 +111,7 @@ def to_waypoints(
             drive["points_m"] = [*drive["points_m"], goal]
             if _is_long_enough(drive, world["step_time"]):
                 return drive
-    raise ValueError(f"no free place for a robot of radius {radius_m:g} m and its goals: the map is too full")
+    raise InputError(f"no free place for a robot of radius {radius_m:g} m and its goals: the map is too full")
 
 
 def _goal(

@@ -3,6 +3,7 @@
 import numpy as np
 
 from repro.outlines import placed, without_padding
+from repro.system.errors import InputError
 
 GRAZE_M = 1e-9  # from a beam to a corner; rounding decides whether IR-SIM's beam hits there
 _MAX_SIDES = 4_000_000  # beams times corners at once, to bound the memory
@@ -40,7 +41,7 @@ def scan(
         rings = _rings(outline, state)
         begins_in = distance <= radius
         if _contains(rings[:, begins_in], poses[begins_in, :2]).any():
-            raise ValueError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
+            raise InputError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
         along = np.einsum("td,tnd->tn", offset, directions)
         near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0) | begins_in[:, None]
         step, beam = np.nonzero(near)

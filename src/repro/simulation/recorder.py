@@ -31,6 +31,7 @@ from repro.recordings.reader import Manifest, ShardEntry, read_manifest
 from repro.scans import Scans
 from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
 from repro.system.resources import process_pool
 
@@ -72,9 +73,9 @@ def record_experiment(
     with _exclusive(directory):  # a second process waits here and then finds the shards complete
         existing = read_manifest(directory) if (directory / "manifest.json").is_file() else None
         if existing and existing.fingerprint != fingerprint:
-            raise ValueError(f"{directory} has recordings of other worlds: delete it, or set outputs= or recordings=")
+            raise InputError(f"{directory} has recordings of other worlds: delete it, or set outputs= or recordings=")
         if existing and not holds(existing.pairs, pairs):
-            raise ValueError(
+            raise InputError(
                 f"{directory} has {existing.pairs} pairs, {dict(pairs)} are requested: expected the same numbers, or "
                 f"fewer training pairs that are a multiple of {2 * SHARD_WORLDS}; otherwise set outputs= or recordings="
             )

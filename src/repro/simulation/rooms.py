@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from repro.system.errors import InputError
+
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]
 _MOST = 1000  # rooms of a floor
@@ -30,15 +32,15 @@ def check_rooms(rooms: dict[str, Any], motion: str, width_m: float, robot_m: flo
         ValueError: the robot drives through walls or fits through no door, or there are too many rooms.
     """
     if motion != "random_goals":
-        raise ValueError(f"rooms need the motion random_goals, which avoids their walls, got {motion}")
+        raise InputError(f"rooms need the motion random_goals, which avoids their walls, got {motion}")
     for name in ("door_m", "corridor_m"):
         if rooms[name][0] <= robot_m:
-            raise ValueError(
+            raise InputError(
                 f"rooms.{name} begins at {rooms[name][0]:g} m: expected more than the robot's {robot_m:g} m"
             )
     count = 2 * (width_m / float(np.mean(rooms["side_m"]))) ** 2
     if count > _MOST:
-        raise ValueError(
+        raise InputError(
             f"a map of {width_m:g} m has about {count:.0f} rooms with sides of {rooms['side_m']} m, at most {_MOST} "
             "are allowed: use longer sides or a smaller map"
         )

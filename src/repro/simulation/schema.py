@@ -16,6 +16,7 @@ from repro.simulation.motions import recorded_steps, top_speeds
 from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Part, Populations, Robot, Rooms, World
 from repro.simulation.shapes import geometry, shape_radius
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
+from repro.system.errors import InputError
 from repro.world_config import lidar_of, populations, world_spec
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
@@ -35,7 +36,7 @@ class Experiment(Part):
     @model_validator(mode="after")
     def _has_obstacles(self) -> "Experiment":
         if not self.fixed and not self.rooms and self.obstacles == []:
-            raise ValueError("has no obstacles: name a population in obstacles, fixed obstacles, or rooms")
+            raise InputError("has no obstacles: name a population in obstacles, fixed obstacles, or rooms")
         return self
 
 
@@ -135,7 +136,7 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
             return f"the robot needs {speeds.round(3).tolist()} m/s, rad/s both ways, beyond its {limits}"
         for seed in range(SAMPLED):
             sample_world(spec, seed)
-    except ValueError as error:
+    except InputError as error:
         return str(error)
     return None
 

@@ -8,6 +8,7 @@ import shapely
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from repro.config import STRICT, ordered
+from repro.system.errors import InputError
 
 
 def _amount(value: Any) -> str:
@@ -63,11 +64,11 @@ class Lidar(Part):
     @model_validator(mode="after")
     def _is_complete(self) -> "Lidar":
         if self.angle_range / (self.number - 1) >= math.pi:
-            raise ValueError("the beams must be less than half a turn apart: use more")
+            raise InputError("the beams must be less than half a turn apart: use more")
         if self.noise and self.std is None:
-            raise ValueError("noise: true needs std, the standard deviation of the ranges [m]")
+            raise InputError("noise: true needs std, the standard deviation of the ranges [m]")
         if not self.noise and (self.std is not None or self.angle_std is not None):
-            raise ValueError("std and angle_std need noise: true")
+            raise InputError("std and angle_std need noise: true")
         return self
 
 
@@ -90,15 +91,15 @@ def _simple(vertices: list[Point]) -> list[Point]:
     """Check that a polygon neither crosses itself nor vanishes; IR-SIM would draw its bounding box instead."""
     polygon = shapely.Polygon(vertices)
     if not polygon.is_valid:
-        raise ValueError(f"must be a polygon that does not cross or touch itself: {shapely.is_valid_reason(polygon)}")
+        raise InputError(f"must be a polygon that does not cross or touch itself: {shapely.is_valid_reason(polygon)}")
     if polygon.area < max(1e-4, 1e-6 * polygon.length**2):
-        raise ValueError("must be a polygon with an area: use a linestring for a thin wall")
+        raise InputError("must be a polygon with an area: use a linestring for a thin wall")
     return vertices
 
 
 def _distinct(points: list[Point]) -> list[Point]:
     if any(a == b for a, b in itertools.pairwise(points)):
-        raise ValueError("must not name the same point twice in a row")
+        raise InputError("must not name the same point twice in a row")
     return points
 
 
@@ -137,7 +138,7 @@ class Rooms(Part):
     @model_validator(mode="after")
     def _has_doors(self) -> "Rooms":
         if self.door_m[1] > self.side_m[0]:
-            raise ValueError(f"doors of {self.door_m[1]:g} m are wider than the shortest side of {self.side_m[0]:g} m")
+            raise InputError(f"doors of {self.door_m[1]:g} m are wider than the shortest side of {self.side_m[0]:g} m")
         return self
 
 

@@ -25,6 +25,7 @@ from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps, robot_commands
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.worlds import World, write_world
+from repro.system.errors import InputError
 from repro.system.files import read_mapping
 from repro.world_config import lidar_of
 
@@ -128,7 +129,7 @@ def check_replay(world: World, recording: Recording) -> float:
     expected, simulated = reference.scans.ranges, recording.scans.ranges
     hit = np.isfinite(expected)
     if not np.array_equal(hit, np.isfinite(simulated)):
-        raise ValueError(f"plain IR-SIM and the recorder disagree on which beams hit in the world {world}")
+        raise InputError(f"plain IR-SIM and the recorder disagree on which beams hit in the world {world}")
     range_error = float(np.abs(expected[hit] - simulated[hit]).max(initial=0))
     errors = {
         "ranges [m]": range_error,
@@ -138,7 +139,7 @@ def check_replay(world: World, recording: Recording) -> float:
     }
     if max(errors.values()) > 1e-6:
         differences = ", ".join(f"{error} in {name}" for name, error in errors.items())
-        raise ValueError(f"plain IR-SIM differs by {differences}, in the world {world}")
+        raise InputError(f"plain IR-SIM differs by {differences}, in the world {world}")
     return range_error
 
 
@@ -159,12 +160,12 @@ def make(path: Path, **options: Any) -> Any:
     expected = "expected a world that task=world wrote"
     content = read_mapping(Path(path), expected)
     if missing := [key for key in ("world", "robot", "obstacle") if key not in content]:
-        raise ValueError(f"{path} lacks {', '.join(missing)}: {expected}")
+        raise InputError(f"{path} lacks {', '.join(missing)}: {expected}")
     seed = (content.get("custom") or {}).get("seed")  # of the noise
     env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", "seed": seed, **options})
     for item in env.objects:
         if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:
-            raise ValueError(f"behavior {item.obj_behavior.behavior_dict} is not active in {path}")
+            raise InputError(f"behavior {item.obj_behavior.behavior_dict} is not active in {path}")
     return env
 
 
@@ -184,7 +185,7 @@ def drive_robot(world: World) -> np.ndarray:
 def _drive(behavior: str, start: tuple, vel_max: tuple, step_time: float) -> np.ndarray:
     commands = robot_commands(json.loads(behavior), step_time)
     if (np.abs(commands).max(axis=0) > vel_max).any():
-        raise ValueError(
+        raise InputError(
             f"the robot needs up to {np.abs(commands).max(axis=0)} m/s, rad/s but vel_max is {list(vel_max)}"
         )
     state, poses = np.array(start, dtype=float)[:, None], []

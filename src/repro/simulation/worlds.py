@@ -23,6 +23,7 @@ from repro.simulation.paths import check_path, is_drive, planned_path, start_pos
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, boundaries, shape_radius, union
+from repro.system.errors import InputError
 from repro.system.files import write_text
 from repro.world_config import populations
 
@@ -59,7 +60,7 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
         if obstacles is not None and (fixed or obstacles):
             break
     else:
-        raise ValueError(_no_room(spec))
+        raise InputError(_no_room(spec))
     robot = {**copy.deepcopy(spec["robot"]), "behavior": {**motion, "direction": 1}}
     robot["state"] = start_pose(motion, world, direction=1)
     sampled = {"world": world, "robot": robot, "obstacle": [*fixed, *obstacles]}
@@ -102,7 +103,7 @@ def check_spec(spec: dict[str, Any]) -> None:
     world, motion, clear_m = spec["world"], spec["motion"], spec["clear_radius_m"]
     radius_m = spec["robot"]["shape"].get("radius", 0)
     if world["width"] != world["height"]:
-        raise ValueError(
+        raise InputError(
             f"the world must be square, got world.world.width={world['width']} and height={world['height']}"
         )
     if spec.get("rooms"):
@@ -111,11 +112,11 @@ def check_spec(spec: dict[str, Any]) -> None:
         check_path(motion, world, union(fixed_obstacles(spec)), radius_m)
     if is_drive(motion):
         if 0 < clear_m < radius_m:
-            raise ValueError(f"clear_radius_m={clear_m} is less than the robot's radius of {radius_m} m")
+            raise InputError(f"clear_radius_m={clear_m} is less than the robot's radius of {radius_m} m")
         return
     reach_m = np.linalg.norm(planned_path(motion, world)[:, :2] - world["width"] / 2, axis=1).max() + radius_m
     if clear_m > 0 and reach_m > clear_m:
-        raise ValueError(
+        raise InputError(
             f"the robot reaches {reach_m:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
             "make the zone larger or the motion smaller"
         )
@@ -138,9 +139,9 @@ def _check_room(spec: dict[str, Any]) -> None:
             largest = population["radius_m"][1] * (stretch if population["disc_share"] < 1 else 1)
         area += population["count"][0] * math.pi * smallest**2
         if 2 * largest > width:
-            raise ValueError(_no_room(spec))
+            raise InputError(_no_room(spec))
     if area > width**2 - math.pi * min(clear_m, width / 2) ** 2:
-        raise ValueError(_no_room(spec))
+        raise InputError(_no_room(spec))
 
 
 def _no_room(spec: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import torch
 
+from repro.system.errors import InputError
 from repro.system.files import first_line
 
 
@@ -27,9 +28,9 @@ def resolve_device(accelerator: str = "auto") -> str:
         ValueError: the accelerator is unknown, or it is `gpu` and no CUDA GPU is visible.
     """
     if accelerator not in ("auto", "cpu", "gpu"):
-        raise ValueError(f"runtime.accelerator must be auto, cpu or gpu, got {accelerator!r}")
+        raise InputError(f"runtime.accelerator must be auto, cpu or gpu, got {accelerator!r}")
     if accelerator == "gpu" and not torch.cuda.is_available():
-        raise ValueError("runtime.accelerator=gpu, but no CUDA GPU is visible: use auto or cpu")
+        raise InputError("runtime.accelerator=gpu, but no CUDA GPU is visible: use auto or cpu")
     return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"
 
 

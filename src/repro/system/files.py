@@ -16,6 +16,8 @@ import yaml
 from filelock import FileLock, Timeout
 from pydantic import TypeAdapter, ValidationError
 
+from repro.system.errors import InputError
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -122,9 +124,9 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
         )
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
         problem = "it is nested too deeply" if isinstance(error, RecursionError) else first_line(error)
-        raise ValueError(f"{path} cannot be read ({problem}): {fix}") from error
+        raise InputError(f"{path} cannot be read ({problem}): {fix}") from error
     if not isinstance(content, dict):
-        raise ValueError(f"{path} cannot be read (expected a mapping, got {type(content).__name__}): {fix}")
+        raise InputError(f"{path} cannot be read (expected a mapping, got {type(content).__name__}): {fix}")
     return content
 
 
@@ -144,7 +146,7 @@ def read_typed(kind: type[T], path: Path, fix: str) -> T:
         return TypeAdapter(kind).validate_python(content)
     except ValidationError as error:
         errors = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()[:3])
-        raise ValueError(f"{path} cannot be read ({errors}): {fix}") from error
+        raise InputError(f"{path} cannot be read ({errors}): {fix}") from error
 
 
 def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame":
@@ -163,11 +165,11 @@ def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame"
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as error:
-        raise ValueError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
+        raise InputError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
     missing = [name for name in columns if name not in table]
     if missing or table.empty or table[list(columns)].isna().any(axis=None):
         problem = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
-        raise ValueError(f"{path} cannot be read ({problem}): {fix}")
+        raise InputError(f"{path} cannot be read ({problem}): {fix}")
     return table
 
 

@@ -12,6 +12,7 @@ from repro.recordings.format import SHOWN_SEED
 from repro.reporting.animation import make_frames, write_animation
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
+from repro.system.errors import InputError
 from repro.world_config import lidar_of
 
 
@@ -24,7 +25,7 @@ def run(job: Job) -> None:
     key = replace(job.key, seed=0)  # the seed of the call is that of the world
     trained = job.outputs.run(key)
     if not trained.is_trained:
-        raise ValueError(f"{trained} is not trained: train it first, with the same options and seed=0")
+        raise InputError(f"{trained} is not trained: train it first, with the same options and seed=0")
     world = sample_world(job.spec, SHOWN_SEED + job.call.seed)
     print(f"simulating and drawing world {job.call.seed} of experiment {key.experiment}", flush=True)
     recording = simulate(world)

@@ -6,6 +6,7 @@ from repro.metrics.names import METRICS
 from repro.reporting.paper import fingerprints_of, read_paper
 from repro.reporting.summaries import extrapolated_to_markdown
 from repro.runs.outputs import Outputs
+from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
@@ -20,7 +21,7 @@ def run(job: Job) -> None:
     found = [Outputs(directory) for directory in directories if directory.name != "smoke"]
     points = read_points(found, fingerprints_of(job.call.world))
     if points.empty:
-        raise ValueError(f"no curve has {FEWEST} points in {target.parent}: make curves trains them")
+        raise InputError(f"no curve has {FEWEST} points in {target.parent}: make curves trains them")
     target.mkdir(parents=True, exist_ok=True)
     write_text(target / "curves.csv", points.to_csv(index=False, float_format="%.6g"))
     extrapolated = extrapolate(points)

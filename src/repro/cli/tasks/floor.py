@@ -15,6 +15,7 @@ from repro.cli.jobs import Job
 from repro.config import plain
 from repro.simulation.floors import Floor, read_floor
 from repro.simulation.schema import world_errors
+from repro.system.errors import InputError
 from repro.system.files import write_text
 
 OFFICE = CONF / "world" / "office.yaml"
@@ -32,7 +33,7 @@ def run(job: Job) -> None:
     name = world_name(source.stem)
     path = CONF / "world" / f"{name}.yaml"
     if path.exists():
-        raise ValueError(f"{path} exists: rename {source}, or delete that world")
+        raise InputError(f"{path} exists: rename {source}, or delete that world")
     floor = read_floor(source)
     note = _check(floor, source)
     title = "".join(each if each.isprintable() else "?" for each in source.name)
@@ -84,5 +85,5 @@ def _check(floor: Floor, source: Path) -> str | None:
         return None
     empty = {name: {**experiment, "obstacles": []} for name, experiment in world["experiments"].items()}
     if reasons := world_errors({**world, "experiments": empty}):
-        raise ValueError(f"{source}: its floor of {floor.width_m:g} x {floor.width_m:g} m makes no world: {reasons[0]}")
+        raise InputError(f"{source}: its floor of {floor.width_m:g} x {floor.width_m:g} m makes no world: {reasons[0]}")
     return str(errors[0])

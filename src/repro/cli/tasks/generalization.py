@@ -10,6 +10,7 @@ from repro.recordings.reader import read_manifest
 from repro.reporting.names import predictor_title
 from repro.reporting.rows import read_rows
 from repro.runs.keys import RunKey
+from repro.system.errors import InputError
 from repro.system.files import lock, write_text
 
 
@@ -26,7 +27,7 @@ def run(job: Job) -> None:
     }
     predictors = {name: load_predictor(run.model) for name, run in runs.items() if run.is_trained}
     if not predictors:
-        raise ValueError(f"no {title} with seed {job.call.seed} has been trained in {outputs.path}: train some first")
+        raise InputError(f"no {title} with seed {job.call.seed} has been trained in {outputs.path}: train some first")
     print(f"testing {title} of experiments {', '.join(predictors)} on one another's recordings", flush=True)
     rows = [across_experiments(predictors, {name: outputs.recordings(name) for name in predictors})]
     if experiment in predictors:

@@ -24,7 +24,7 @@ from repro.prediction.output import draw, read_maps, window_number, write_map, w
 from repro.prediction.readers import read_log
 from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.windows import Window, cut
-from repro.system.errors import is_about_input
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 Row = dict[str, float | str]
@@ -61,7 +61,7 @@ def run(job: Job) -> None:
         clear_leftovers(target.parent, keep=new, of=target.name)
         rows, left_out = _predict_all(windows, predictor, new, range_max_m)
         if not rows:
-            raise ValueError(f"{path}: none of its {left_out} windows or parts can be used, see above")
+            raise InputError(f"{path}: none of its {left_out} windows or parts can be used, see above")
         if settings.animate:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
         if mcap:
@@ -80,12 +80,12 @@ def _check_target(target: Path, *sources: Path) -> None:
     """
     for source in sources:
         if source.resolve().is_relative_to(target.resolve()):
-            raise ValueError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
+            raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
     others = [target] if target.exists() and not target.is_dir() else target.glob("*")
     written = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap")
     foreign = [path.name for path in others if not path.is_file() or not written.fullmatch(path.name)]
     if foreign:
-        raise ValueError(
+        raise InputError(
             f"{target} has files that are no prediction, such as {sorted(foreign)[0]}: move them, or set outputs="
         )
 
@@ -98,8 +98,8 @@ def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
     """
     try:
         predictor.check_center(settings.center)
-    except ValueError as error:
-        raise ValueError(f"prediction.center: {error}") from error
+    except InputError as error:
+        raise InputError(f"prediction.center: {error}") from error
     steps, step_s = predictor.window(settings.steps, settings.step_s)
     if (steps, step_s) != predictor.window():
         known = f"{predictor.steps} steps of {predictor.step_s:g} s"
@@ -127,7 +127,7 @@ def _mcap(log: ScanLog) -> ModuleType:
     try:
         from repro.prediction import mcap
     except ModuleNotFoundError as error:
-        raise ValueError("prediction.mcap=true needs the package rosbags: pip install rosbags") from error
+        raise InputError("prediction.mcap=true needs the package rosbags: pip install rosbags") from error
     mcap.check_times(log)
     return mcap
 
@@ -148,9 +148,7 @@ def _predict_all(
             continue
         try:
             rows.append(_predict(window, predictor, directory, range_max_m))
-        except ValueError as error:
-            if not is_about_input(error):
-                raise
+        except InputError as error:
             left_out.setdefault(str(error), []).append(f"window {window.number} at {window.stamp:.2f} s: ")
     for reason, names in left_out.items():
         many = f"{len(names)} windows, the first is {names[0]}" if len(names) > 1 else names[0]

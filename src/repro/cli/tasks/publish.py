@@ -18,6 +18,7 @@ from repro.reporting.published_readme import Recipe, overrides
 from repro.reporting.settings import changed
 from repro.runs.config import flatten, settings_of
 from repro.runs.provenance import Status
+from repro.system.errors import InputError
 
 
 def run(job: Job) -> None:
@@ -40,12 +41,12 @@ def overrides_of(job: Job) -> str:
     data = [run.config().data for run in job.outputs.runs() if run.status is Status.evaluated]
     names = world_files({each.worlds for each in data})
     if data and not names:
-        raise ValueError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
+        raise InputError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
     for each in data:
         of_run = flatten({"size_px": each.size_px, "pairs": asdict(each.pairs)}, "scale.")
         of_call = flatten({"size_px": scale.size_px, "pairs": asdict(scale.pairs)}, "scale.")
         if missing := list(overrides(changed(of_run, of_call))):
-            raise ValueError(f"the runs in {job.outputs.path} have other data than this call: add{''.join(missing)}")
+            raise InputError(f"the runs in {job.outputs.path} have other data than this call: add{''.join(missing)}")
     usual = plain(OmegaConf.load(CONF / "scale" / f"{scale.name}.yaml"))  # type: ignore[arg-type]
     world = [f" world={name}" for name in names[:1] if "paper" not in names]
     return "".join([*world, *changes("scale", asdict(scale), usual)])
@@ -61,7 +62,7 @@ def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: st
     files = {group: CONF / group / f"{name}.yaml" for group, name in names.items()}
     for group, path in files.items():
         if not path.is_file():
-            raise ValueError(f"the published command needs a file of {group} {names[group]}: add {path}")
+            raise InputError(f"the published command needs a file of {group} {names[group]}: add {path}")
     parts = {group: OmegaConf.load(path) for group, path in files.items()}
     shared = {"scale": asdict(scale), "world": world, "decay": True, "oldest_gray": OLDEST_GRAY}
     values = plain(OmegaConf.create({**shared, **parts}))

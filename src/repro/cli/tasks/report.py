@@ -5,6 +5,7 @@ import sys
 from repro.cli.jobs import Job
 from repro.cli.output import print_tables
 from repro.reporting.uptodate import inputs_hash, is_up_to_date, mark_up_to_date
+from repro.system.errors import InputError
 
 
 def run(job: Job) -> None:
@@ -15,7 +16,7 @@ def run(job: Job) -> None:
     """
     outputs = job.outputs
     if not any(outputs.runs()) and not outputs.recorded():
-        raise ValueError(f"{outputs.path} holds no recordings and no runs: make some first, or set outputs=")
+        raise InputError(f"{outputs.path} holds no recordings and no runs: make some first, or set outputs=")
     errors = print_tables(outputs, ())
     inputs = inputs_hash(outputs)
     if not errors and is_up_to_date(outputs.figures, inputs):
@@ -28,5 +29,5 @@ def run(job: Job) -> None:
     for error in left_out:
         print(f"error: left out of the figures: {error}", file=sys.stderr)
     if errors or left_out:
-        raise ValueError(f"{len(errors + left_out)} runs are left out of the tables or figures, see above")
+        raise InputError(f"{len(errors + left_out)} runs are left out of the tables or figures, see above")
     mark_up_to_date(outputs.figures, inputs)
