@@ -106,7 +106,7 @@ def test_the_readme_is_short():
 
 def test_there_is_a_recipe_for_every_extension():
     titles = " ".join(recipes()).lower()
-    assert all(word in titles for word in ("world", "encoding", "network", "baseline", "metric")), titles
+    assert all(word in titles for word in ("world", "motion", "encoding", "network", "baseline", "metric")), titles
 
 
 @pytest.mark.slow
@@ -115,6 +115,7 @@ def test_recipe(title, tmp_path):
     project = copy_of_the_project(tmp_path)
     scripts = apply(recipes()[title], project)
     assert scripts, "a recipe ends with a command that uses it"
+    run_script("ruff check --quiet . && ruff format --quiet --check .", project)
     for script in scripts:
         run_script(script, project)
 

@@ -13,7 +13,7 @@ from repro.baselines.particles import ASPECT, HEADING, IS_DISC, PARAMETERS, RADI
 from repro.baselines.tempering import resample, temper
 from repro.maps.grid import Grid
 from repro.maps.recorded import load_recorded
-from repro.simulation.drift import obstacle_states
+from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import shape_radius
 from repro.simulation.worlds import sample_world

@@ -250,7 +250,7 @@ class TwoMaps(torch.nn.Module, PyTorchModelHubMixin):
 def test_a_network_with_another_output_than_one_map_is_refused_before_the_training(recorded, tmp_path, monkeypatch):
     monkeypatch.setitem(OWN_ARCHITECTURES, "two_maps", TwoMaps)
     run = prepared(tmp_path, model="two_maps", encoder_name=None)
-    with pytest.raises(ValueError, match=r"expected \(2, 1, 64, 64\) of \(2, 1, 64, 64\), got \(2, 2, 64, 64\)"):
+    with pytest.raises(ValueError, match=r"expected \(2, 1, 32, 32\) of \(2, 1, 32, 32\), got \(2, 2, 32, 32\)"):
         train(run, recorded, accelerator="cpu")
     assert run.status is Status.prepared
 

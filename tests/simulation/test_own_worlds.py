@@ -11,7 +11,7 @@ from conftest import ROOT
 from shapely import LineString, Point
 
 import repro.world_config
-from repro.simulation.drift import obstacle_states
+from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, simulate

@@ -19,8 +19,8 @@ from repro.maps.grid import Grid
 from repro.maps.recorded import Recorded
 from repro.outlines import padded, placed
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
-from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps
+from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
 from repro.system.errors import InputError

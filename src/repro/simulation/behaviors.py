@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from repro.simulation.drift import Drift
 from repro.simulation.motions import robot_commands
+from repro.simulation.obstacle_motions import OBSTACLE_MOTIONS, obstacle_motion
 
 with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM prints the backends that it tried
     from irsim.lib import register_behavior_class
@@ -49,14 +49,17 @@ class WaypointsBehavior(_CommandBehavior):
     """A drive: `{name: waypoints, points_m: [[1, 1], ...], speed_m_s: 1, turn_rad_s: 1, steps: 100, direction: 1}`."""
 
 
-@register_behavior_class("omni", "drift")
-class DriftBehavior:
-    """A drifting obstacle: `{name: drift, seed: 7, speed_m_s: 0.5, turn_steps: [50, 100], ...}`, see `Drift`."""
+class ObstacleBehavior:
+    """IR-SIM behavior of an obstacle: `{name: drift, seed: 7, speed_m_s: 0.5, ...}`, see `obstacle_motions`."""
 
-    def __init__(self, object_info: Any, *, name: str, **parameters: Any) -> None:
-        self.drift = Drift(**parameters)
+    def __init__(self, object_info: Any, **behavior: Any) -> None:
+        self.motion = obstacle_motion(behavior)
 
     def __call__(self, ego_object: Any, **_: Any) -> np.ndarray:
         x, y, heading = ego_object.state[:3, 0]
-        velocity = self.drift.velocity(x, y, ego_object._world_param.step_time)
+        velocity = self.motion.velocity(x, y, ego_object._world_param.step_time)
         return vel_world2omni(heading, np.array(velocity)[:, None])
+
+
+for _name in OBSTACLE_MOTIONS:
+    register_behavior_class("omni", _name)(ObstacleBehavior)

@@ -1,10 +1,9 @@
-"""Drift: the motion of the moving obstacles, independent of IR-SIM.
+"""Drift: the motion of the moving obstacles of the study, independent of IR-SIM.
 
 Paper: "Simulation Approach". Unstated details: DEVIATIONS D5 and D6.
 """
 
 import math
-from typing import Any
 
 import numpy as np
 import shapely
@@ -87,18 +86,3 @@ class Drift:
     def _head(self, heading: float) -> None:
         self.vx = self.speed_m_s * math.cos(heading)
         self.vy = self.speed_m_s * math.sin(heading)
-
-
-def obstacle_states(obstacle: dict[str, Any], steps: int, step_time: float) -> np.ndarray:
-    """Compute the state of an obstacle of a world after each step: x, y [m], constant heading [rad], (T, 3)."""
-    states = np.empty((steps, 3))
-    states[:] = obstacle["state"]
-    if "behavior" not in obstacle:
-        return states
-    motion = Drift(**{key: value for key, value in obstacle["behavior"].items() if key != "name"})
-    x, y, _ = obstacle["state"]
-    for step in range(steps):
-        vx, vy = motion.velocity(x, y, step_time)
-        x, y = x + vx * step_time, y + vy * step_time
-        states[step, :2] = x, y
-    return states

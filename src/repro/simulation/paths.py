@@ -20,6 +20,9 @@ def start_pose(motion: Motion, world: dict[str, Any], direction: int) -> list[fl
 
     A rotation starts at the center, a square on its left side, `first_steps` before the corner below (direction 1) or
     above (direction -1). A drive along waypoints starts at the first one; the opposite direction starts where it ends.
+
+    Raises:
+        ValueError: the motion is none of these.
     """
     center_x, center_y = world["width"] / 2, world["height"] / 2
     if motion["name"] == "rotate":
@@ -31,6 +34,10 @@ def start_pose(motion: Motion, world: dict[str, Any], direction: int) -> list[fl
             return start
         x, y, heading = robot_path({**motion, "direction": 1}, start, world["step_time"])[-1].tolist()
         return [x, y, math.remainder(heading + math.pi, 2 * math.pi)]
+    if motion["name"] != "square":
+        raise InputError(
+            f"the motion {motion['name']} of the robot has no start pose: expected rotate, square, waypoints"
+        )
     half = motion["side_m"] / 2
     ahead = motion["side_m"] * motion["first_steps"] / motion["drive_steps"]  # [m] to the first corner
     return [center_x - half, center_y - direction * (half - ahead), -direction * math.pi / 2]

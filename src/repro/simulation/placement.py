@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from repro.simulation.drift import obstacle_states
+from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import Line, Shape, boundaries, shape_radius
 
 _PLACEMENTS = 200  # attempts to place one obstacle

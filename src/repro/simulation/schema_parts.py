@@ -193,6 +193,9 @@ class Drifting(Part):
     turn_steps: StepsRange
 
 
+Behavior = Drifting  # or a union of behaviors by their names
+
+
 class Sized(Part):
     """Discs and rectangles of random size."""
 
@@ -200,7 +203,7 @@ class Sized(Part):
     radius_m: LengthRange
     aspect: RatioRange
     disc_share: Annotated[float, Field(ge=0, le=1)]
-    behavior: Drifting | None = None
+    behavior: Behavior | None = None
 
 
 class Shaped(Part):
@@ -208,7 +211,7 @@ class Shaped(Part):
 
     count: NumberRange
     shapes: Annotated[list[AnyShape], Field(min_length=1, max_length=100)]
-    behavior: Drifting | None = None
+    behavior: Behavior | None = None
 
 
 def _kind(value: Any) -> str:

@@ -21,8 +21,8 @@ import numpy as np
 from repro.outlines import padded
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
-from repro.simulation.drift import obstacle_states
 from repro.simulation.motions import recorded_steps, robot_commands
+from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.worlds import World, write_world
 from repro.system.errors import InputError
@@ -165,7 +165,10 @@ def make(path: Path, **options: Any) -> Any:
     env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", "seed": seed, **options})
     for item in env.objects:
         if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:
-            raise InputError(f"behavior {item.obj_behavior.behavior_dict} is not active in {path}")
+            raise InputError(
+                f"{path}: the behavior {item.obj_behavior.behavior_dict} is not active: it lacks parameters, or "
+                "simulation/behaviors.py does not register its name"
+            )
     return env
 
 
