@@ -62,9 +62,7 @@ CALLS = {  # arguments, and what the message must contain
         "model.parameters.stride=3: must be 2 or 4",
     ],
     "model=convgru encoding=series10 +model.parameters.hiden=32": ["hiden=32: is not a parameter of convgru"],
-    "+model.parameters.hidden=32": [
-        "parameters are for the architectures convgru, convlstm, deeptracking, light_convgru: set model.architecture"
-    ],
+    "+model.parameters.hidden=32": ["parameters are for the architectures convgru, convlstm, deeptracking"],
 }
 
 

@@ -34,6 +34,7 @@ from repro.system.devices import one_thread
 from repro.system.errors import InputError
 
 ONNX = "model.onnx"
+LARGEST_CHECKED_PX = 512  # side of the images with which a loaded network is checked, since a file may claim any
 
 
 @dataclass(frozen=True)
@@ -228,7 +229,7 @@ def _load_torch(directory: Path) -> Predictor:
     network, content = read_torch(directory)
     try:
         predictor = _predictor(network, content)
-        check_network(network, predictor.encoding.channels, predictor.grid.size_px)
+        check_network(network, predictor.encoding.channels, min(predictor.grid.size_px, LARGEST_CHECKED_PX))
     except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
         raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
     return predictor
