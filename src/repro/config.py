@@ -213,10 +213,21 @@ def config_errors_of(error: ValidationError, prefix: str = "") -> list[ConfigErr
     known |= {"missing": "is missing", "string_pattern_mismatch": "must be letters, digits, _ and - only"}
     for found in error.errors():
         key = prefix + ".".join(str(part) for part in found["loc"])
+        if found["type"] in ("union_tag_invalid", "union_tag_not_found"):  # the name of one of several parts
+            errors.append(_error_of_tag(key, found.get("ctx", {})))
+            continue
         message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))
         value = None if found["type"] == "missing" else found["input"]
         errors.append(ConfigError(key, value, message))
     return errors
+
+
+def _error_of_tag(key: str, context: dict[str, Any]) -> ConfigError:
+    """Return the error of a value whose name, by which its type is chosen, is unknown or missing."""
+    name, tags = str(context["discriminator"]).strip("'"), context.get("expected_tags")
+    if tags is None:
+        return ConfigError(key, None, f"needs a {name}")
+    return ConfigError(key, None, f"the {name} {context['tag']} must be one of {tags.replace(chr(39), '')}")
 
 
 def plain(config: DictConfig) -> dict[str, Any]:

@@ -111,6 +111,7 @@ WORLDS = {  # worlds that cannot be simulated, or not in the memory of a machine
     "world.obstacles.static.radius_m=[0.001,0.001]": "greater than or equal to 0.01",
     "world.obstacles.static.count=[1000000,1000000]": "less than or equal to 1000",
     "world.obstacles.static.count=[900,900]": "no room",
+    "world.motions.rotate.name=circle": "world.motions.rotate: the name circle must be one of rotate, square",
     "world.motions.rotate.steps=100.0": "must be a valid integer",
     "world.motions.rotate.steps=1000000000": "less than or equal to 1000000",
     "world.motions.rotate.steps=100000": "more than 2000000 readings",
