@@ -40,11 +40,11 @@ def analyze(job: Job) -> None:
         ValueError: no network has been evaluated, or some runs are damaged; everything else is written.
     """
     outputs = job.outputs
+    damaged: list[str] = []
     errors: list[str] = []
-    results = read_results(outputs, errors)
-    before = tuple(errors)
+    results = read_results(outputs, damaged)
     if results.empty or not (results["encoding"] != "").any():
-        reason = f" ({errors[0]})" if errors else ""
+        reason = f" ({damaged[0]})" if damaged else ""
         raise InputError(f"no network has been evaluated in {outputs.path}{reason}: train some first")
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
     configs = {config.experiment: config for config in networks}
@@ -56,7 +56,6 @@ def analyze(job: Job) -> None:
         except InputError as error:
             errors.append(str(error))
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
-    errors = [error for error in errors if error not in before]  # the evaluation may have restored those runs
     results = read_results(outputs, errors)
     ledger = read_claims(CLAIMS)
     print(f"analyzing {len(results)} runs", flush=True)
