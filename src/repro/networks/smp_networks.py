@@ -19,8 +19,6 @@ from repro.config import ConfigError, Model
 from repro.system.errors import InputError
 
 ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)
-# The rows of a 3 x 3 kernel that are summed in each of the four rows of the kernel of `_convolve_sum`
-UPSAMPLED = torch.tensor([[0.0, 0, 1], [0, 1, 1], [1, 1, 0], [1, 0, 0]])
 
 
 class LeanUnetBlock(UnetDecoderBlock):
@@ -81,10 +79,16 @@ def _convolve_sum(coarse: Tensor, skip: Tensor, skip_conv: torch.nn.Conv2d, weig
         The convolved sum, (B, D, 2 H, 2 W).
     """
     assert skip_conv.bias is not None
-    summed = torch.einsum("ar,dcrs,bs->cdab", UPSAMPLED.to(weight), weight, UPSAMPLED.to(weight))
+    summed = _summed(_summed(weight, 2), 3).transpose(0, 1)
     joined = torch.einsum("dcrs,ck->dkrs", weight, skip_conv.weight[:, :, 0, 0])
     coarse = coarse + skip_conv.bias[:, None, None].to(coarse.dtype)
     return F.conv_transpose2d(coarse, summed, stride=2, padding=1) + F.conv2d(skip, joined, padding=1)
+
+
+def _summed(weight: Tensor, dim: int) -> Tensor:
+    """Sum the three weights along a side of a kernel into the four that act on the pixels before their doubling."""
+    first, middle, last = weight.unbind(dim)
+    return torch.stack([last, middle + last, first + middle, first], dim)
 
 
 class FusedSegformerDecoder(SegformerDecoder):
