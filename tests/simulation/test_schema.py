@@ -39,7 +39,11 @@ FAST = {"name": "drift", "speed_m_s": [1.0, 2.0], "turn_steps": [5, 10]}
 BOW = [[0, 0], [2, 2], [2, 0], [0, 2]]
 REFUSED = {
     "negative radius": ({f"{FIXED}.13.shape.radius": -0.3}, "fixed.13.shape.radius=-0.3", "greater than or equal to"),
-    "unknown shape": ({f"{FIXED}.0.shape": {"name": "compound"}}, "fixed.0.shape", "'linestring'"),
+    "unknown shape": (
+        {f"{FIXED}.0.shape": {"name": "compound"}},
+        "fixed.0.shape",
+        "must be one of circle, rectangle, polygon, linestring",
+    ),
     "unknown key": ({f"{FIXED}.0.color": "red"}, "fixed.0.color=red", "not a known key"),
     "shape of another": ({f"{FIXED}.0.shape": {**WALL, "radius": 1}}, "fixed.0.shape.radius=1", "not a known key"),
     "crossing polygon": ({f"{FIXED}.12.shape.vertices": BOW}, "fixed.12.shape.vertices", "Self-intersection[1 1]"),
@@ -63,7 +67,11 @@ REFUSED = {
         "experiments.people",
         "has no obstacles",
     ),
-    "unknown motion": ({MOTION: {"name": "fly"}}, "experiments.people.motion", "'random_goals'"),
+    "unknown motion": (
+        {MOTION: {"name": "fly"}},
+        "experiments.people.motion",
+        "the name fly must be one of rotate, square",
+    ),
     "no speed": ({f"{MOTION}.speed_m_s": 0}, "motion.speed_m_s=0", "greater than or equal to"),
     "too fast": ({f"{MOTION}.speed_m_s": 5}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
     "range too fast": ({f"{MOTION}.speed_m_s": [1, 5]}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
