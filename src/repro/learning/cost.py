@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import torch
 
 from repro.config import Model, Training
-from repro.learning.kernels import accelerate
+from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss, VisibleLoss, create_loss
 from repro.maps.datasets import encoding_of
 from repro.maps.encodings import Encoding
@@ -48,7 +48,7 @@ def seconds_per_image(
     check_interface(network, encoding.channels, size_px)
     network.to(device)
     accelerate(network, device)
-    optimizer, loss = torch.optim.Adam(network.parameters(), fused=True), loss or MapLoss()
+    optimizer, loss = create_optimizer(network, learning_rate=1e-3), loss or MapLoss()
     image = torch.rand(batch_size, encoding.channels, size_px, size_px, device=device)
     image = image.to(memory_format=torch.channels_last)
     for step in range(steps + 1):

@@ -36,6 +36,11 @@ class FloatGroupNorm(nn.GroupNorm):
         return super().forward(images.to(self.weight.dtype)).to(images.dtype)
 
 
+def create_optimizer(network: nn.Module, learning_rate: float) -> torch.optim.Optimizer:
+    """Create Adam (paper: "Prediction Models") for a network, with one kernel for all weights."""
+    return torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
+
+
 def accelerate(network: nn.Module, device: str) -> None:
     """Replace slow modules of a network in place; its function and the names of its weights stay the same.
 

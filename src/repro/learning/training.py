@@ -27,7 +27,7 @@ from repro.learning.budget import Budget
 from repro.learning.callbacks import Checkpoint, CPUContention, History, Stop, exponential_moving_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.compilation import compile_network
-from repro.learning.kernels import accelerate
+from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import create_loss
 from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.maps.statistics import Statistics
@@ -67,7 +67,7 @@ class TrainingModule(L.LightningModule):
         return Batches(self.pairs["val"], self.settings.batch_size)
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        return torch.optim.Adam(self.parameters(), lr=self.settings.learning_rate, fused=True)
+        return create_optimizer(self, self.settings.learning_rate)
 
     def on_train_epoch_start(self) -> None:
         torch.manual_seed(self._epoch_seed())

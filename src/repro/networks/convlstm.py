@@ -18,6 +18,9 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
         frames: parts of the window, K.
         hidden: channels of the LSTM state.
+
+    Raises:
+        ValueError: see `blocks.check_series`.
     """
 
     def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:

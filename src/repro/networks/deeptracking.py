@@ -21,6 +21,9 @@ class DeepTracking(nn.Module, PyTorchModelHubMixin):
     Args:
         in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
         frames: parts of the window, K.
+
+    Raises:
+        ValueError: see `blocks.check_series`.
     """
 
     def __init__(self, in_channels: int, frames: int) -> None:
