@@ -1,8 +1,8 @@
 """The paper's six metrics, and the same metrics with obstacles as the positive class.
 
 The paper's positive class is FREE space (see reporting/paper_tables: every row of its tables implies the same
-prevalence in two independent ways), and its counts are pooled over the test set: DEVIATIONS D10. Formulas and eps
-follow Segmentation-Metrics-PyTorch, which the paper names; SSIM is computed by piqa.
+prevalence in two independent ways). We pool the counts over the test set, which the paper does not state: DEVIATIONS
+D10. Formulas and eps follow Segmentation-Metrics-PyTorch, which the paper names; SSIM is computed by piqa.
 """
 
 import torch

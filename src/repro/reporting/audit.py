@@ -1,8 +1,9 @@
 """Audit: internal consistency of a results table, and the obstacle metrics that it implies.
 
 Every row of the paper's metrics determines the share of free pixels and Dice in two ways. If FREE is the positive class
-and the counts are pooled, both values agree to the printed digits; otherwise a number is wrong or has another
-definition. The audit needs only the table, so it applies to the paper's table, ours and any other.
+and the counts are pooled, both values agree to the printed digits; for means over images they nearly agree (DEVIATIONS,
+"What the paper's tables imply"). Otherwise a number is wrong or has another definition. The audit needs only the table,
+so it applies to the paper's table, ours and any other.
 """
 
 import itertools
