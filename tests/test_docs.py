@@ -29,8 +29,8 @@ def named(path: Path) -> str:
 
 
 def recipes() -> dict[str, str]:
-    """The recipes of CONTRIBUTING.md by title: sections with blocks that say which file they change."""
-    sections = RECIPE.findall((ROOT / "CONTRIBUTING.md").read_text())
+    """The recipes of docs/extending.md by title: sections with blocks that say which file they change."""
+    sections = RECIPE.findall((ROOT / "docs" / "extending.md").read_text())
     return {title: text for title, text in sections if "# file:" in text or "# replace in:" in text}
 
 
@@ -122,7 +122,7 @@ def test_recipe(title, tmp_path):
 
 def documented_commands() -> list[str]:
     """The commands of the documentation that use run.py, once each."""
-    blocks = [block for page in PAGES if page.name != "CONTRIBUTING.md" for _, block in BLOCK.findall(page.read_text())]
+    blocks = [block for page in PAGES if page.name != "extending.md" for _, block in BLOCK.findall(page.read_text())]
     lines = [line.split(" #")[0].strip() for block in blocks for line in block.splitlines()]
     return list(dict.fromkeys(line for line in lines if line.startswith("python run.py")))
 
