@@ -13,11 +13,15 @@ from repro.evaluation.generalization import score, updated
 from repro.learning.training import train
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
 from repro.maps.recorded import load_recorded
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.rows import read_rows
 from repro.scans import Scans
+from repro.simulation.raycasting import scan
+from repro.simulation.recorder import record_experiment
 from repro.simulation.worlds import sample_world
+from repro.system.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +104,38 @@ def test_a_wider_view_has_more_beams_and_the_same_worlds():
     fast = generalization.with_speed(spec, 2)
     assert fast["obstacles"]["behavior"]["speed_m_s"] == [0.4, 1.4]
     assert spec["obstacles"]["behavior"]["speed_m_s"] == [0.2, 0.7]
+
+
+@pytest.mark.parametrize("experiment", ["1", "4"])
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_turned_recordings_are_those_of_turned_worlds(experiment, degrees, tmp_path):
+    record_experiment(tmp_path, world_spec(experiment), {"test": 4}, workers=1)
+    plain = load_recorded(tmp_path, "test", Grid(64, 50.0))
+    test = generalization.turned(plain, degrees)
+    assert not np.array_equal(test.maps, plain.maps)
+    for index in range(len(test)):
+        outlines, states = test.truth.of_recording(index)
+        owner = torch.zeros(len(outlines), dtype=torch.long)
+        drawn = rasterize(torch.as_tensor(outlines), torch.as_tensor(states[:, -1]), owner, 1, test.grid)
+        assert (test.maps[index] == drawn).float().mean() > 0.999  # but for centers of pixels on an edge
+        poses, angles = test.scans.poses[index].numpy(), test.scans.angles.numpy()
+        ranges, _ = scan(poses, angles, outlines, states, test.range_max_m)  # anew, by the recorder's ray casting
+        recorded = test.scans.ranges[index].numpy()
+        same = np.isfinite(ranges) == np.isfinite(recorded)
+        assert same.mean() > 0.9999  # the recorded states are rounded to 32 bits
+        both = same & np.isfinite(ranges)
+        assert np.abs(ranges[both] - recorded[both]).max() < 1e-3
+    with pytest.raises(InputError, match="multiple of 90 degrees, got 45"):
+        generalization.turned(plain, 45)
+
+
+def test_four_turns_by_a_quarter_restore_the_recordings(recorded):
+    plain = load_recorded(recorded, "test", Grid(32, 50.0))
+    test = plain
+    for _ in range(4):
+        test = generalization.turned(test, 90)
+    assert np.array_equal(test.maps, plain.maps)
+    assert np.allclose(test.scans.poses - plain.scans.poses, [0, 0, 2 * math.pi], atol=1e-9)
 
 
 def test_a_network_is_tested_on_every_experiment(predictor, recorded):

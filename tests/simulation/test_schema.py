@@ -98,6 +98,12 @@ REFUSED = {
         "experiments.people",
         "the robot's path touches a fixed obstacle",
     ),
+    "more than a turn": (
+        {MOTION: {"name": "rotate", "steps": 60, "turned_rad": [0, 7]}},
+        "motion.turned_rad.1=7",
+        "less than or equal to 6.28",
+    ),
+    "turned drive": ({MOTION: {**DRIVE, "turned_rad": 1.0}}, "motion.turned_rad=1.0", "not a known key"),
     "endless": ({f"{MOTION}.steps": 10**6}, "experiments.people", "more than 2000000 readings"),
     "long": ({f"{MOTION}.steps": 40_000, f"{LIDAR}.number": 4}, "experiments.people", "longer than 30000"),
     "noise without std": ({f"{LIDAR}.std": None}, "robot.sensors.0", "noise: true needs std"),
@@ -150,6 +156,7 @@ ALLOWED = {
     "walls alone": {"experiments.people.obstacles": []},
     "waypoints": {MOTION: DRIVE},
     "a rotation": {MOTION: {"name": "rotate", "steps": 60}},
+    "any start heading": {MOTION: {"name": "rotate", "steps": 60, "turned_rad": [-3.1416, 3.1416]}},
     "moving shapes": SHAPES,
     "fast among one another": {
         FIXED: None,

@@ -7,8 +7,9 @@ import yaml
 from conftest import world_spec
 
 from repro.simulation.shapes import shape_radius
-from repro.simulation.simulator import drive_robot
+from repro.simulation.simulator import check_replay, drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world, write_world
+from repro.system.errors import InputError
 
 
 def test_same_seed_same_world_other_seed_other_world(spec):
@@ -100,3 +101,29 @@ def test_an_experiment_may_have_any_name():
     assert sample_world(office, 5) == sample_world(office, 5)
     assert sample_world(office, 5) != sample_world(lobby, 5)
     assert sample_world(office, 5) != sample_world(world_spec("3"), 5)
+
+
+@pytest.mark.parametrize("experiment", ["3", "4"])
+def test_a_turned_motion_is_the_same_motion_about_the_center_among_the_same_obstacles(experiment):
+    spec = world_spec(experiment)
+    turned = {**spec, "motion": {**spec["motion"], "turned_rad": [-math.pi, math.pi]}}
+    plain, worlds = sample_world(spec, 5), [sample_world(turned, seed) for seed in (5, 5, 6)]
+    assert worlds[0] == worlds[1]
+    assert worlds[0]["obstacle"] == plain["obstacle"]
+    angle = worlds[0]["robot"]["behavior"]["turned_rad"]
+    assert angle != worlds[2]["robot"]["behavior"]["turned_rad"]
+    back = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    for plain_twin, twin in ((plain, worlds[0]), (reverse_direction(plain), reverse_direction(worlds[0]))):
+        upright, poses = drive_robot(plain_twin), drive_robot(twin)
+        assert np.allclose((poses[:, :2] - 25) @ back + 25, upright[:, :2], atol=1e-9)
+        assert np.allclose(np.exp(1j * (poses[:, 2] - angle)), np.exp(1j * upright[:, 2]))
+    check_replay(worlds[0], simulate(worlds[0]))
+
+
+def test_a_motion_that_may_touch_a_wall_at_some_turn_is_refused():
+    spec = world_spec("2")
+    wall = {"shape": {"name": "rectangle", "length": 1.0, "width": 1.0}, "state": [25 + 6.5, 25.0, 0.0]}
+    spec = {**spec, "fixed": [wall]}  # between the side of the square and the circle around its corners
+    sample_world(spec, 0)
+    with pytest.raises(InputError, match=r"the robot's path touches a fixed obstacle"):
+        sample_world({**spec, "motion": {**spec["motion"], "turned_rad": [0.0, 1.0]}}, 0)

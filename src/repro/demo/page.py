@@ -86,6 +86,8 @@ def _check_worlds(spec: dict[str, Any]) -> None:
         motion, obstacles = experiment["motion"]["name"], experiment["obstacles"]
         if motion not in MOTIONS:
             problem = f"the motion {motion}, expected {' or '.join(MOTIONS)}"
+        elif experiment["motion"].get("turned_rad"):
+            problem = "a turned motion"
         elif experiment.get("fixed"):
             problem = "fixed obstacles"
         elif not isinstance(obstacles, dict) or "count" not in obstacles:

@@ -1,4 +1,4 @@
-"""Generalization under distribution shift: other experiments, changed sensors and poses, faster obstacles."""
+"""Generalization under distribution shift: other experiments, start headings, sensors, poses, faster obstacles."""
 
 import copy
 import dataclasses
@@ -14,8 +14,9 @@ from repro.evaluation.evaluate import measured_of
 from repro.maps.recorded import Recorded, load_recorded
 from repro.metrics.bootstrap import draw_weights, interval, resample
 from repro.networks.predictor import Predictor
-from repro.scans import Scans
+from repro.scans import Scans, library_of
 from repro.simulation.recorder import record_experiment
+from repro.system.errors import InputError
 from repro.world_config import lidar_of, populations
 
 Spec = dict[str, Any]
@@ -23,6 +24,7 @@ Change = Callable[[Scans, float, np.random.Generator], Scans]
 FIELDS_OF_VIEW = (45, 60, 90, 120, 180, 270, 360)  # [deg], at about the original angular resolution
 RANGES_M = (10, 15, 20, 30)  # maximum range of the lidar
 SPEEDS = (1, 2, 4)  # multiples of the original speed
+START_HEADINGS = (0, 90, 180, 270)  # [deg], of the whole recording about the center of the map
 TEST = ["model", "encoding", "seed", "trained", "shift"]  # columns that identify a test
 RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
 
@@ -125,6 +127,43 @@ def across_experiments(predictors: Mapping[str, Predictor], recordings: Mapping[
         for trained, predictor in predictors.items():
             scored = score(predictor, test.scans, test)
             rows.append(scored.assign(shift="experiment", trained=trained, tested=tested))
+    return pd.concat(rows, ignore_index=True)
+
+
+def turned(test: Recorded, degrees: int) -> Recorded:
+    """Turn recordings counterclockwise about the center of the map, exactly: robots, obstacles and true maps.
+
+    Raises:
+        ValueError: the angle is not a multiple of 90 degrees, so that the pixels would not fall on pixels.
+    """
+    if degrees % 90:
+        raise InputError(f"expected a multiple of 90 degrees, got {degrees:g}")
+    cos, sin = ((1, 0), (0, 1), (-1, 0), (0, -1))[degrees // 90 % 4]
+    center_m = test.grid.size_m / 2
+
+    def turn(poses: Any) -> Any:
+        x, y, heading = poses[..., 0] - center_m, poses[..., 1] - center_m, poses[..., 2]
+        there = (cos * x - sin * y + center_m, sin * x + cos * y + center_m, heading + math.radians(degrees))
+        return library_of(poses).stack(there, -1)
+
+    truth = dataclasses.replace(test.truth, states=turn(test.truth.states)) if test.truth else None
+    scans = dataclasses.replace(test.scans, poses=turn(test.scans.poses))
+    return dataclasses.replace(test, scans=scans, maps=test.maps.rot90(degrees // 90, (-2, -1)), truth=truth)
+
+
+def across_start_headings(predictor: Predictor, experiment: str, recordings: Path) -> pd.DataFrame:
+    """Test a network on the test recordings of its own experiment, turned by quarters about the center of the map.
+
+    The paper's rotations start at one heading and its squares on one side, so the place of a hit tells its age.
+
+    Returns:
+        rows of shift (`start heading [deg]`), trained, tested (the angle), metric, value, low, high.
+    """
+    plain, rows = load_recorded(recordings, "test", predictor.grid), []
+    for degrees in START_HEADINGS:
+        test = turned(plain, degrees)
+        scored = score(predictor, test.scans, test)
+        rows.append(scored.assign(shift="start heading [deg]", trained=experiment, tested=f"{degrees:g}"))
     return pd.concat(rows, ignore_index=True)
 
 

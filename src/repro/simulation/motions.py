@@ -135,7 +135,7 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
     Raises:
         ValueError: the behavior is none of these.
     """
-    parameters = {key: value for key, value in behavior.items() if key != "name"}
+    parameters = {key: value for key, value in behavior.items() if key not in ("name", "turned_rad")}
     makers: dict[str, Callable[..., np.ndarray]] = {
         "rotate": rotate_commands,
         "square": square_commands,

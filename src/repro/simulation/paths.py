@@ -19,14 +19,16 @@ def start_pose(motion: Motion, world: dict[str, Any], direction: int) -> list[fl
     """Return the start pose x, y [m], heading [rad].
 
     A rotation starts at the center, a square on its left side, `first_steps` before the corner below (direction 1) or
-    above (direction -1). A drive along waypoints starts at the first one; the opposite direction starts where it ends.
+    above (direction -1); `turned_rad` turns both about the center of the map. A drive along waypoints starts at the
+    first one; the opposite direction starts where it ends.
 
     Raises:
         ValueError: the motion is none of these.
     """
     center_x, center_y = world["width"] / 2, world["height"] / 2
+    turned_rad = motion.get("turned_rad", 0.0)
     if motion["name"] == "rotate":
-        return [center_x, center_y, 0.0]
+        return [center_x, center_y, turned_rad]
     if motion["name"] == "waypoints":
         (x, y), (next_x, next_y) = motion["points_m"][:2]
         start = [float(x), float(y), math.atan2(next_y - y, next_x - x)]
@@ -40,12 +42,34 @@ def start_pose(motion: Motion, world: dict[str, Any], direction: int) -> list[fl
         )
     half = motion["side_m"] / 2
     ahead = motion["side_m"] * motion["first_steps"] / motion["drive_steps"]  # [m] to the first corner
-    return [center_x - half, center_y - direction * (half - ahead), -direction * math.pi / 2]
+    x, y, heading = -half, -direction * (half - ahead), -direction * math.pi / 2
+    if turned_rad:
+        cos, sin = math.cos(turned_rad), math.sin(turned_rad)
+        x, y, heading = cos * x - sin * y, sin * x + cos * y, math.remainder(heading + turned_rad, 2 * math.pi)
+    return [center_x + x, center_y + y, heading]
 
 
 def planned_path(motion: Motion, world: dict[str, Any]) -> np.ndarray:
     """Compute the poses of the robot moving in direction 1, beginning with the start, (T + 1, 3)."""
     return robot_path({**motion, "direction": 1}, start_pose(motion, world, 1), world["step_time"])
+
+
+def with_sampled_turn(rng: np.random.Generator, motion: Motion) -> Motion:
+    """Draw `turned_rad` from its range, if it is one."""
+    if not _is_range(motion.get("turned_rad")):
+        return motion
+    low, high = motion["turned_rad"]
+    return {**motion, "turned_rad": float(rng.uniform(low, high))}
+
+
+def reach_m(motion: Motion, world: dict[str, Any]) -> float:
+    """Return the largest distance of the robot from the center of the map [m], however its motion is turned."""
+    path = planned_path({**motion, "turned_rad": 0.0}, world)[:, :2]
+    return float(np.linalg.norm(path - world["width"] / 2, axis=1).max())
+
+
+def _is_range(value: Any) -> bool:
+    return isinstance(value, list | tuple)
 
 
 def is_drive(motion: Motion) -> bool:
@@ -79,7 +103,10 @@ def check_path(motion: Motion, world: dict[str, Any], walls: shapely.Geometry | 
             )
     if walls is None:
         return
-    path = shapely.LineString(points or planned_path(motion, world)[:, :2])
+    if _is_range(motion.get("turned_rad")):  # any turn is possible
+        path = shapely.Point(world["width"] / 2, world["height"] / 2).buffer(reach_m(motion, world))
+    else:
+        path = shapely.LineString(points or planned_path(motion, world)[:, :2])
     if shapely.distance(walls, path) < radius_m:
         nearest = shapely.get_coordinates(shapely.shortest_line(walls, path))[1]
         raise InputError(
@@ -110,7 +137,7 @@ def to_waypoints(
     """
     size = np.array([world["width"], world["height"]])
     low, high = np.full(2, radius_m), size - radius_m
-    ranges = {key: value for key, value in motion.items() if isinstance(value, list | tuple)}
+    ranges = {key: value for key, value in motion.items() if _is_range(value)}
     motion = {**motion, **{key: float(rng.uniform(*value)) for key, value in ranges.items()}}
     for _ in range(_STARTS):
         drive = {**motion, "name": "waypoints", "points_m": [rng.uniform(low, high).tolist()]}

@@ -24,6 +24,11 @@ SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(ordered)]
 SpeedOrRange = Annotated[
     Annotated[Speed, Tag("<one>")] | Annotated[SpeedRange, Tag("<several>")], Discriminator(_amount)
 ]
+Angle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi, allow_inf_nan=False)]  # [rad]
+AngleRange = Annotated[tuple[Angle, Angle], AfterValidator(ordered)]
+AngleOrRange = Annotated[
+    Annotated[Angle, Tag("<one>")] | Annotated[AngleRange, Tag("<several>")], Discriminator(_amount)
+]
 Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
 Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
 RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(ordered)]
@@ -155,6 +160,7 @@ class Robot(Part):
 class Rotation(Part):
     name: Literal["rotate"]
     steps: Annotated[int, Field(ge=2, le=1_000_000)]
+    turned_rad: AngleOrRange = 0.0
 
 
 class Square(Part):
@@ -163,6 +169,7 @@ class Square(Part):
     drive_steps: Annotated[int, Field(ge=1, le=100_000)]
     turn_steps: Annotated[int, Field(ge=1, le=100_000)]
     first_steps: Annotated[int, Field(ge=0)]
+    turned_rad: AngleOrRange = 0.0
 
 
 class Waypoints(Part):

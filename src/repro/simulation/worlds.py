@@ -19,13 +19,21 @@ import shapely
 import yaml
 
 from repro.simulation.motions import recorded_steps
-from repro.simulation.paths import check_path, is_drive, planned_path, start_pose, to_waypoints
+from repro.simulation.paths import (
+    check_path,
+    is_drive,
+    planned_path,
+    reach_m,
+    start_pose,
+    to_waypoints,
+    with_sampled_turn,
+)
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, boundaries, shape_radius, union
 from repro.system.errors import InputError
 from repro.system.files import write_text
-from repro.world_config import populations
+from repro.world_config import lidar_of, populations
 
 World = dict[str, Any]
 
@@ -61,12 +69,13 @@ def sample_world(spec: dict[str, Any], seed: int) -> World:
             break
     else:
         raise InputError(_no_room(spec))
+    custom = {"fixed": len(fixed)} if fixed else {}
+    if lidar_of(spec).get("noise"):
+        custom["seed"] = 2 * int(rng.integers(2**30))
+    motion = with_sampled_turn(rng, motion)  # last, so that obstacles and noise are those of the world without it
     robot = {**copy.deepcopy(spec["robot"]), "behavior": {**motion, "direction": 1}}
     robot["state"] = start_pose(motion, world, direction=1)
     sampled = {"world": world, "robot": robot, "obstacle": [*fixed, *obstacles]}
-    custom = {"fixed": len(fixed)} if fixed else {}
-    if robot["sensors"][0].get("noise"):
-        custom["seed"] = 2 * int(rng.integers(2**30))
     return {**sampled, "custom": custom} if custom else sampled
 
 
@@ -114,10 +123,10 @@ def check_spec(spec: dict[str, Any]) -> None:
         if 0 < clear_m < radius_m:
             raise InputError(f"clear_radius_m={clear_m} is less than the robot's radius of {radius_m} m")
         return
-    reach_m = np.linalg.norm(planned_path(motion, world)[:, :2] - world["width"] / 2, axis=1).max() + radius_m
-    if clear_m > 0 and reach_m > clear_m:
+    reach = reach_m(motion, world) + radius_m
+    if clear_m > 0 and reach > clear_m:
         raise InputError(
-            f"the robot reaches {reach_m:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
+            f"the robot reaches {reach:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
             "make the zone larger or the motion smaller"
         )
 

@@ -1,10 +1,10 @@
-"""task=generalization: test a network on other experiments than its own, and on changed sensors, poses and speeds."""
+"""task=generalization: test a network on other experiments, start headings, sensors, poses and speeds."""
 
 import pandas as pd
 
 from repro.cli.inputs import GENERALIZATION
 from repro.cli.jobs import Job
-from repro.evaluation.generalization import across_experiments, under_changes, updated
+from repro.evaluation.generalization import across_experiments, across_start_headings, under_changes, updated
 from repro.networks.predictor import load_predictor
 from repro.recordings.reader import read_manifest
 from repro.reporting.names import predictor_title
@@ -31,13 +31,16 @@ def run(job: Job) -> None:
     print(f"testing {title} of experiments {', '.join(predictors)} on one another's recordings", flush=True)
     rows = [across_experiments(predictors, {name: outputs.recordings(name) for name in predictors})]
     if experiment in predictors:
-        print(f"testing {title} of experiment {experiment} on changed sensors, poses and speeds", flush=True)
+        print(f"testing {title} of experiment {experiment} on other headings, sensors, poses and speeds", flush=True)
+        rows.append(across_start_headings(predictors[experiment], experiment, outputs.recordings(experiment)))
         spec, pairs = read_manifest(outputs.recordings(experiment)).spec, min(job.call.scale.pairs.test, 100)
         directory = outputs.path / "generalization" / f"exp{experiment}"
         workers = job.call.runtime.workers
         rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))
     else:
-        print(f"changed sensors, poses and speeds are left out: {title} is not trained in experiment {experiment}")
+        print(
+            f"other headings, sensors, poses and speeds are left out: {title} is not trained in experiment {experiment}"
+        )
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     table = pd.concat(rows, ignore_index=True).assign(seed=job.call.seed, model=key.model, encoding=key.encoding)
     path = outputs.analysis / f"{GENERALIZATION}.csv"
