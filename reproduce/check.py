@@ -1,0 +1,64 @@
+"""Check two published rows: record the 500 test pairs of experiment 4 and evaluate the published U-Net and ConvGRU.
+
+    python reproduce/check.py
+
+prints their metrics beside the stored rows and the paper's, and ends with status 1 if one differs from its stored row
+by more than `TOLERANCE`, which the rounding of the published weights to float16 explains.
+"""
+
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+from repro.evaluation.evaluate import measure
+from repro.maps.grid import Grid
+from repro.maps.recorded import load_recorded
+from repro.metrics.names import METRICS
+from repro.networks.predictor import load_predictor
+from repro.reporting.paper import read_paper
+from repro.simulation.recorder import record_experiment
+from repro.system.devices import one_thread
+from repro.world_config import read_world, world_spec
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "reproduce" / "results"
+EXPERIMENT, SEED = "4", 0
+PUBLISHED = {  # network: directory of its row, its input, directory of its weights
+    "unet": ("workstation", "projection", "workstation/exp4-unet"),
+    "convgru": ("workstation-16000", "series10", "workstation-16000/exp4-convgru"),
+}
+SHOWN = [*METRICS, "obstacle_iou"]
+TOLERANCE = 0.0005
+
+
+def stored_row(directory: str, model: str, encoding: str) -> pd.Series:
+    """Read the row of a published run."""
+    rows = pd.read_csv(RESULTS / directory / "runs.csv", dtype={"experiment": str})
+    chosen = (rows["model"] == model) & (rows["encoding"] == encoding) & (rows["seed"] == SEED)
+    return rows[chosen & (rows["experiment"] == EXPERIMENT)].iloc[0][SHOWN].astype(float)
+
+
+def main() -> int:
+    """Record, evaluate and compare; return the exit status."""
+    recordings = ROOT / "outputs" / "check" / "recordings" / f"exp{EXPERIMENT}"
+    print("recording 500 test pairs of experiment 4: a quarter of a minute on two idle cores", flush=True)
+    spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), EXPERIMENT)
+    record_experiment(recordings, spec, {"train": 2, "val": 2, "test": 500})
+    test = load_recorded(recordings, "test", Grid(128, 50.0))
+    paper = read_paper().query("experiment == @EXPERIMENT and encoding == 'projection'").set_index("model")[[*METRICS]]
+    worst, rows = 0.0, {("unet", "paper"): paper.loc["unet"]}
+    for model, (directory, encoding, weights) in PUBLISHED.items():
+        print(f"predicting 500 maps: {model}", flush=True)
+        with one_thread():
+            free = load_predictor(RESULTS / weights).predict(test.scans)[:, None]
+        stored, (now, _) = stored_row(directory, model, encoding), measure(free, test.maps)
+        worst = max(worst, (now[SHOWN].astype(float) - stored).abs().max())
+        rows |= {(model, "published"): stored, (model, "now"): now[SHOWN]}
+    print(pd.DataFrame(rows).T.to_string(float_format="{:.4f}".format, na_rep=""))
+    print(f"largest difference from the published rows: {worst:.6f} (allowed: {TOLERANCE})")
+    return int(worst > TOLERANCE)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
