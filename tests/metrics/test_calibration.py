@@ -51,7 +51,7 @@ def test_the_iou_of_obstacles_at_the_best_threshold_and_without_one(drawn):
 def test_frequencies_equal_to_the_probabilities_are_calibrated():
     pixels = np.full(256, 51_000)
     counts = np.stack([pixels * (1 - PROBABILITY), pixels * PROBABILITY]).round().astype(np.int64)
-    assert calibration.calibration_error(counts) < 1e-4
+    assert calibration.calibration_error(calibration.reliability(counts)) < 1e-4
     assert calibration.decompose_brier(counts)["reliability"] < 1e-6
     assert calibration.fit_temperature(counts) == pytest.approx(1, abs=0.02)
 
@@ -78,10 +78,30 @@ def test_the_parts_of_the_brier_score_add_up(drawn):
 def test_a_reliability_table_has_all_pixels(drawn):
     *_, counts = drawn
     table = calibration.reliability(counts, bins=10)
-    assert table["pixels"].sum() == counts.sum()
-    assert ((table["low"] <= table["predicted"]) & (table["predicted"] <= table["high"] + 1e-9)).all()
-    mean = (table["found"] * table["pixels"]).sum() / counts.sum()
-    assert mean == pytest.approx(counts[0].sum() / counts.sum())
+    assert table.pixels.sum() == counts.sum()
+    assert ((table.low <= table.predicted) & (table.predicted <= table.high + 1e-9)).all()
+    assert np.average(table.found, weights=table.pixels) == pytest.approx(counts[0].sum() / counts.sum())
+
+
+def test_uncertain_predictions_are_measured_without_the_sure_ones():
+    sure, even = np.zeros((2, 256)), np.zeros((2, 256))
+    sure[1, 255] = 1_000_000  # certainly free, and right
+    even[0, 255 - 51], even[1, 255 - 51] = 30, 70  # predicted 0.2, found 0.3
+    even[0, 255 - 204], even[1, 255 - 204] = 70, 30  # predicted 0.8, found 0.7
+    diagram = calibration.reliability(sure + even)
+    assert calibration.calibration_error(diagram) < 1e-4
+    assert calibration.uncertain_error(diagram) == pytest.approx(0.1)
+    assert calibration.uncertain_skill(diagram) == pytest.approx((0.2**2 - 0.1**2) / 0.25)
+    nothing = calibration.reliability(sure)
+    assert np.isnan([calibration.uncertain_error(nothing), calibration.uncertain_skill(nothing)]).all()
+
+
+def test_a_calibrated_constant_has_no_skill():
+    counts = np.zeros((2, 256))
+    counts[0, 204], counts[1, 204] = 20, 80
+    diagram = calibration.reliability(counts)
+    assert calibration.uncertain_error(diagram) == pytest.approx(0, abs=1e-9)
+    assert calibration.uncertain_skill(diagram) == pytest.approx(0, abs=1e-9)
 
 
 def test_entropy_is_highest_at_one_half():

@@ -19,7 +19,6 @@ from repro.learning.training import train
 from repro.networks.predictor import load_predictor
 from repro.prediction.readers import read_log
 from repro.recordings.reader import read_manifest, read_shards
-from repro.reporting.claims import read_claims
 from repro.reporting.verification import verify
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
@@ -173,13 +172,6 @@ def test_logs(tmp_path, marker, name):
                 np.save(file, array)
     with pytest.raises(ValueError, match=f"{name}: expected real numbers, got object"):
         read_log(tmp_path / "log.npz", 0.05)
-
-
-@pytest.mark.parametrize("form", [yaml_with_code, lambda marker: pickled(marker).decode("latin1")])
-def test_claims(tmp_path, marker, form):
-    (tmp_path / "claims.yaml").write_text(form(marker))
-    with pytest.raises(ValueError, match="cannot be read"):
-        read_claims(tmp_path / "claims.yaml")
 
 
 def test_published_results(tmp_path, marker):

@@ -10,7 +10,7 @@ import pandas as pd
 from repro.baselines.laws import applies
 from repro.baselines.names import OTHER_BOUNDS, SLOW_BASELINES
 from repro.baselines.registry import PREDICTORS
-from repro.cli.inputs import CLAIMS, GENERALIZATION, analysis_inputs
+from repro.cli.inputs import GENERALIZATION, analysis_inputs
 from repro.cli.jobs import Job
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
@@ -18,10 +18,10 @@ from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.captions import caption
-from repro.reporting.claims import count_verdicts, judge, read_claims
+from repro.reporting.claims import count_verdicts
 from repro.reporting.names import scale_options
-from repro.reporting.numbers import analysis_rows
 from repro.reporting.page import Report, render, samples_json
+from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import audits, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import write_tables
@@ -57,11 +57,10 @@ def analyze(job: Job) -> None:
             errors.append(str(error))
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
-    ledger = read_claims(CLAIMS)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator) | _written_by_other_tasks(outputs)
     frames["audit"] = audits(results)
-    frames["claims"] = judge(ledger, analysis_rows(_of_papers_worlds(frames, results)))
+    frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
     scale = results["scale"].iloc[0]
     if scale != "smoke" and not frames["claims"].empty:  # empty without a run in the paper's worlds
@@ -91,15 +90,6 @@ def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
     with suppress(InputError):
         return applies(name, read_manifest(outputs.recordings(experiment)).spec)
     return True
-
-
-def _of_papers_worlds(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Return the rows of the experiments that have the paper's worlds."""
-    altered = set(results.loc[~results["papers_worlds"], "experiment"])
-    return {
-        key: frame[~frame["experiment"].isin(altered)] if "experiment" in frame else frame
-        for key, frame in frames.items()
-    }
 
 
 def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:

@@ -8,7 +8,6 @@ from repro.reporting.uptodate import inputs_hash
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 
-CLAIMS = ROOT / "reproduce" / "claims.yaml"
 GENERALIZATION = "generalization"  # rows of task=generalization, and the name of their file
 
 
@@ -26,5 +25,5 @@ def find(key: str, name: str) -> Path:
 
 def analysis_inputs(outputs: Outputs) -> str:
     """Return a hash of everything that the analysis depends on."""
-    others = [*outputs.curves.glob("*.csv"), outputs.analysis / f"{GENERALIZATION}.csv", CLAIMS, WORLDS]
+    others = [*outputs.curves.glob("*.csv"), outputs.analysis / f"{GENERALIZATION}.csv", WORLDS]
     return inputs_hash(outputs, [*others, *sorted(outputs.figures.glob("*.png"))])

@@ -241,7 +241,9 @@ def _calibration(
 def _reliability(counts: np.ndarray) -> pd.DataFrame:
     """Return the reliability diagram of all pixels and of each recency that has some, from counts (G, 2, 256)."""
     pooled = {"all": counts.sum(0), **{name: own for name, own in _by_recency(counts).items() if own.sum()}}
-    return pd.concat([reliability(own).assign(recency=name) for name, own in pooled.items()], ignore_index=True)
+    return pd.concat(
+        [pd.DataFrame({**vars(reliability(own)), "recency": name}) for name, own in pooled.items()], ignore_index=True
+    )
 
 
 def _by_recency(counts: np.ndarray) -> dict[str, np.ndarray]:

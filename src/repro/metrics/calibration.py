@@ -5,8 +5,9 @@ All functions take pixel counts by quantized probability, (..., 2, 256) with obs
 for the decomposition of the Brier score, Guo et al. (2017) for the expected calibration error and temperature scaling.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-import pandas as pd
 from scipy.optimize import minimize_scalar
 from scipy.special import entr
 
@@ -38,17 +39,37 @@ def binary_entropy(probability: np.ndarray) -> np.ndarray:
     return entr(probability) + entr(1 - probability)
 
 
-def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Reliability:
+    """A reliability diagram: one value per non-empty bin of the predicted probability of an obstacle, each (B,).
+
+    Args:
+        low: lower edge of the bin.
+        high: upper edge of the bin.
+        predicted: mean predicted probability of an obstacle.
+        found: observed share of obstacles.
+        pixels: number of pixels.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    predicted: np.ndarray
+    found: np.ndarray
+    pixels: np.ndarray
+
+    def uncertain(self) -> "Reliability":
+        """Return the bins of uncertain predictions: all but the first and the last, from 1/15 to 14/15."""
+        inside = (self.low > 0) & (self.high < 1)
+        return Reliability(*(values[inside] for values in vars(self).values()))
+
+
+def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> Reliability:
     """Compare predicted probability and observed frequency of obstacles in bins of equal width.
 
     Args:
         counts: pixels by truth and quantized probability, (2, 256).
         probability: probability of free of each quantized value, (256,).
         bins: number of bins.
-
-    Returns:
-        one row per non-empty bin: low, high, predicted (mean probability of an obstacle), found (observed share of
-        obstacles), pixels.
     """
     predicted = 1 - probability
     number = np.minimum((predicted * bins).astype(int), bins - 1)
@@ -56,15 +77,35 @@ def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins:
     summed = np.bincount(number, counts.sum(0) * predicted, bins)
     obstacles = np.bincount(number, counts[0], bins)
     edges, kept = np.arange(bins + 1) / bins, pixels > 0
-    with np.errstate(invalid="ignore"):
-        columns = {"predicted": summed / pixels, "found": obstacles / pixels, "pixels": pixels.astype(np.int64)}
-    return pd.DataFrame({"low": edges[:-1], "high": edges[1:], **columns})[kept].reset_index(drop=True)
+    columns = (edges[:-1], edges[1:], summed / pixels.clip(1), obstacles / pixels.clip(1), pixels.astype(np.int64))
+    return Reliability(*(values[kept] for values in columns))
 
 
-def calibration_error(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> float:
-    """Compute the expected calibration error of (2, 256): the mean gap between predicted and observed."""
-    table = reliability(counts, probability)
-    return float(((table["predicted"] - table["found"]).abs() * table["pixels"]).sum() / table["pixels"].sum())
+def calibration_error(diagram: Reliability) -> float:
+    """Compute the expected calibration error, the mean gap between predicted and observed; nan without pixels."""
+    gap = np.abs(diagram.predicted - diagram.found)
+    return _weighted(gap, diagram.pixels)
+
+
+def uncertain_error(diagram: Reliability) -> float:
+    """Compute the calibration error of uncertain predictions; over all pixels it is small for any sure prediction."""
+    return calibration_error(diagram.uncertain())
+
+
+def uncertain_skill(diagram: Reliability) -> float:
+    """Compute the Brier skill of uncertain predictions against the share of obstacles among them; nan without pixels.
+
+    It is 0 for a calibrated constant, 1 for a perfect prediction; the spread within a bin is neglected.
+    """
+    own = diagram.uncertain()
+    base = _weighted(own.found, own.pixels)
+    resolution, gaps = ((own.found - other) ** 2 for other in (base, own.predicted))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return float((_weighted(resolution, own.pixels) - _weighted(gaps, own.pixels)) / np.float64(base * (1 - base)))
+
+
+def _weighted(values: np.ndarray, pixels: np.ndarray) -> float:
+    return float(np.average(values, weights=pixels)) if pixels.sum() else float("nan")
 
 
 def decompose_brier(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[str, float]:
@@ -94,12 +135,14 @@ def temperature_scaled(temperature: float) -> np.ndarray:
 
 
 def summary(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[str, float]:
-    """Compute all measures of calibration of (2, 256): Brier score and its parts, log-loss, calibration error."""
+    """Compute all measures of calibration of (2, 256): Brier score and its parts, log-loss, calibration errors."""
+    diagram = reliability(counts, probability)
     return {
         "brier": float(brier(counts, probability)),
         **decompose_brier(counts, probability),
         "log_loss": float(log_loss(counts, probability)),
-        "calibration_error": calibration_error(counts, probability),
+        "calibration_error": calibration_error(diagram),
+        "uncertain_error": uncertain_error(diagram),
     }
 
 

@@ -1,47 +1,30 @@
-"""The paper's numbers and ours with their intervals, looked up by name in the tests of the claims."""
+"""The paper's numbers and ours with their intervals, looked up in the tests of the claims."""
 
-from collections.abc import Collection, Iterable
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from uncertainties import ufloat
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.config import NETWORKS, PROJECTION
-from repro.evaluation.breakdown import HITS, measures
-from repro.evaluation.recency import RECENCY
-from repro.metrics.calibration import summary
-from repro.metrics.counts import LEVELS, pooled_scores
-from repro.metrics.names import METRICS, SUMMARY
+from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
+from repro.metrics.names import METRICS
 from repro.reporting.audit import free_share
-from repro.reporting.names import TITLES
 from repro.reporting.paper import read_paper
 from repro.runs.keys import CELL
-from repro.system.errors import InputError
 
 Z = 1.96  # half-width of a 95 % interval in standard errors
 Number = Any  # a float, or a number of `uncertainties` with its standard error
-_COUNTS = np.ones((2, LEVELS))  # of which only the names of the metrics are used
-METRICS_OF = {  # the metrics of each table of numbers
-    "tables": {"ssim", "ssim_binary", *pooled_scores(_COUNTS)},
-    "recency": {"pixel_share", *measures(_COUNTS)},
-    "obstacles": {"obstacles", "recall", "detected"},
-    "calibration": {*summary(_COUNTS), "temperature", *SUMMARY},
-    "cost": {"parameters", "channels", "training_seconds", "peak_memory_gb"},
-}
 
 
 class Numbers:
-    """Numbers looked up as m(metric, exp, ...) in the tests of claims.yaml.
+    """Numbers by table, metric and cell; each method raises KeyError for a number that has not been measured.
 
     Args:
-        rows: of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
-        models: further models than those of the rows that a test may name.
+        rows: see `analysis_rows` and `paper_rows`.
     """
 
-    def __init__(self, rows: pd.DataFrame, models: Iterable[str] = ()) -> None:
-        self.models = {*TITLES, *rows["model"], *models}
+    def __init__(self, rows: pd.DataFrame) -> None:
         keys = ["of", "metric", *CELL, "recency"]
         rows = rows.dropna(subset=["value"]).drop_duplicates(keys, keep="last")
         error = ((rows["high"] - rows["low"]) / (2 * Z)).fillna(0.0)
@@ -51,38 +34,27 @@ class Numbers:
         }
         self.networks = len(set(rows["model"]) & set(NETWORKS))
 
-    def m(
-        self,
-        metric: str,
-        exp: str | list[str],
-        model: str = "average",
-        encoding: str = PROJECTION,
-        recency: str = "all",
-        of: str = "tables",
-    ) -> Number:
-        """Return a number of an experiment, or its mean over a list of experiments.
-
-        Raises:
-            KeyError: the number has not been measured.
-            ValueError: there is no such table, metric, model or recency.
-        """
-        _check("table", of, METRICS_OF)
-        _check(f"metric of {of}", metric, METRICS_OF[of])
-        _check("model", model, self.models)
-        _check("recency", recency, {"all", *RECENCY, *HITS})
+    def table(self, metric: str, exp: str | list[str], model: str = "average", encoding: str = PROJECTION) -> Number:
+        """Return a metric of the tables, for a list of experiments its mean."""
         experiments = [exp] if isinstance(exp, str) else exp
         encoding = "" if model in (*BASELINES, *OTHER_BOUNDS) else encoding
-        return sum(self.numbers[of, metric, e, model, encoding, recency] for e in experiments) / len(experiments)
+        return sum(self.numbers["tables", metric, e, model, encoding, "all"] for e in experiments) / len(experiments)
 
+    def recency(self, metric: str, exp: str, recency: str = "all", encoding: str = PROJECTION) -> Number:
+        """Return a measure of U-Net on the pixels of a recency."""
+        return self.numbers["recency", metric, exp, "unet", encoding, recency]
 
-def _check(kind: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is known.
+    def obstacles(self, metric: str, exp: str, last_hit: str) -> Number:
+        """Return a measure of U-Net on the obstacles that were last hit some steps ago."""
+        return self.numbers["obstacles", metric, exp, "unet", PROJECTION, last_hit]
 
-    Raises:
-        ValueError: it is not.
-    """
-    if name not in known:
-        raise InputError(f"expected a {kind}: {', '.join(sorted(known))}; got {name!r}")
+    def uncertain(self, measure: str, exp: str) -> Number:
+        """Return `error` or `skill` of U-Net where it is uncertain, see `metrics.calibration`."""
+        return self.numbers["uncertain", measure, exp, "unet", PROJECTION, "all"]
+
+    def parameters(self, exp: str, encoding: str = PROJECTION) -> Number:
+        """Return the number of parameters of U-Net."""
+        return self.numbers["cost", "parameters", exp, "unet", encoding, "all"]
 
 
 def paper_rows() -> pd.DataFrame:
@@ -99,16 +71,29 @@ def paper_rows() -> pd.DataFrame:
 
 
 def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the frames of `evaluation.analysis.gather` as tidy rows."""
-    parts = [frames["intervals"].assign(of="tables", recency="all")]
-    calibration = frames["calibration"]
-    parts += [frames["recency"].assign(of="recency")]
-    parts += [frames["obstacles"].rename(columns={"last_hit": "recency"}).assign(of="obstacles")]
-    for of, frame in {
-        "calibration": calibration[calibration["method"] == "uncalibrated"].drop(columns="method"),
-        "cost": frames["cost"].assign(recency="all"),
-    }.items():
-        parts.append(frame.melt([*CELL, "recency"], var_name="metric").assign(of=of))
+    """Return the frames of `evaluation.analysis.gather` as tidy rows.
+
+    Returns:
+        of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
+    """
+    cost = frames["cost"].melt(CELL, ["parameters"], "metric")
+    parts = [
+        frames["intervals"].assign(of="tables", recency="all"),
+        frames["recency"].assign(of="recency"),
+        frames["obstacles"].rename(columns={"last_hit": "recency"}).assign(of="obstacles"),
+        _uncertain(frames["reliability"]).assign(of="uncertain", recency="all"),
+        cost.assign(of="cost", recency="all"),
+    ]
     rows = pd.concat(parts, ignore_index=True)
     columns = [*CELL, "of", "recency", "metric", "value", "low", "high"]
     return rows.assign(experiment=rows["experiment"].astype(str))[columns]
+
+
+def _uncertain(diagrams: pd.DataFrame) -> pd.DataFrame:
+    """Return calibration error and Brier skill where each cell is uncertain, over all its pixels."""
+    rows = []
+    for cell, bins in diagrams[diagrams["recency"] == "all"].groupby(CELL):
+        diagram = Reliability(*(bins[name].to_numpy() for name in Reliability.__annotations__))
+        measured = {"error": uncertain_error(diagram), "skill": uncertain_skill(diagram)}
+        rows += [{**dict(zip(CELL, cell, strict=True)), "metric": name, "value": v} for name, v in measured.items()]
+    return pd.DataFrame(rows, columns=[*CELL, "metric", "value"])

@@ -25,6 +25,7 @@ from repro.runs.provenance import Provenance
 VERDICT_CLASSES = {
     Verdict.reproduced: "reproduced",
     Verdict.in_direction: "direction",
+    Verdict.undecided: "undecided",
     Verdict.not_reproduced: "not",
     Verdict.fails_in_paper: "fails",
     Verdict.untested: "cannot",

@@ -173,7 +173,7 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     groups = rows.groupby(CELL)
     table = groups[list(TABLE_METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
     spread = groups[list(TABLE_METRICS)].std().reset_index()
-    table = table.merge(_papers(rows), on=CELL, how="left", suffixes=("", "_paper"))
+    table = table.merge(of_papers_worlds(read_paper(), rows), on=CELL, how="left", suffixes=("", "_paper"))
     columns = {name: table[name] for name in (*CELL, "seeds")}
     for metric in TABLE_METRICS:
         columns[metric] = table[metric]
@@ -185,13 +185,11 @@ def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
 
 
-def _papers(results: pd.DataFrame) -> pd.DataFrame:
-    """Return the paper's tables without the experiments that have other worlds than the paper's."""
-    paper = read_paper()
+def of_papers_worlds(rows: pd.DataFrame, results: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows without the experiments whose runs, see `read_results`, have other worlds than the paper's."""
     if "papers_worlds" not in results:  # all were published before the column existed
-        return paper
-    altered = results.loc[results["papers_worlds"].eq(False), "experiment"]
-    return paper[~paper["experiment"].isin(altered)]
+        return rows
+    return rows[~rows["experiment"].isin(results.loc[results["papers_worlds"].eq(False), "experiment"])]
 
 
 def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
@@ -225,5 +223,5 @@ def audits(results: pd.DataFrame) -> pd.DataFrame:
     """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
     rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
     ours = pd.concat([rows, averages_of(rows)]).groupby(CELL, as_index=False)[list(TABLE_METRICS)].mean()
-    tables = {"paper": _papers(results), "ours": ours}
+    tables = {"paper": of_papers_worlds(read_paper(), results), "ours": ours}
     return pd.concat([audit(table[[*CELL, *METRICS]]).assign(source=source) for source, table in tables.items()])

@@ -25,7 +25,7 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
     lines = [
         f"**{count_verdicts(claims)}.**",
         "",
-        "Ours and Paper are values of the test, mostly differences (for the calibration error, 0.02 minus the error).",
+        "Ours and Paper are values of the test, mostly differences (for the calibration, 0.02 minus the error).",
         "Ours is of the combination that is closest to failing on our numbers, Paper of the one that is closest on",
         "the paper's, which may be another one (for claims about most conditions, of the median one). In brackets:",
         "interval of 95 %; in parentheses: claimed value, which is that of the paper for its tables, and tolerance.",
