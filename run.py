@@ -28,9 +28,9 @@ from repro.cli.jobs import resolve
 from repro.cli.streams import complete_standard_streams, discard_output
 from repro.cli.tasks import run_task
 from repro.cli.validation import warnings_of
-from repro.config import plain
+from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
-from repro.system.resources import has_gpu, use_one_thread
+from repro.world_config import plain
 
 register()
 FAILURES = "REPRO_FAILURES"  # names the file in which the jobs of a call, in whatever process, note their failures

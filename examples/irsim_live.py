@@ -23,8 +23,8 @@ from matplotlib.collections import LineCollection
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.navigation.planning import plan, planner_map
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.planning import plan, planner_map
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.motions import robot_commands

@@ -13,9 +13,9 @@ import pandas as pd
 
 from repro.evaluation.evaluate import measure
 from repro.maps.grid import Grid
-from repro.maps.recorded import load_recorded
 from repro.metrics.names import METRICS
 from repro.networks.predictor import load_predictor
+from repro.recordings.recorded import load_recorded
 from repro.reporting.paper import read_paper
 from repro.simulation.recorder import record_experiment
 from repro.system.devices import one_thread

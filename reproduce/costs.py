@@ -19,12 +19,12 @@ import torch
 import yaml
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.config import NETWORKS, Model, paper_model
 from repro.learning.cost import seconds_per_image
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
+from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.comparison_figures import efficiency
 from repro.reporting.figures import STYLE

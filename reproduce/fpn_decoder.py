@@ -20,15 +20,16 @@ from segmentation_models_pytorch.decoders.fpn.decoder import Conv3x3GNReLU
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.config import Training, paper_model
+from repro.config import Training
 from repro.evaluation.evaluate import measure
 from repro.learning.callbacks import exponential_moving_average
 from repro.learning.kernels import accelerate
 from repro.learning.training import TrainingModule, create_trainer
-from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import Network, create_network
+from repro.networks.model import paper_model
+from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.system.devices import one_thread, resolve_precision
 
 GRID, PAIRS = Grid(64, 50.0), {"train": 2000, "val": 500}

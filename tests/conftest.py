@@ -16,9 +16,10 @@ from hydra._internal.utils import get_args_parser
 from repro import world_config
 from repro.baselines.names import BASELINES
 from repro.cli import composition
-from repro.config import NETWORKS, PAPER_ENCODER, RECURRENT, Encoding, Model, PairCounts, Training
+from repro.config import RECURRENT, Encoding, PairCounts, Training
 from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
+from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.recordings.format import spec_fingerprint
 from repro.runs import provenance
 from repro.runs.config import Data, RunConfig

@@ -13,10 +13,10 @@ import numpy as np
 from table import head, row
 from torch import Tensor
 
-from repro.config import Model
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.create import create_network
+from repro.networks.model import Model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log

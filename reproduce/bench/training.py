@@ -18,17 +18,18 @@ from table import head, row
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.config import NETWORKS, Model, Training, paper_model
+from repro.config import Training
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.bits import pack_bits
-from repro.maps.datasets import Pairs
 from repro.maps.encodings import Encoding, create_encoding
 from repro.networks.create import Network, create_network
+from repro.networks.model import NETWORKS, Model, paper_model
+from repro.recordings.datasets import Pairs
 from repro.reporting.names import model_title
 from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
-from repro.system.resources import keep_freed_memory
+from repro.system.memory import keep_freed_memory
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
 SIZES = {  # pixels, batch, pairs of an epoch

@@ -6,7 +6,10 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from repro.config import plain
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """Return a part of the configuration as plain values, its interpolations resolved."""
+    return OmegaConf.to_container(config, resolve=True)  # type: ignore[return-value]
 
 
 def read_world(path: Path) -> dict[str, Any]:

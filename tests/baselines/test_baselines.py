@@ -12,8 +12,8 @@ from repro.baselines.registry import PREDICTORS, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.maps.recorded import Recorded, load_recorded
 from repro.metrics.scores import confusion, scores
+from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans
 
 GRID = Grid(50, 50.0)

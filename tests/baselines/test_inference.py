@@ -12,7 +12,7 @@ from repro.baselines.inference import _free_of_unseen, infer
 from repro.baselines.laws import Obstacles, turned
 from repro.baselines.privileged import privileged
 from repro.maps.grid import Grid
-from repro.maps.recorded import load_recorded
+from repro.recordings.recorded import load_recorded
 from repro.simulation.recorder import record_experiment
 
 STEPS = 100

@@ -12,7 +12,7 @@ from repro.baselines.laws import turned
 from repro.baselines.particles import ASPECT, HEADING, IS_DISC, PARAMETERS, RADIUS, SPEED, TURN, X, Y
 from repro.baselines.tempering import resample, temper
 from repro.maps.grid import Grid
-from repro.maps.recorded import load_recorded
+from repro.recordings.recorded import load_recorded
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import shape_radius

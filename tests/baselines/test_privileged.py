@@ -15,9 +15,9 @@ from repro.baselines.registry import PREDICTORS
 from repro.evaluation.recency import newest_hits_of_obstacles
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.maps.recorded import load_recorded
 from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
+from repro.recordings.recorded import load_recorded
 from repro.simulation.drift import Drift
 from repro.simulation.recorder import record_experiment
 

@@ -11,8 +11,9 @@ from repro.cli.config import Config, to_typed
 from repro.cli.jobs import RESULTS, resolve
 from repro.cli.tasks import run_task
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, OLDEST_GRAY, PAPER_ENCODER, paper_model, plain
-from repro.world_config import world_spec
+from repro.fields import OLDEST_GRAY
+from repro.networks.model import NETWORKS, PAPER_ENCODER, paper_model
+from repro.world_config import plain, world_spec
 
 composition.register()
 

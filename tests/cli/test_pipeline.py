@@ -10,8 +10,8 @@ import pytest
 from conftest import ROOT
 
 from repro.baselines.names import QUICK_BASELINES
-from repro.config import NETWORKS
 from repro.metrics.names import METRICS
+from repro.networks.model import NETWORKS
 
 pytestmark = pytest.mark.slow
 

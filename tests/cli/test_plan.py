@@ -5,8 +5,9 @@ import pytest
 
 from repro.cli.tasks import plan
 from repro.cli.tasks.plan import plan_study
-from repro.config import NETWORKS, Encoding, PairCounts, Training, paper_model
+from repro.config import Encoding, PairCounts, Training
 from repro.learning import cost
+from repro.networks.model import NETWORKS, paper_model
 from repro.runs.config import Data, RunConfig
 
 PAIRS = PairCounts(10000, 128, 500)

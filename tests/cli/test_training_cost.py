@@ -5,8 +5,8 @@ from repro.cli import composition, cost
 from repro.cli.config import to_typed
 from repro.cli.cost import print_cost
 from repro.cli.jobs import Job, resolve
-from repro.config import plain
 from repro.runs.provenance import Status
+from repro.world_config import plain
 
 composition.register()
 

@@ -8,12 +8,12 @@ import torch
 from conftest import ROOT
 from onnx import TensorProto, helper, numpy_helper
 
-from repro.config import paper_model
 from repro.demo import networks, page
 from repro.demo.runtime import Runtime
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.create import create_network
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.world_config import read_world
 

@@ -2,20 +2,20 @@ import dataclasses
 import shutil
 
 import numpy as np
-import pandas as pd
 import pytest
 from conftest import ROOT, run_config
 
-from repro.config import NETWORKS, PROJECTION
+from repro.config import PROJECTION
 from repro.evaluation.analysis import gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
-from repro.evaluation.comparisons import averages, differences
+from repro.evaluation.comparisons import averages, compared
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
 from repro.metrics.counts import count_quantized, pooled_scores
+from repro.networks.model import NETWORKS
 from repro.recordings.reader import read_shards
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
@@ -154,14 +154,14 @@ def test_intervals_agree_with_the_metrics_of_the_run(outputs):
 
 
 def test_a_method_is_compared_with_baselines_and_with_the_papers_u_net():
-    draws = pd.DataFrame({"accuracy": [0.9, 0.8, 0.95]})
+    draws = {"accuracy": np.array([0.9, 0.8, 0.95])}
     cells = [
         *(("unet", PROJECTION), ("unet", "projection-no-decay"), ("fpn", PROJECTION)),
         *(("unet", "series10"), ("convgru", "series10"), ("tracker", "")),
     ]
     found = {
         (names["comparison"], names["one"], names["other"], names["model"], names["encoding"])
-        for _, names in differences({("3", *cell): draws for cell in cells})
+        for _, names in compared({("3", *cell): draws for cell in cells})
     }
     assert found == {
         ("decay", PROJECTION, "projection-no-decay", "unet", ""),
@@ -187,7 +187,7 @@ def test_the_average_is_over_the_seeds_that_all_networks_have():
     ((cell, table, common),) = list(averages(counted, seeds, weights))
     assert (cell, common) == (("3", "average", PROJECTION), 2)
     own = [pooled_scores(counts[:2].sum(1) + 5 * number)["accuracy"].mean() for number in range(len(NETWORKS))]
-    assert table["accuracy"].iloc[0] == pytest.approx(np.mean(own))
+    assert table["accuracy"][0] == pytest.approx(np.mean(own))
     seeds["3", "fpn", PROJECTION] = [7, 8]
     assert not list(averages(counted, seeds, weights))
 

@@ -2,10 +2,10 @@ import pytest
 import torch
 
 from repro.evaluation.coverage import coverage_and_visibility
-from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.projection import Projection
+from repro.recordings.datasets import load_pairs
 from repro.recordings.reader import read_shards
 
 GRID = Grid(64, 50.0)

@@ -6,12 +6,12 @@ from conftest import prepared
 
 from repro.evaluation.evaluate import evaluate, measure, read_predictions, validate
 from repro.learning.training import train
-from repro.maps.datasets import load_pairs
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
 from repro.metrics.scores import confusion, scores
 from repro.networks.predictor import load_predictor
+from repro.recordings.datasets import load_pairs
 from repro.recordings.reader import recordings_hash
 from repro.runs.provenance import Status
 

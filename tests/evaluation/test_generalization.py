@@ -14,8 +14,8 @@ from repro.learning.training import train
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.maps.recorded import load_recorded
 from repro.networks.predictor import Predictor, load_predictor
+from repro.recordings.recorded import load_recorded
 from repro.reporting.rows import read_rows
 from repro.scans import Scans
 from repro.simulation.raycasting import scan

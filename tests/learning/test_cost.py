@@ -2,10 +2,11 @@ from dataclasses import replace
 
 import pytest
 
-from repro.config import Encoding, Model, PairCounts, Training, paper_model
+from repro.config import Encoding, PairCounts, Training
 from repro.learning import cost
 from repro.learning.cost import training_seconds, trainings_at_once
 from repro.learning.losses import MapLoss, VisibleLoss
+from repro.networks.model import Model, paper_model
 from repro.runs.config import Data, RunConfig
 
 PAIRS = PairCounts(10000, 128, 500)

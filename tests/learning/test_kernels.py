@@ -5,9 +5,9 @@ import segmentation_models_pytorch as smp
 import torch
 from torch import nn
 
-from repro.config import NETWORKS, paper_model
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
 from repro.networks.create import create_network, load_network
+from repro.networks.model import NETWORKS, paper_model
 from repro.networks.smp_networks import FusedFPNDecoder, FusedSegformerDecoder, LeanUnetBlock
 
 

@@ -13,9 +13,9 @@ from repro.learning import callbacks, training
 from repro.learning.callbacks import CPUContention
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
-from repro.maps.datasets import Batches, load_pairs_of_run
 from repro.networks.create import OWN_ARCHITECTURES
 from repro.networks.predictor import load_predictor
+from repro.recordings.datasets import Batches, load_pairs_of_run
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.system.files import sha256

@@ -6,7 +6,6 @@ import torch
 from conftest import ROOT
 from omegaconf import OmegaConf
 
-from repro.config import plain
 from repro.maps.encodings import ENCODINGS, Ages, Encoding, Exponential, Negative, ObservedFree, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
@@ -14,6 +13,7 @@ from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
 from repro.scans import Scans
+from repro.world_config import plain
 
 GRID = Grid(64, 50.0)
 CONFIGURED = sorted((ROOT / "conf" / "encoding").glob("*.yaml"))

@@ -1,10 +1,10 @@
 import pytest
 import torch
 
-from repro.config import Model
 from repro.networks.convgru import ConvGRU
 from repro.networks.create import architecture_of, create_network, load_network
 from repro.networks.light_convgru import LightConvGRU
+from repro.networks.model import Model
 
 both = pytest.mark.parametrize("network_class", [ConvGRU, LightConvGRU])
 

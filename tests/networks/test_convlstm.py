@@ -1,8 +1,8 @@
 import torch
 
-from repro.config import Model
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.create import architecture_of, create_network, load_network
+from repro.networks.model import Model
 
 
 def test_a_series_of_images_is_mapped_to_one_map_of_logits():

@@ -1,8 +1,8 @@
 import torch
 
-from repro.config import Model
 from repro.networks.create import architecture_of, create_network, load_network
 from repro.networks.deeptracking import DeepTracking
+from repro.networks.model import Model
 
 
 def test_the_network_has_the_parameters_of_the_published_one():

@@ -8,10 +8,10 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, world_spec
 
-from repro.config import paper_model
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
 from repro.networks.create import create_network
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.stream import PredictionStream
 from repro.scans import Scans

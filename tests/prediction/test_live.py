@@ -13,11 +13,11 @@ import torch
 from conftest import ROOT
 from rosbags.typesys import Stores, get_typestore
 
-from repro.config import paper_model
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.live import MAX_WAITING, MOST_OTHERS, LiveMapper, two_numbers
 from repro.prediction.logs import ScanLog

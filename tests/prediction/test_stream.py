@@ -9,12 +9,12 @@ import pytest
 import torch
 from conftest import ROOT
 
-from repro.config import paper_model
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.light_convgru import LightConvGRU
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log

@@ -13,10 +13,10 @@ import torch
 from conftest import ROOT
 
 from repro.cli.tasks import predict
-from repro.config import paper_model
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 
 EXAMPLE = ROOT / "examples" / "rooms.npz"

@@ -7,16 +7,16 @@ from conftest import ROOT, fake_run, prepared
 from huggingface_hub import ModelCard
 
 from repro.cli.tasks.export import suffix_of
-from repro.config import paper_model
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
-from repro.maps.datasets import training_statistics
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
+from repro.recordings.datasets import training_statistics
 from repro.recordings.format import spec_fingerprint
 from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, make_card, with_front_matter
 from repro.reporting.paper import WORLDS

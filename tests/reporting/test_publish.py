@@ -11,13 +11,14 @@ import torch
 from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
 from repro.cli.tasks.publish import changes, overrides_of, usual_settings
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale, paper_model
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
+from repro.networks.model import NETWORKS, paper_model
 from repro.networks.predictor import Predictor
 from repro.reporting.export import export_weights
 from repro.reporting.publish import doubts, publish

@@ -4,8 +4,9 @@ import pandas as pd
 import pytest
 from conftest import fake_run, fake_study, run_config
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, Encoding
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS, TABLE_METRICS
+from repro.networks.model import NETWORKS
 from repro.reporting.audit import dice_by_precision
 from repro.reporting.captions import caption, missing
 from repro.reporting.paper import read_paper

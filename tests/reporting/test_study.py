@@ -4,7 +4,8 @@ import pytest
 from conftest import ROOT, fake_run
 
 import repro.world_config
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY, PairCounts
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
+from repro.networks.model import NETWORKS
 from repro.recordings.format import shards_of
 from repro.recordings.reader import Manifest, ShardEntry
 from repro.reporting.names import duration

@@ -14,9 +14,10 @@ from repro.cli.config import to_typed
 from repro.cli.errors import explain
 from repro.cli.jobs import resolve
 from repro.cli.tasks import run_task
-from repro.config import PROJECTION, plain
+from repro.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
+from repro.world_config import plain
 
 composition.register()
 

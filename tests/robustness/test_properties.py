@@ -15,13 +15,14 @@ from omegaconf import OmegaConf
 
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors
-from repro.config import NETWORKS, Training, paper_model
+from repro.config import Training
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.learning.training import TrainingModule
-from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.create import create_network
+from repro.networks.model import NETWORKS, paper_model
+from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.recordings.format import shards_of
 from repro.recordings.reader import recordings_hash
 from repro.simulation.recorder import record_experiment, write_shard

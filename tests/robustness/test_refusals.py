@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT, cpu_seconds, refuse
 
 from repro.cli import composition
-from repro.config import plain
+from repro.world_config import plain
 
 composition.register()
 
@@ -190,7 +190,7 @@ ALLOWED = {  # hostile values that have a meaning
 
 @pytest.mark.parametrize(("call", "expected"), CALLS.items())
 def test_a_call_is_refused_with_its_reason(call, expected, monkeypatch):
-    monkeypatch.setattr("repro.system.resources.psutil.virtual_memory", lambda: Memory())
+    monkeypatch.setattr("repro.system.memory.psutil.virtual_memory", lambda: Memory())
     reasons = refuse(*call.split(" ")) if not call.startswith("outputs=a'") else refuse(call)
     assert any(expected in reason for reason in reasons), reasons
     assert all("\n" not in reason for reason in reasons), reasons

@@ -13,7 +13,7 @@ from omegaconf.errors import OmegaConfBaseException
 from repro.cli import composition
 from repro.cli.config import to_typed
 from repro.cli.validation import all_errors, warnings_of
-from repro.config import plain
+from repro.world_config import plain
 
 composition.register()
 

@@ -15,11 +15,10 @@ from PIL import Image
 
 from repro.cli.composition import register
 from repro.cli.tasks import floor as task
-from repro.config import plain
 from repro.simulation.floors import read_floor
 from repro.simulation.schema import world_errors
 from repro.simulation.worlds import sample_world
-from repro.world_config import read_world, world_spec
+from repro.world_config import plain, read_world, world_spec
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 CELL = 0.25

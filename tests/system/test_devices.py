@@ -4,8 +4,8 @@ import sys
 import pytest
 import torch
 
-from repro.config import paper_model
 from repro.networks.create import create_network
+from repro.networks.model import paper_model
 from repro.system import devices
 from repro.system.devices import compiles, resolve_device, resolve_precision
 

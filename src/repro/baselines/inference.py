@@ -32,7 +32,7 @@ from repro.baselines.laws import (
     share_covered,
 )
 from repro.maps.grid import Grid
-from repro.maps.recorded import Recorded
+from repro.recordings.recorded import Recorded
 from repro.system.errors import InputError
 
 CORNERS = 64  # of a disc, as in the simulation

@@ -16,15 +16,15 @@ from tqdm import tqdm
 from repro.baselines.draws import count_cover
 from repro.baselines.names import BOUNDS
 from repro.maps.grid import Grid
-from repro.maps.recorded import Recorded
 from repro.outlines import padded, placed
+from repro.parallel import count_cores
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
+from repro.recordings.recorded import Recorded
 from repro.simulation.motions import recorded_steps
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
 from repro.system.errors import InputError
-from repro.system.resources import count_cores
 from repro.world_config import lidar_of
 
 DRAWS = 512  # of each obstacle

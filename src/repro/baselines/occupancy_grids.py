@@ -8,8 +8,8 @@ from torch.nn import functional as F
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.maps.recorded import Recorded
 from repro.maps.visibility import newest_passed
+from repro.recordings.recorded import Recorded
 from repro.scans import Scans
 
 PRIOR = 0.08  # prior probability of an obstacle, its share in the paper's dynamic worlds

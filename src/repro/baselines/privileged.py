@@ -33,7 +33,7 @@ from repro.baselines.laws import (
     share_covered,
     turned,
 )
-from repro.maps.recorded import Recorded, Truth
+from repro.recordings.recorded import Recorded, Truth
 from repro.scans import wrapped
 from repro.system.errors import InputError
 

@@ -23,9 +23,9 @@ from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.privileged import Knowledge, privileged
 from repro.baselines.tracker import draw, track
 from repro.maps.projection import newest_hits
-from repro.maps.recorded import Recorded
 from repro.maps.visibility import newest_passed
 from repro.metrics.scores import confusion, scores
+from repro.recordings.recorded import Recorded
 from repro.system.errors import InputError
 
 Settings = dict[str, Any]

@@ -21,9 +21,9 @@ from stonesoup.updater.kalman import KalmanUpdater
 from torch import Tensor
 
 from repro.maps.grid import Grid
-from repro.maps.recorded import Recorded
+from repro.parallel import count_cores, process_pool
+from repro.recordings.recorded import Recorded
 from repro.scans import Scans
-from repro.system.resources import count_cores, process_pool
 
 NEAR_M = 1.5  # hits closer than this belong to one cluster
 GATE_M = 3.0  # a cluster farther than this from every track starts a new one

@@ -25,9 +25,10 @@ from repro.cli.logs import name_of
 from repro.cli.overrides import GROUPS, override_errors, unused_errors
 from repro.cli.suggestions import one_of, unknown_key
 from repro.cli.validation import all_errors
-from repro.config import NO_DECAY, most_channels, plain
+from repro.config import NO_DECAY, most_channels
+from repro.parallel import has_gpu, parallel_trainings
 from repro.runs.keys import RunKey
-from repro.system.resources import has_gpu, parallel_trainings
+from repro.world_config import plain
 
 CONF = ROOT / "conf"
 MANY_JOBS = 40  # composing them takes ten seconds

@@ -10,7 +10,9 @@ from typing import Annotated, Any, get_type_hints
 from omegaconf import MISSING
 from pydantic import AfterValidator, Field, TypeAdapter
 
-from repro.config import KNOWN_KEYS, Encoding, Gray, Model, NotNegative, Scale, Training, choice
+from repro.config import Encoding, Scale, Training
+from repro.fields import KNOWN_KEYS, Gray, NotNegative, choice
+from repro.networks.model import Model
 from repro.system.errors import InputError
 
 RUN_TASKS = (

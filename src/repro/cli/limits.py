@@ -2,9 +2,11 @@
 
 from typing import Any
 
-from repro.config import ConfigError, Encoding, Scale, Training
+from repro.config import Encoding, Scale, Training
+from repro.fields import ConfigError
+from repro.parallel import training_memory_gb
 from repro.simulation.motions import recorded_steps
-from repro.system.resources import total_memory_gb, training_memory_gb
+from repro.system.memory import total_memory_gb
 from repro.world_config import lidar_of
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core

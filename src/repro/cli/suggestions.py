@@ -3,7 +3,7 @@
 import difflib
 from typing import Any
 
-from repro.config import UNKNOWN_KEY, ConfigError
+from repro.fields import UNKNOWN_KEY, ConfigError
 
 OPTIONAL = ("noise", "std", "angle_std", "fixed", "rooms", "parameters")  # keys that the files of conf/ may leave out
 

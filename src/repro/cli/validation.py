@@ -10,22 +10,12 @@ from pydantic import TypeAdapter, ValidationError
 from repro.cli.config import TRAINING_TASKS, Config, to_typed
 from repro.cli.limits import cpu_errors, recording_seconds
 from repro.cli.suggestions import with_suggestion
-from repro.config import (
-    EVERY_PART,
-    NETWORKS,
-    OLDEST_GRAY,
-    PAPER_ENCODER,
-    RECURRENT,
-    ConfigError,
-    Encoding,
-    EncodingParameters,
-    Model,
-    NetworkParameters,
-    config_errors_of,
-)
+from repro.config import EVERY_PART, RECURRENT, Encoding, EncodingParameters, NetworkParameters
+from repro.fields import OLDEST_GRAY, ConfigError, config_errors_of
+from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
+from repro.parallel import has_gpu
 from repro.simulation.motions import recorded_steps
 from repro.simulation.schema import world_errors
-from repro.system.resources import has_gpu
 from repro.world_config import world_spec
 
 MIT_ENCODERS = tuple(f"mit_b{size}" for size in range(6))

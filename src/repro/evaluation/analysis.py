@@ -18,15 +18,15 @@ from tqdm import tqdm
 from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set, uncertainty
-from repro.evaluation.comparisons import Cell, averages, differences
+from repro.evaluation.comparisons import Cell, averages, compared
 from repro.evaluation.evaluate import read_quantized, read_ssim, validation_quantized
 from repro.evaluation.recency import GROUPS, RECENCY
-from repro.maps.datasets import grid_of
-from repro.metrics.bootstrap import Measured, by_world, draw_weights, interval, resample
+from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import fit_temperature, reliability, summary, temperature_scaled
 from repro.metrics.counts import count_quantized, pooled_scores
 from repro.metrics.names import SUMMARY
 from repro.networks.predictor import load_predictor
+from repro.recordings.datasets import grid_of
 from repro.runs.directories import Run
 from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
@@ -90,7 +90,7 @@ class _Measurement:
     """
 
     measured: Measured
-    draws: pd.DataFrame
+    draws: dict[str, np.ndarray]
     frames: dict[str, pd.DataFrame]
 
 
@@ -131,9 +131,9 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
         for cell, table, common in averages(counted, seeds, shared.weights):
             draws[cell] = table
-            analysis.add("intervals", interval(table).assign(seeds=common), _columns(cell))
-        for rows, columns in differences(draws):
-            analysis.add("differences", rows, columns)
+            analysis.add("intervals", pd.DataFrame(intervals(table)).assign(seeds=common), _columns(cell))
+        for rows, columns in compared(draws):
+            analysis.add("differences", pd.DataFrame(rows), columns)
     if errors and "calibration" not in analysis.rows:
         raise InputError(f"no run can be analyzed: {errors[0]}")
     return analysis.frames()
@@ -178,7 +178,7 @@ def _measure_cell(runs: list[Run], shared: _Shared) -> _Measurement:
     measured = Measured(counts.sum(2), np.stack([by_world(values) / 2 for values in ssim]))
     draws = resample(measured, shared.weights)
     frames = {
-        "intervals": interval(draws).assign(seeds=len(runs)),
+        "intervals": pd.DataFrame(intervals(draws)).assign(seeds=len(runs)),
         "recency": by_recency(counts.sum(0), few_weights),
         "ages": by_age(counts.sum((0, 1))),
         "obstacles": by_last_hit(predictions, test, few_weights),

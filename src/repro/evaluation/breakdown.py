@@ -20,11 +20,11 @@ from repro.evaluation.recency import (
     pixel_groups,
 )
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import true_maps
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import binary_entropy, brier, entropy, log_loss
 from repro.metrics.counts import LEVELS, average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.truth import true_maps
 from repro.world_config import lidar_of
 
 HITS = {**{name: bins for name, bins in RECENCY.items() if max(bins) < BINS}, "never": range(BINS, BINS + 1)}

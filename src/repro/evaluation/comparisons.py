@@ -4,10 +4,10 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
-import pandas as pd
 
-from repro.config import NETWORKS, NO_DECAY, PROJECTION
-from repro.metrics.bootstrap import Measured, difference, resample
+from repro.config import NO_DECAY, PROJECTION
+from repro.metrics.bootstrap import Difference, Measured, differences, resample
+from repro.networks.model import NETWORKS
 
 Cell = tuple[str, str, str]  # experiment, model, encoding
 PAPERS_METHOD = ("unet", PROJECTION)  # the paper's best model and its input
@@ -15,7 +15,7 @@ PAPERS_METHOD = ("unet", PROJECTION)  # the paper's best model and its input
 
 def averages(
     counted: dict[Cell, Measured], seeds: dict[Cell, list[int | None]], weights: np.ndarray
-) -> Iterator[tuple[Cell, pd.DataFrame, int]]:
+) -> Iterator[tuple[Cell, dict[str, np.ndarray], int]]:
     """Yield the mean of the paper's networks in every draw, for each encoding on which all of them are evaluated.
 
     It is taken over the seeds that all four have, as in the tables; the last value is their number.
@@ -31,17 +31,21 @@ def averages(
         for cell in cells:
             chosen = [seeds[cell].index(seed) for seed in common]
             draws.append(resample(Measured(counted[cell].counts[chosen], counted[cell].ssim[chosen]), weights))
-        yield (experiment, "average", encoding), sum(draws[1:], draws[0]) / len(draws), len(common)
+        yield (
+            (experiment, "average", encoding),
+            {name: np.mean([each[name] for each in draws], axis=0) for name in draws[0]},
+            len(common),
+        )
 
 
-def differences(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, dict[str, str]]]:
+def compared(draws: dict[Cell, dict[str, np.ndarray]]) -> Iterator[tuple[list[Difference], dict[str, str]]]:
     """Yield the differences between models on the same encoding, the decay and its ablation, encodings, and methods.
 
     Args:
         draws: the metrics in every draw of the bootstrap, by cell.
 
     Yields:
-        rows of metric, value, low, high and excludes_zero, and the columns that identify them.
+        the difference of each metric, and the columns that identify them.
     """
     for one, other in itertools.combinations(draws, 2):
         comparison = _comparison(one, other)
@@ -53,7 +57,7 @@ def differences(draws: dict[Cell, pd.DataFrame]) -> Iterator[tuple[pd.DataFrame,
             names = {"one": one[2], "other": other[2], "model": one[1], "encoding": ""}
         else:
             continue
-        yield difference(draws[one], draws[other]), {"experiment": one[0], "comparison": comparison, **names}
+        yield differences(draws[one], draws[other]), {"experiment": one[0], "comparison": comparison, **names}
 
 
 def _comparison(one: Cell, other: Cell) -> str | None:

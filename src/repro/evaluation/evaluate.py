@@ -11,17 +11,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import torch
 from torch import Tensor
 
 from repro.baselines.registry import PREDICTORS
-from repro.maps.datasets import Pairs, grid_of, load_pairs_of_run
-from repro.maps.recorded import load_recorded
-from repro.metrics.bootstrap import Measured, by_world
-from repro.metrics.counts import count_quantized
-from repro.metrics.scores import THRESHOLD, confusion, scores, ssim
+from repro.metrics.counts import quantize
+from repro.metrics.scores import THRESHOLD, checked_probabilities, confusion, scores, ssim
 from repro.networks.predictor import load_predictor
+from repro.recordings.datasets import Pairs, grid_of, load_pairs_of_run
 from repro.recordings.reader import check_worlds, recordings_hash
+from repro.recordings.recorded import load_recorded
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
@@ -116,28 +114,6 @@ def check_trained(run: Run) -> None:
         raise InputError(f"{run} is not fully trained: train it with task=train first")
 
 
-def checked_probabilities(free: Tensor | np.ndarray, maps: Tensor) -> Tensor:
-    """Return predictions as a tensor on the CPU, float32, after a check.
-
-    Args:
-        free: probability of free, (M, 1, H, W).
-        maps: the true maps, (M, 1, H, W).
-
-    Raises:
-        ValueError: they are no probabilities of free, or their shape is not that of the maps.
-    """
-    if not isinstance(free, Tensor | np.ndarray) or tuple(free.shape) != tuple(maps.shape):
-        got = tuple(getattr(free, "shape", ())) or type(free).__name__
-        raise InputError(f"expected probabilities of free, {tuple(maps.shape)} as the maps, got {got}")
-    probability = torch.as_tensor(free).cpu().float()
-    if not bool(((probability >= 0) & (probability <= 1)).all()):
-        low, high = probability.min().item(), probability.max().item()
-        raise InputError(
-            f"expected probabilities of free from 0 to 1, got values from {low:g} to {high:g}: logits need a sigmoid"
-        )
-    return probability
-
-
 def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
     """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image.
 
@@ -173,22 +149,6 @@ def validation_quantized(run: Run, recordings: Path, *, accelerator: str) -> tup
     """
     val, probability = _predict_split("val", run, recordings, accelerator)
     return quantize(probability), val.maps[:, 0].cpu().numpy()
-
-
-def quantize(probability: Tensor) -> np.ndarray:
-    """Quantize probabilities (M, 1, H, W) in [0, 1] to uint8, 0 to 255, (M, H, W)."""
-    return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
-
-
-def measured_of(probability: Tensor, maps: Tensor) -> Measured:
-    """Count the pixels of quantized probabilities and compute their SSIM by world, as one seed.
-
-    Args:
-        probability: probability of free, (M, 1, H, W), in [0, 1].
-        maps: true maps, (M, 1, H, W); recordings 2 w and 2 w + 1 are of world w.
-    """
-    counts = count_quantized(quantize(probability), maps[:, 0].numpy())[:, 0]
-    return Measured(by_world(counts)[None], by_world(ssim(probability, maps.float()).numpy())[None] / 2)
 
 
 def write_predictions(run: Run, probability: Tensor) -> None:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from repro.evaluation.evaluate import read_predictions
-from repro.maps.datasets import encoding_of, grid_of
-from repro.maps.ground_truth import true_maps
+from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import read_recording
+from repro.recordings.truth import true_maps
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.scans import Scans

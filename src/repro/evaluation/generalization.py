@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repro.evaluation.evaluate import measured_of
-from repro.maps.recorded import Recorded, load_recorded
-from repro.metrics.bootstrap import draw_weights, interval, resample
+from repro.metrics.bootstrap import draw_weights, intervals, measured_of, resample
 from repro.networks.predictor import Predictor
+from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans, library_of
 from repro.simulation.recorder import record_experiment
 from repro.system.errors import InputError
@@ -226,4 +225,4 @@ def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:
     """Compare the prediction of scans with the true maps of their recordings; rows of metric, value, low, high."""
     free = predictor.predict(scans, allow_empty=True)  # a change may leave no hit, or move a pose off the map
     measured = measured_of(free[:, None], test.maps)
-    return interval(resample(measured, draw_weights(len(test) // 2)))
+    return pd.DataFrame(intervals(resample(measured, draw_weights(len(test) // 2))))

@@ -9,10 +9,10 @@ from PIL import Image
 
 from repro.config import PROJECTION
 from repro.evaluation.evaluate import read_quantized
-from repro.maps.datasets import encoding_of, grid_of
-from repro.maps.ground_truth import true_maps
 from repro.maps.projection import Projection
+from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import read_shards
+from repro.recordings.truth import true_maps
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 

@@ -4,15 +4,16 @@ from contextlib import nullcontext
 
 import torch
 
-from repro.config import Model, Training
+from repro.config import Training
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss, VisibleLoss, create_loss
-from repro.maps.datasets import encoding_of
 from repro.maps.encodings import Encoding
 from repro.networks.create import check_interface, create_network
+from repro.networks.model import Model
+from repro.parallel import parallel_trainings
+from repro.recordings.datasets import encoding_of
 from repro.runs.config import RunConfig
 from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
-from repro.system.resources import parallel_trainings
 
 MIXED = {"bf16-mixed": torch.bfloat16, "16-mixed": torch.float16}  # the others are measured in float32
 USUAL_EPOCHS = 20  # early stopping usually ends a training by then

@@ -29,10 +29,10 @@ from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.compilation import compile_network
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import create_loss
-from repro.maps.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.maps.statistics import Statistics
 from repro.networks.create import Network, check_interface, create_network
 from repro.networks.predictor import Predictor
+from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
@@ -40,7 +40,7 @@ from repro.runs.provenance import Status
 from repro.simulation.motions import recorded_steps
 from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.errors import InputError
-from repro.system.resources import keep_freed_memory
+from repro.system.memory import keep_freed_memory
 
 Facts = dict[str, Any]  # of a training, for its provenance
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.config import STRICT, Positive, config_errors_of
+from repro.fields import STRICT, Positive, config_errors_of
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, inverted
 from repro.maps.series import Series, Stack

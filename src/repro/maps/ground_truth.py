@@ -5,20 +5,10 @@ from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.outlines import placed
-from repro.recordings.format import ShardContent
 
 LINE, CONVEX, CONCAVE = 0, 1, 2  # kinds of outlines
 AT_ONCE = 100  # outlines, whose crossings with every row are in memory
 _SMALL = 1e-9  # of the squared size of an outline: an area below is rounding
-
-
-def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
-    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
-    outlines, states, owner = (
-        torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
-    )
-    maps = rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid)
-    return maps.repeat_interleave(2, dim=0)  # a world and its twin share their map
 
 
 def rasterize(outlines: Tensor, states: Tensor, owner: Tensor, count: int, grid: Grid) -> Tensor:

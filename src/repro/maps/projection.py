@@ -6,7 +6,7 @@ import torch
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.config import OLDEST_GRAY, STRICT, Gray
+from repro.fields import OLDEST_GRAY, STRICT, Gray
 from repro.maps.grid import Grid
 from repro.scans import Scans
 

@@ -7,7 +7,7 @@ from pydantic.dataclasses import dataclass
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from repro.config import STRICT, FrameCount, Positive
+from repro.fields import STRICT, FrameCount, Positive
 from repro.maps.grid import Grid
 from repro.maps.projection import hit_pixels, inverted
 from repro.maps.visibility import newest_passed

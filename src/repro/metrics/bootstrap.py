@@ -4,12 +4,14 @@ Paired bootstrap over test worlds (Efron and Tibshirani, 1993). A world and its 
 use the same draws, and every draw pools the metrics again. With several seeds, the seeds are resampled as well.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
+from torch import Tensor
 
-from repro.metrics.counts import confusion_of, scores_of
+from repro.metrics.counts import confusion_of, count_quantized, quantize, scores_of
+from repro.metrics.scores import ssim
 
 DRAWS = 2000
 LEVEL = 0.95
@@ -28,13 +30,41 @@ class Measured:
     ssim: np.ndarray
 
 
+@dataclass(frozen=True)
+class Interval:
+    """A metric and its interval of 95 %; low and high are percentiles of its draws."""
+
+    metric: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Difference(Interval):
+    """The difference of a metric between two predictions, and whether its interval excludes zero."""
+
+    excludes_zero: bool
+
+
+def measured_of(probability: Tensor, maps: Tensor) -> Measured:
+    """Count the pixels of quantized probabilities and compute their SSIM by world, as one seed.
+
+    Args:
+        probability: probability of free, (M, 1, H, W), in [0, 1].
+        maps: true maps, (M, 1, H, W); recordings 2 w and 2 w + 1 are of world w.
+    """
+    counts = count_quantized(quantize(probability), maps[:, 0].numpy())[:, 0]
+    return Measured(by_world(counts)[None], by_world(ssim(probability, maps.float()).numpy())[None] / 2)
+
+
 def draw_weights(worlds: int, draws: int = DRAWS) -> np.ndarray:
     """Draw the number of times each world is taken, (draws + 1, W); the first row takes every world once."""
     drawn = np.random.default_rng(0).multinomial(worlds, np.full(worlds, 1 / worlds), size=draws)
     return np.concatenate([np.ones((1, worlds), dtype=drawn.dtype), drawn])
 
 
-def resample(measured: Measured, weights: np.ndarray) -> pd.DataFrame:
+def resample(measured: Measured, weights: np.ndarray) -> dict[str, np.ndarray]:
     """Compute every metric in every draw, averaged over seeds.
 
     Args:
@@ -42,20 +72,21 @@ def resample(measured: Measured, weights: np.ndarray) -> pd.DataFrame:
         weights: see `draw_weights`, (draws + 1, W).
 
     Returns:
-        one column per metric and one row per draw; row 0 is the measured value.
+        the draws of each metric by its name, (draws + 1,); the first is the measured value.
     """
     seeds, draws = len(measured.counts), len(weights)
-    columns: dict[str, np.ndarray] = {"ssim": measured.ssim @ weights.T / weights.sum(1)}
-    columns |= scores_of(np.einsum("bw,swc->sbc", weights, confusion_of(measured.counts), optimize=True))
+    metrics: dict[str, np.ndarray] = {"ssim": measured.ssim @ weights.T / weights.sum(1)}
+    metrics |= scores_of(np.einsum("bw,swc->sbc", weights, confusion_of(measured.counts), optimize=True))
     share = np.random.default_rng(1).multinomial(seeds, np.full(seeds, 1 / seeds), size=draws) / seeds
     share[0] = 1 / seeds
-    return pd.DataFrame({name: (values * share.T).sum(0) for name, values in columns.items()})
+    return {name: (values * share.T).sum(0) for name, values in metrics.items()}
 
 
-def interval(drawn: pd.DataFrame) -> pd.DataFrame:
-    """Return value, low and high (percentiles) of every metric, one row per column of `drawn`."""
-    low, high = bounds(drawn.to_numpy())
-    return pd.DataFrame({"metric": drawn.columns, "value": drawn.iloc[0].to_numpy(), "low": low, "high": high})
+def intervals(drawn: Mapping[str, np.ndarray]) -> list[Interval]:
+    """Return the interval of each metric from its draws, see `resample`."""
+    low, high = bounds(np.stack(list(drawn.values()), axis=1))
+    values = zip(drawn, (float(draws[0]) for draws in drawn.values()), low.tolist(), high.tolist(), strict=True)
+    return [Interval(*each) for each in values]
 
 
 def bounds(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,10 +101,10 @@ def bounds(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def difference(one: pd.DataFrame, other: pd.DataFrame) -> pd.DataFrame:
-    """Return the interval of `one` - `other`, drawn with the same worlds; `excludes_zero`: zero is outside of it."""
-    table = interval(one - other)
-    return table.assign(excludes_zero=(table["low"] > 0) | (table["high"] < 0))
+def differences(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> list[Difference]:
+    """Return the interval of `one` - `other` for each metric, whose draws took the same worlds."""
+    found = intervals({name: draws - other[name] for name, draws in one.items()})
+    return [Difference(**vars(each), excludes_zero=each.low > 0 or each.high < 0) for each in found]
 
 
 def by_world(values: np.ndarray) -> np.ndarray:

@@ -7,11 +7,17 @@ of single worlds, summed with weights, give the bootstrap (`metrics.bootstrap`).
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from repro.metrics.scores import THRESHOLD, scores
 
 LEVELS = 256  # number of quantized probability values
 PROBABILITY = np.arange(LEVELS) / (LEVELS - 1)  # of free, for each quantized value
+
+
+def quantize(probability: Tensor) -> np.ndarray:
+    """Quantize probabilities (M, 1, H, W) in [0, 1] to uint8, 0 to 255, (M, H, W)."""
+    return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
 
 
 def count_quantized(

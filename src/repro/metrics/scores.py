@@ -5,12 +5,36 @@ prevalence in two independent ways). We pool the counts over the test set, which
 D10. Formulas and eps follow Segmentation-Metrics-PyTorch, which the paper names; SSIM is computed by piqa.
 """
 
+import numpy as np
 import torch
-from piqa import SSIM
 from torch import Tensor
+
+from repro.system.errors import InputError
 
 THRESHOLD = 0.5
 EPS = 1e-5  # Segmentation-Metrics-PyTorch adds it to numerator and denominator
+
+
+def checked_probabilities(free: Tensor | np.ndarray, maps: Tensor) -> Tensor:
+    """Return predictions as a tensor on the CPU, float32, after a check.
+
+    Args:
+        free: probability of free, (M, 1, H, W).
+        maps: the true maps, (M, 1, H, W).
+
+    Raises:
+        ValueError: they are no probabilities of free, or their shape is not that of the maps.
+    """
+    if not isinstance(free, Tensor | np.ndarray) or tuple(free.shape) != tuple(maps.shape):
+        got = tuple(getattr(free, "shape", ())) or type(free).__name__
+        raise InputError(f"expected probabilities of free, {tuple(maps.shape)} as the maps, got {got}")
+    probability = torch.as_tensor(free).cpu().float()
+    if not bool(((probability >= 0) & (probability <= 1)).all()):
+        low, high = probability.min().item(), probability.max().item()
+        raise InputError(
+            f"expected probabilities of free from 0 to 1, got values from {low:g} to {high:g}: logits need a sigmoid"
+        )
+    return probability
 
 
 def confusion(probability: Tensor, target: Tensor) -> Tensor:
@@ -57,6 +81,8 @@ def _scores(tp: Tensor, fp: Tensor, tn: Tensor, fn: Tensor) -> dict[str, Tensor]
 
 def ssim(probability: Tensor, target: Tensor, batch: int = 64) -> Tensor:
     """Compute the structural similarity (piqa, window of 11 px) of images (M, 1, H, W) in [0, 1], (M,)."""
+    from piqa import SSIM  # imports torchvision, which takes seconds
+
     measure = SSIM(n_channels=1, reduction="none").to(probability.device)
     pairs = zip(probability.float().split(batch), target.float().split(batch), strict=True)
     return torch.cat([measure(p, t) for p, t in pairs])

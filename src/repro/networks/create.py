@@ -13,11 +13,12 @@ from typing import Any, TypeAlias
 import torch
 from torch import Tensor
 
-from repro.config import ConfigError, Model
+from repro.fields import ConfigError
 from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.deeptracking import DeepTracking
 from repro.networks.light_convgru import LightConvGRU
+from repro.networks.model import Model
 from repro.system.errors import InputError
 
 Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`

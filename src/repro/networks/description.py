@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NotRequired
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, with_config
 from typing_extensions import TypedDict
 
-from repro.config import STRICT, Finite, config_errors_of, ordered
+from repro.fields import STRICT, Finite, config_errors_of, ordered
 from repro.system.errors import InputError
 
 MAX_ERRORS = 3  # in a message

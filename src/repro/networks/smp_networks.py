@@ -15,7 +15,8 @@ from segmentation_models_pytorch.encoders import encoders
 from torch import Tensor
 from torch.nn import functional as F
 
-from repro.config import ConfigError, Model
+from repro.fields import ConfigError
+from repro.networks.model import Model
 from repro.system.errors import InputError
 
 ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)

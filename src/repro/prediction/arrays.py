@@ -8,7 +8,7 @@ import numpy as np
 
 from repro.system.errors import InputError
 from repro.system.files import first_line, open_arrays
-from repro.system.resources import available_memory_gb
+from repro.system.memory import available_memory_gb
 
 ARRAYS = ("ranges", "angles", "poses", "stamps")
 RANGE_MAX = "range_max_m"

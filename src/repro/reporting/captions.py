@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title
 from repro.reporting.paper import read_paper
 from repro.reporting.settings import Settings, changed, read_cells, usual

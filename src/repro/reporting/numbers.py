@@ -6,9 +6,10 @@ import pandas as pd
 from uncertainties import ufloat
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
-from repro.config import NETWORKS, PROJECTION
+from repro.config import PROJECTION
 from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
 from repro.metrics.names import METRICS
+from repro.networks.model import NETWORKS
 from repro.reporting.audit import free_share
 from repro.reporting.paper import read_paper
 from repro.runs.keys import CELL

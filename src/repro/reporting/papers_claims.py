@@ -8,8 +8,9 @@ verdict is also reported at half and double the tolerance.
 
 import pandas as pd
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
+from repro.networks.model import NETWORKS
 from repro.reporting.claims import Claim, judge
 from repro.reporting.numbers import Number, Numbers, analysis_rows
 from repro.reporting.results import of_papers_worlds

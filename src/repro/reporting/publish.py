@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.networks.model import NETWORKS
 from repro.reporting.published_readme import Recipe, published_page
 from repro.reporting.results import SIZES, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows

@@ -8,8 +8,9 @@ import pandas as pd
 from PIL import Image
 
 from repro.baselines.names import rank
-from repro.config import NETWORKS, PROJECTION
+from repro.config import PROJECTION
 from repro.metrics.names import HEADINGS
+from repro.networks.model import NETWORKS
 from repro.reporting.names import TITLES, tested_titles
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from statistics import mean
 from typing import Any
 
-from repro.config import NETWORKS, PROJECTION, PROJECTION_NO_DECAY
+from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.networks.model import NETWORKS
 from repro.reporting.names import duration, predictor_title
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey

@@ -4,7 +4,8 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from repro.config import Encoding, Model, PairCounts, Training
+from repro.config import Encoding, PairCounts, Training
+from repro.networks.model import Model
 from repro.runs.keys import RunKey
 
 IN_KEY = ("model.name", "encoding.name", "encoding.parameters.decay")  # settings that the key of a run names

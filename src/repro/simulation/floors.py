@@ -12,7 +12,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
 
-from repro.config import Finite
+from repro.fields import Finite
 from repro.simulation.schema_parts import MAX_FIXED, MAX_VERTICES
 from repro.simulation.shapes import Obstacle
 from repro.system.errors import InputError

@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from repro.outlines import padded
+from repro.parallel import process_pool
 from repro.recordings.format import (
     FORMAT,
     SHARD_WORLDS,
@@ -33,7 +34,6 @@ from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
-from repro.system.resources import process_pool
 
 VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
 

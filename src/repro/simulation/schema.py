@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import shapely
 from pydantic import Field, ValidationError, model_validator
 
-from repro.config import ConfigError, Name, config_errors_of
+from repro.fields import ConfigError, Name, config_errors_of
 from repro.simulation.motions import recorded_steps, top_speeds
 from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Part, Populations, Robot, Rooms, World
 from repro.simulation.shapes import geometry, shape_radius

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import shapely
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
-from repro.config import STRICT, ordered
+from repro.fields import STRICT, ordered
 from repro.system.errors import InputError
 
 

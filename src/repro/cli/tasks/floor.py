@@ -12,11 +12,11 @@ from omegaconf import OmegaConf
 
 from repro.cli.composition import CONF
 from repro.cli.jobs import Job
-from repro.config import plain
 from repro.simulation.floors import Floor, read_floor
 from repro.simulation.schema import world_errors
 from repro.system.errors import InputError
 from repro.system.files import write_text
+from repro.world_config import plain
 
 OFFICE = CONF / "world" / "office.yaml"
 NO_STRING = re.compile(r"[+-]?(\d[\d_]*(e[+-]?\d[\d_]*)?|inf|nan)|null|true|false", re.IGNORECASE)  # as world=...

@@ -6,13 +6,13 @@ from dataclasses import replace
 from repro.cli.config import Runtime
 from repro.cli.jobs import Job
 from repro.cli.limits import recording_seconds
-from repro.config import NETWORKS, paper_model
 from repro.learning.cost import training_seconds, trainings_at_once, usual_epochs
+from repro.networks.model import NETWORKS, paper_model
+from repro.parallel import count_cores
 from repro.recordings.format import recordings_in
 from repro.reporting.names import duration
 from repro.reporting.study import Study
 from repro.runs.config import RunConfig
-from repro.system.resources import count_cores
 
 EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
 ANALYSIS_SECONDS = 3.0  # per evaluated run

@@ -10,7 +10,9 @@ from omegaconf import OmegaConf
 from repro.cli.composition import CONF
 from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks.docs import update_docs
-from repro.config import OLDEST_GRAY, Encoding, Model, Scale, Training, plain
+from repro.config import Encoding, Scale, Training
+from repro.fields import OLDEST_GRAY
+from repro.networks.model import Model
 from repro.reporting.additions import add_to_published
 from repro.reporting.paper import world_files
 from repro.reporting.publish import publish
@@ -19,6 +21,7 @@ from repro.reporting.settings import changed
 from repro.runs.config import flatten, settings_of
 from repro.runs.provenance import Status
 from repro.system.errors import InputError
+from repro.world_config import plain
 
 
 def run(job: Job) -> None:

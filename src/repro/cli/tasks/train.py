@@ -4,10 +4,10 @@ from repro.cli.jobs import Job, process_budget
 from repro.cli.output import summary_line
 from repro.evaluation.evaluate import validate
 from repro.learning.training import train
+from repro.parallel import use_idle_cores
 from repro.reporting.study import Study
 from repro.runs.provenance import Status
 from repro.system.devices import resolve_device
-from repro.system.resources import use_idle_cores
 
 
 def run(job: Job) -> None:

@@ -13,9 +13,9 @@ from tqdm import tqdm
 from repro.maps.bits import pack_bits, unpack_bits
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import true_maps
 from repro.maps.statistics import Statistics, summarize
 from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.truth import true_maps
 from repro.runs.config import RunConfig
 from repro.system.errors import InputError
 

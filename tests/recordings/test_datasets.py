@@ -4,10 +4,10 @@ import pytest
 import torch
 from conftest import world_spec
 
-from repro.maps.datasets import Batches, Pairs, load_pairs
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.recordings.reader import read_shards
 from repro.scans import Scans
 from repro.simulation.raycasting import scan

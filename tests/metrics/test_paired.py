@@ -1,10 +1,11 @@
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
 from repro.evaluation.evaluate import measure
-from repro.evaluation.paired import paired_differences
 from repro.metrics.names import SUMMARY
+from repro.metrics.paired import paired_differences
 
 MAPS = (torch.rand(40, 1, 16, 16, generator=torch.Generator().manual_seed(0)) > 0.1).to(torch.uint8)
 
@@ -17,13 +18,13 @@ def with_errors(share: float, seed: int) -> torch.Tensor:
 
 def test_the_differences_are_those_of_the_pooled_metrics():
     one, other = with_errors(0.05, 1), with_errors(0.1, 2)
-    rows = paired_differences(one, other, MAPS).set_index("metric")
+    rows = pd.DataFrame(paired_differences(one, other, MAPS)).set_index("metric")
     expected = measure(one, MAPS)[0] - measure(other, MAPS)[0]
     for metric in (*SUMMARY, "ssim"):
         assert rows.loc[metric, "value"] == pytest.approx(expected[metric], abs=1e-3), metric
         assert rows.loc[metric, "low"] < rows.loc[metric, "value"] < rows.loc[metric, "high"]
         assert rows.loc[metric, "excludes_zero"]
-    swapped = paired_differences(other, one, MAPS).set_index("metric")
+    swapped = pd.DataFrame(paired_differences(other, one, MAPS)).set_index("metric")
     assert np.allclose(swapped["value"], -rows["value"])
 
 
@@ -31,14 +32,14 @@ def test_pairs_have_narrower_intervals_than_independent_predictions():
     """Both predictions fail on the same worlds."""
     hard = torch.arange(40).ge(20).view(40, 1, 1, 1)
     one, other = (torch.where(hard, with_errors(0.4, seed), with_errors(0.01, seed)) for seed in (1, 2))
-    row = paired_differences(one, other, MAPS).set_index("metric").loc["accuracy"]
-    single = paired_differences(one, with_errors(0.2, 2), MAPS).set_index("metric").loc["accuracy"]
+    row = pd.DataFrame(paired_differences(one, other, MAPS)).set_index("metric").loc["accuracy"]
+    single = pd.DataFrame(paired_differences(one, with_errors(0.2, 2), MAPS)).set_index("metric").loc["accuracy"]
     assert row["high"] - row["low"] < 0.5 * (single["high"] - single["low"])
 
 
 def test_a_prediction_does_not_differ_from_itself_and_arrays_will_do():
     free = with_errors(0.1, 1)
-    rows = paired_differences(free.numpy().astype(np.float64), free, MAPS)
+    rows = pd.DataFrame(paired_differences(free.numpy().astype(np.float64), free, MAPS))
     assert (rows[["value", "low", "high"]] == 0).all(axis=None)
     assert not rows["excludes_zero"].any()
 

@@ -1,15 +1,14 @@
 """The paired comparison of two predictions of the same test recordings, of any method."""
 
 import numpy as np
-import pandas as pd
 from torch import Tensor
 
-from repro.evaluation.evaluate import checked_probabilities, measured_of
-from repro.metrics.bootstrap import Measured, difference, draw_weights, resample
+from repro.metrics.bootstrap import Difference, Measured, differences, draw_weights, measured_of, resample
+from repro.metrics.scores import checked_probabilities
 from repro.system.errors import InputError
 
 
-def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, maps: Tensor) -> pd.DataFrame:
+def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, maps: Tensor) -> list[Difference]:
     """Compare two predictions by the differences of their metrics, with intervals of 95 % over the test worlds.
 
     The bootstrap draws the same worlds for both, each with its twin. The intervals do not include the variation over
@@ -21,8 +20,7 @@ def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, map
         maps: true maps, 1 is free, (M, 1, H, W), in which each world is followed by its twin.
 
     Returns:
-        one row per metric: metric, value of `one` minus that of `other`, low, high, and excludes_zero, whether the
-        interval excludes zero.
+        for each metric, the value of `one` minus that of `other` with its interval; `pandas.DataFrame` takes the list.
 
     Raises:
         ValueError: the shapes differ, the number of maps is odd, or a value is no probability.
@@ -30,8 +28,7 @@ def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, map
     if maps.ndim != 4 or maps.shape[1] != 1 or len(maps) % 2 or not len(maps):
         raise InputError(f"maps: expected the shape (M, 1, H, W) with an even M, got {tuple(maps.shape)}")
     weights = draw_weights(len(maps) // 2)
-    drawn = [resample(_measured(name, free, maps), weights) for name, free in (("one", one), ("other", other))]
-    return difference(*drawn)
+    return differences(*(resample(_measured(*each, maps), weights) for each in (("one", one), ("other", other))))
 
 
 def _measured(name: str, free: Tensor | np.ndarray, maps: Tensor) -> Measured:

@@ -1,10 +1,9 @@
-"""Cores, threads and memory of this machine, without importing torch."""
+"""Processes, threads and trainings that run at the same time, without importing torch."""
 
-import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,10 @@ import joblib
 import psutil
 from joblib.externals.loky import get_reusable_executor
 
-CGROUP = Path("/sys/fs/cgroup")  # version 2, in which containers and batch systems limit memory
-OWN_GROUP = Path("/proc/self/cgroup")
+from repro.system.memory import available_memory_gb
+
 LEAST_IDLE = 0.75  # share of the time of all cores that must be free for them to count as idle
 THREADS = "OMP_NUM_THREADS"
-M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4  # parameters of mallopt in the GNU C library
 
 
 def count_cores() -> int:
@@ -71,51 +69,6 @@ def use_idle_cores() -> None:
     elif count_cores() > 1:
         print(f"using one thread, since the cores are busy; {THREADS} sets another number", flush=True)
         use_one_thread()
-
-
-def keep_freed_memory() -> bool:
-    """Let the C library keep the memory that this process frees, instead of returning it to the system.
-
-    By default, every array of more than some megabytes is mapped anew and unmapped when it is freed, and its pages are
-    cleared at their first use. For the activations of a training step this takes a quarter of the time of U-Net at
-    256 px. The memory is reused within the process and returned when it ends.
-
-    Returns:
-        whether the C library has this setting; others than that of GNU do not.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    return mallopt is not None and bool(mallopt(M_MMAP_MAX, 0) and mallopt(M_TRIM_THRESHOLD, -1))
-
-
-def available_memory_gb() -> float:
-    """Return the memory that new processes can take [GB], within the limits of a container or a batch job."""
-    limits = [limit - _used_bytes(group) for group, limit in _memory_limits()]
-    return max(0, min([psutil.virtual_memory().available, *limits])) / 1e9
-
-
-def total_memory_gb() -> float:
-    """Return the memory of this machine [GB], within the limits of a container or a batch job."""
-    return min([psutil.virtual_memory().total, *(limit for _, limit in _memory_limits())]) / 1e9
-
-
-def _memory_limits() -> Iterator[tuple[Path, int]]:
-    """Yield the control groups of this process that limit its memory, from its own up, and their limits [bytes]."""
-    own = ""
-    with suppress(OSError):
-        lines = OWN_GROUP.read_text(encoding="utf-8").splitlines()
-        own = next((line[3:].strip("/") for line in lines if line.startswith("0::")), "")
-    for group in (CGROUP / own, *(CGROUP / own).parents):
-        with suppress(OSError, ValueError):  # the group is outside of the container, or it has no limit: "max"
-            yield group, int((group / "memory.max").read_text(encoding="utf-8"))
-        if group == CGROUP:
-            return
-
-
-def _used_bytes(group: Path) -> int:
-    """Return the memory of a control group that the kernel cannot take back, which excludes read files."""
-    used = int((group / "memory.current").read_text(encoding="utf-8"))
-    lines = (group / "memory.stat").read_text(encoding="utf-8").splitlines()
-    return used - int(dict(line.split() for line in lines)["inactive_file"])
 
 
 def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int = 1, loss: str = "map") -> float:

@@ -7,7 +7,7 @@ import pytest
 from irsim.lib.path_planners.jps import JPSPlanner
 from irsim.world.map import EnvGridMap
 
-from repro.prediction.planning import plan, planner_map
+from repro.navigation.planning import plan, planner_map
 from repro.prediction.stream import StreamMap
 
 ORIGIN, RESOLUTION_M, SIZE = (-10.0, 20.0), 0.5, 40

@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import true_maps
 from repro.outlines import padded
 from repro.recordings.format import ShardContent
 from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.truth import true_maps
 from repro.scans import Scans
 from repro.world_config import lidar_of
 

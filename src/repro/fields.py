@@ -1,0 +1,82 @@
+"""Types of fields with their ranges, for pydantic, and the error that names a wrong value."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, ConfigDict, Field, ValidationError
+
+from repro.system.errors import InputError
+
+LONGEST = 200  # characters of a value in a message
+UNKNOWN_KEY = "is not a known key"
+OLDEST_GRAY = 0.8  # default in conf/config.yaml
+
+KNOWN_KEYS = ConfigDict(extra="forbid")  # unknown keys are errors, and values are converted to their types
+STRICT = ConfigDict(extra="forbid", strict=True)  # values of other types are errors as well
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Epochs = Annotated[int, Field(ge=1, le=100_000)]
+SmallPositive = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+Share = Annotated[float, Field(gt=0, lt=1)]
+Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+Gray = Annotated[float, Field(ge=0, le=254 / 255, allow_inf_nan=False)]  # of a hit; 0 is black, 1 the white background
+FrameCount = Annotated[int, Field(ge=1, le=100)]
+
+
+def ordered(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Check in a pydantic validator that values do not decrease."""
+    if sorted(values) != list(values):
+        raise InputError("must be ordered, low to high")
+    return values
+
+
+def choice(*allowed: str) -> AfterValidator:
+    """Return a pydantic validator that accepts one of a list of strings."""
+
+    def check(value: str) -> str:
+        if value not in allowed:
+            raise InputError(f"must be one of {', '.join(allowed)}")
+        return value
+
+    return AfterValidator(check)
+
+
+@dataclass(frozen=True)
+class ConfigError:
+    """A wrong value of the configuration: its key, the value received (None when missing) and what is expected."""
+
+    key: str
+    value: Any
+    expected: str
+
+    def __str__(self) -> str:
+        if self.value is None:
+            return f"{self.key}: {self.expected}"
+        value = str(self.value)
+        return f"{self.key}={value if len(value) <= LONGEST else value[:LONGEST] + '...'}: {self.expected}"
+
+
+def config_errors_of(error: ValidationError, prefix: str = "") -> list[ConfigError]:
+    """Convert the errors of pydantic, with keys written as on the command line after `prefix`."""
+    errors = []
+    known = dict.fromkeys(("extra_forbidden", "unexpected_keyword_argument"), UNKNOWN_KEY)
+    known |= {"missing": "is missing", "string_pattern_mismatch": "must be letters, digits, _ and - only"}
+    for found in error.errors():
+        key = prefix + ".".join(str(part) for part in found["loc"])
+        if found["type"] in ("union_tag_invalid", "union_tag_not_found"):  # the name of one of several parts
+            errors.append(_error_of_tag(key, found.get("ctx", {})))
+            continue
+        message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))
+        value = None if found["type"] == "missing" else found["input"]
+        errors.append(ConfigError(key, value, message))
+    return errors
+
+
+def _error_of_tag(key: str, context: dict[str, Any]) -> ConfigError:
+    """Return the error of a value whose name, by which its type is chosen, is unknown or missing."""
+    name, tags = str(context["discriminator"]).strip("'"), context.get("expected_tags")
+    if tags is None:
+        return ConfigError(key, None, f"needs a {name}")
+    return ConfigError(key, None, f"the {name} {context['tag']} must be one of {tags.replace(chr(39), '')}")
