@@ -2,9 +2,10 @@
 
 import copy
 import gzip
-import importlib.util
+import importlib
 import json
 import math
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,15 +22,19 @@ from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 from repro.world_config import read_world, world_spec
 
-SCRIPT = ROOT / "reproduce" / "robot_logs.py"
+REPRODUCE = ROOT / "reproduce"
 
 
 @pytest.fixture(scope="module")
 def script():
-    spec = importlib.util.spec_from_file_location("robot_logs", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    sys.path.insert(0, str(REPRODUCE))
+    yield importlib.import_module("robot_logs")
+    sys.path.remove(str(REPRODUCE))
+
+
+@pytest.fixture(scope="module")
+def evidence(script):
+    return importlib.import_module("log_evidence")
 
 
 @pytest.fixture(scope="module")
@@ -60,17 +65,56 @@ def test_the_measures_are_those_of_scikit_learn(script):
     assert (found, free) == pytest.approx(((hits < 127.5).mean(), (passed >= 127.5).mean()))
 
 
-def test_the_baseline_ranks_hits_unseen_pixels_and_passed_pixels_by_their_distance(script):
+def wall_ahead() -> Scans:
+    """One scan of a wall 5.25 m ahead of a robot at the center of a map of 50 m."""
     angles = np.linspace(-0.5, 0.5, 101)
-    wall = Scans(5.25 / np.cos(angles)[None], angles, np.array([[25.0, 25.0, 0.0]]))
-    levels, seen = script.distance_to_hits(wall, Grid(100, 50.0), 30.0)
+    return Scans(np.repeat(5.25 / np.cos(angles)[None], 10, 0), angles, np.tile([25.0, 25.0, 0.0], (10, 1)))
+
+
+def test_the_distance_map_ranks_hits_unseen_pixels_and_passed_pixels(evidence):
+    seen_of = evidence.evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
+    levels = evidence.distance_map(seen_of)
     row = levels[50]
     assert row[60] == 0
     assert row[61:65].tolist() == [128, 136, 141, 144]  # behind the wall, 1 to 4 px: 8 levels per octave
     assert row[59:55:-1].tolist() == [192, 200, 205, 208]  # passed
-    assert seen[50, 56:61].all()
-    assert not seen[50, 61:].any()
+    assert seen_of.seen[50, 56:61].all()
+    assert not seen_of.seen[50, 61:].any()
     assert levels[:, :40].max() < 192  # behind the robot
+
+
+def test_the_score_ranks_passed_pixels_by_counts_and_unseen_ones_by_two_distances(evidence):
+    seen_of = evidence.evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
+    assert seen_of.odds[50, 57] == pytest.approx(math.log(10.5 / 0.5))  # passed in all ten parts
+    assert seen_of.odds[50, 60] == pytest.approx(math.log(0.5 / 10.5))  # hit in all of them
+    levels = evidence.score_map(seen_of, 0.15, 0.5)
+    assert levels[50, 60] < 128 <= levels[50, 61] < levels[50, 70] < 192 <= levels[50, 59] < levels[50, 52]
+    assert (evidence.score_map(seen_of, 0.15, 0.0)[50, 61:] >= levels[50, 61:]).all()  # far from passed pixels
+
+
+def test_walls_are_continued_along_their_direction_and_not_from_single_hits(evidence):
+    hit = np.zeros((64, 64), bool)
+    hit[20, 10:30] = hit[50, 50] = True
+    walls = evidence.continued_walls(hit, Grid(64, 25.0))
+    assert walls[20, 10:42].all()  # 5 m are 12.8 px
+    assert not walls[20, 44:].any()
+    assert not walls[np.arange(64) != 20].any()
+
+
+def test_whatever_is_fitted_is_from_other_logs(script, evidence):
+    """A log whose truth is the opposite of the others does not change what is fitted for it."""
+    rng = np.random.default_rng(0)
+
+    def sample(sign):
+        design = rng.normal(size=(200, 3))
+        scores = [np.stack([np.bincount(rng.integers(0, 256, 50), minlength=256)] * 2) for _ in evidence.CONSTANTS]
+        return script.Sample((design, design), sign * design[:, 0] > 0, scores)
+
+    samples = {"a": sample(1), "b": sample(1), "c": sample(-1)}
+    for tested, slope in (("c", 1), ("a", 0)):
+        models = script.fit_others(samples, tested).models
+        assert all((model[-1].coef_[0, 0] > 1) == (slope == 1) for model in models)
+    assert script.fit_others(samples, "c").constants == script.fit_others({**samples, "c": sample(1)}, "c").constants
 
 
 def test_a_map_that_knows_nothing_is_at_chance(script):
@@ -98,16 +142,17 @@ def test_a_hit_beside_an_obstacle_counts_as_found_and_a_passed_pixel_beside_a_hi
 def test_the_mean_over_logs_has_an_interval_and_a_gain(script):
     rows = []
     for log, (of_network, of_baseline) in {"a": (0.9, 0.8), "b": (0.8, 0.75), "c": (0.7, 0.75)}.items():
-        for name, auroc in ((script.NETWORK, of_network), (script.BASELINE, of_baseline)):
+        for name, auroc in ((script.NETWORK, of_network), (script.SCORE, of_baseline)):
             counts = {"windows": 2, "hits": 10, "passed": 20, "hits_share": 0.5, "free_share": 1.0}
             rows += [
                 {"weights": "w", "map": name, "pixels": p, "log": log, "auroc": auroc, **counts} for p in script.PIXELS
             ]
-    mean = script.mean_of(pd.DataFrame(rows)).set_index(["map", "pixels"]).loc[(script.NETWORK, "unseen")]
-    assert (mean["windows"], mean["logs"]) == (6, 3)
-    assert (mean["auroc"], mean["gain"]) == pytest.approx((0.8, 0.1 / 3))
-    assert 0.699 < mean["auroc_low"] < 0.8 < mean["auroc_high"] < 0.901
-    assert mean["gain_low"] < 0 < mean["gain_high"]  # the baseline is better in one of three logs
+    means = script.with_means(pd.DataFrame(rows)).query("log == 'mean'").set_index(["map", "pixels"])
+    network, score = (means.loc[(name, "unseen")] for name in (script.NETWORK, script.SCORE))
+    assert (network["windows"], network["logs"]) == (6, 3)
+    assert (network["auroc"], score["gain"]) == pytest.approx((0.8, 0.1 / 3))
+    assert 0.699 < network["auroc_low"] < 0.8 < network["auroc_high"] < 0.901
+    assert score["gain_low"] < 0 < score["gain_high"]  # the baseline is better in one of three logs
 
 
 @pytest.mark.parametrize(
@@ -130,7 +175,7 @@ def test_logs_whose_times_are_lost_are_compared(script, logs, tmp_path, monkeypa
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()
     table = pd.read_csv(tmp_path / "held_out.csv")
-    assert len(table) == 2 * 2 * 3 * 3  # weights, maps, pixels; two logs and their mean
+    assert len(table) == 2 * 5 * 3 * 3  # weights, maps, pixels; two logs and their mean
     key = ["weights", "map", "pixels"]
     mean, *each = (
         table[table["log"] == log].set_index(key).sort_index() for log in ("mean", "dense.log.gz", "sparse.log.gz")
