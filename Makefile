@@ -1,4 +1,4 @@
-# Everything runs in .venv, created by `make setup` with python3 if it is 3.11 or 3.12, else with PYTHON=.
+# Everything runs in .venv, created by `make setup` with python3 if it is 3.11 to 3.13, else with PYTHON=.
 PYTHON ?= python3
 ARGS ?= # further overrides of reproduce, analysis, curves and demo
 PY := .venv/bin/python
@@ -22,7 +22,7 @@ help: ## list the targets
 setup: .venv/ready ## create .venv and install the pinned packages
 
 .venv/ready: requirements.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v in ((3, 11), (3, 12)) else f"Python 3.11 or 3.12 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python 3.11 to 3.13 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
 	@echo "setting up .venv: about 6 GB, some minutes (PyTorch with CUDA is most of it)"
 	@if command -v uv > /dev/null; then \
 	    uv venv --quiet --clear --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \

@@ -8,8 +8,6 @@ default that of the scans), ~threads, ~undecided (low,high: probabilities of an 
 Debian 12 has ROS 1 for Python 3.11: apt install ros-core python3-rospy.
 """
 
-from pathlib import Path
-
 import rospy
 import torch
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -22,7 +20,6 @@ from repro.networks.predictor import load_predictor
 from repro.prediction.live import MAX_WAITING, LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
 
-WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru"
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
 
 
@@ -38,7 +35,7 @@ def main() -> None:
         publisher.publish(grid_message(TYPES, data, predicted, header.stamp, frame))
 
     mapper = LiveMapper(
-        load_predictor(rospy.get_param("~weights", str(WEIGHTS))),
+        load_predictor(rospy.get_param("~weights", "rooms")),
         publish,
         rospy.logwarn,
         center="robot" if center == "robot" else two_numbers(center),

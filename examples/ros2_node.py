@@ -9,7 +9,6 @@ Python must find both ROS 2 and this project.
 """
 
 import array
-from pathlib import Path
 
 import rclpy
 import torch
@@ -25,7 +24,6 @@ from repro.networks.predictor import load_predictor
 from repro.prediction.live import LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
 
-WEIGHTS = Path(__file__).parents[1] / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru"
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # what map_server and nav2 use for maps
 
@@ -40,7 +38,7 @@ class MapPrediction(Node):
         self.undecided = two_numbers(self.value("undecided", ""))
         self.publisher = self.create_publisher(OccupancyGrid, "predicted_map", LATCHED)
         mapper = LiveMapper(
-            load_predictor(self.value("weights", str(WEIGHTS))),
+            load_predictor(self.value("weights", "rooms")),
             self.publish,
             self.get_logger().warning,
             center="robot" if center == "robot" else two_numbers(center),

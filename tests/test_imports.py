@@ -9,6 +9,8 @@ from graphlib import TopologicalSorter
 import pytest
 from conftest import ROOT
 
+import repro
+
 SOURCE = ROOT / "src" / "repro"
 LIBRARY = (
     "system",
@@ -152,6 +154,21 @@ def test_the_library_needs_no_dependency_of_the_study():
     modules = [name for name in TREES if package_of(name) in LIBRARY and name != SMP]
     needed = loaded_by(*(f"repro.{name}" for name in modules)) & set(OF_THE_STUDY)
     assert not needed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", repro.__all__)
+def test_each_public_name_needs_no_dependency_of_the_study(name):
+    code = f"import sys, repro; repro.{name}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert not {name.split(".")[0] for name in done.stdout.split()} & set(OF_THE_STUDY)
+
+
+def test_public_names_are_imported_at_their_first_use():
+    assert "torch" not in loaded_by("repro")
+    assert set(repro.__all__) <= set(dir(repro))
+    with pytest.raises(AttributeError, match="no attribute 'load_predictors'"):
+        repro.load_predictors  # noqa: B018
 
 
 @pytest.mark.slow

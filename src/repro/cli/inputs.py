@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from repro.cli.jobs import ROOT
+from repro.networks.weights import DIRECTORY as WEIGHTS
+from repro.networks.weights import NAMES
 from repro.reporting.paper import WORLDS
 from repro.reporting.uptodate import inputs_hash
 from repro.runs.outputs import Outputs
@@ -12,12 +14,12 @@ GENERALIZATION = "generalization"  # rows of task=generalization, and the name o
 
 
 def find(key: str, name: str) -> Path:
-    """Return the path that a key names; if it does not exist, it may be relative to the project.
+    """Return the path that a key names; it may be relative to the project, and weights may have a name alone.
 
     Raises:
         ValueError: there is none.
     """
-    for path in (Path(name), ROOT / name):
+    for path in (*(WEIGHTS / known for known in NAMES if known == name), Path(name), ROOT / name):
         if path.exists():
             return path
     raise InputError(f"{key}: {name}: no such file or directory")

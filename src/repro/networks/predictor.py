@@ -1,6 +1,6 @@
 """A trained network together with its encoding and grid, which can be applied to any scans.
 
-    predictor = load_predictor("outputs/laptop/runs/exp4/unet/projection/seed0/model")
+    predictor = load_predictor("rooms")
     free = predictor.predict(Scans(ranges, angles, poses))
 
 The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for an own
@@ -29,6 +29,7 @@ from repro.maps.validity import check_windows
 from repro.networks.create import Network
 from repro.networks.description import Description
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
+from repro.networks.weights import locate
 from repro.scans import Scans
 from repro.system.devices import one_thread
 from repro.system.errors import InputError
@@ -205,17 +206,18 @@ class Predictor:
         return content | ({"statistics": dataclasses.asdict(self.statistics)} if self.statistics else {})
 
 
-def load_predictor(path: str | Path) -> Predictor:
-    """Load a predictor in float32 on the CPU; the content of the path decides its kind.
+def load_predictor(weights: str | Path) -> Predictor:
+    """Load a predictor in float32 on the CPU; the content of its path decides its kind.
 
     Args:
-        path: a directory that `Predictor.save` wrote, a run that has one, an exported directory, or an ONNX file.
+        weights: `rooms`, `drive` or `exp1` to `exp4` for weights of this package; a directory that `Predictor.save`
+            wrote, a run that has one, or an ONNX file; or owner/name of a repository of the Hugging Face Hub.
 
     Raises:
-        ValueError: the path holds no predictor, its files differ from the saved checksum, or the network is not one
+        InputError: there are no such weights, their files differ from the saved checksum, or the network is not one
             from encoded scans to one map of finite logits.
     """
-    path = Path(path).expanduser()
+    path = locate(weights)
     if path.is_file():
         return _load_onnx(path)
     if not (path / DESCRIPTION).is_file():

@@ -6,11 +6,12 @@ import platform
 import subprocess
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("repro", "torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
+OWN = "dynamic-map-prediction"
+PACKAGES = ("torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
 
 
 class Status(enum.StrEnum):
@@ -55,10 +56,17 @@ def environment() -> dict[str, Any]:
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": {"repro": _own_version(), **{name: version(name) for name in PACKAGES}},
         "hardware": hardware(),
         "commit": _commit(),
     }
+
+
+def _own_version() -> str:
+    try:
+        return version(OWN)
+    except PackageNotFoundError:  # the source is on PYTHONPATH: its commit says more
+        return "not installed"
 
 
 def _commit() -> str | None:

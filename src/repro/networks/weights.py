@@ -1,0 +1,44 @@
+"""Where weights are: those of this package by their names, directories and files, and repositories of the Hugging Face
+Hub.
+
+The directories in repro/weights/ are links to the published ones in reproduce/results; an installed package has copies.
+"""
+
+import re
+from pathlib import Path
+
+from huggingface_hub import snapshot_download
+
+from repro.system.errors import InputError
+from repro.system.files import first_line
+
+DIRECTORY = Path(__file__).parents[1] / "weights"
+NAMES = tuple(sorted(path.name for path in DIRECTORY.iterdir()))
+REPOSITORY = re.compile(r"[\w-][\w.-]*/[\w-][\w.-]*")  # owner/name
+FILES = ("*.json", "*.safetensors", "*.onnx")  # nothing else is downloaded
+
+
+def locate(weights: str | Path) -> Path:
+    """Return the path of weights, which are downloaded to the user's cache if they are in a repository of the Hub.
+
+    Args:
+        weights: one of `NAMES`; or a path; or owner/name of a repository of the Hugging Face Hub, which is asked for a
+            name that is no path, and whose owner is no directory.
+
+    Raises:
+        ValueError: there are none of this name, or they cannot be downloaded.
+    """
+    name, path = str(weights), Path(weights).expanduser()
+    if name in NAMES:
+        return DIRECTORY / name
+    if name and path.exists():
+        return path
+    if not REPOSITORY.fullmatch(name) or path.parent.exists():
+        raise InputError(
+            f"{name}: no such weights, expected one of {', '.join(NAMES)}, a directory or ONNX file that exists, or a "
+            "repository of the Hugging Face Hub, owner/name"
+        )
+    try:
+        return Path(snapshot_download(name, allow_patterns=list(FILES)))
+    except Exception as error:  # of the Hub and of the network, without a common base
+        raise InputError(f"{name}: no such path, and not to be had from the Hub ({first_line(error)})") from error

@@ -1,0 +1,51 @@
+import pytest
+
+from repro.networks import weights
+from repro.networks.predictor import load_predictor
+from repro.networks.weights import NAMES, locate
+
+SIDES_M = {"rooms": 25.0, "drive": 50.0, "exp1": 50.0, "exp2": 50.0, "exp3": 50.0, "exp4": 50.0}
+
+
+@pytest.mark.parametrize("name", SIDES_M)
+def test_the_weights_of_the_package_have_names(name):
+    predictor = load_predictor(name)
+    assert (predictor.grid.size_px, predictor.grid.size_m) == (128, SIDES_M[name])
+    assert predictor.statistics
+
+
+def test_the_weights_of_the_package_are_small():
+    assert set(SIDES_M) == set(NAMES)
+    assert sum(path.stat().st_size for name in NAMES for path in locate(name).iterdir()) < 3e6
+
+
+def test_a_path_is_taken_before_the_hub(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "owner" / "name").mkdir(parents=True)
+    assert locate("owner/name").resolve() == tmp_path / "owner" / "name"
+    for missing in ("room", "owner/other", "owner/name/model", "", "/nowhere/at/all"):
+        with pytest.raises(ValueError, match=f"^{missing}: no such weights, expected one of drive, exp1, .*, rooms, a"):
+            locate(missing)
+
+
+def test_a_repository_of_the_hub_is_downloaded_without_code(tmp_path, monkeypatch):
+    asked = []
+
+    def download(repository, allow_patterns):
+        asked.append((repository, allow_patterns))
+        return str(locate("exp4"))
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(weights, "snapshot_download", download)
+    assert load_predictor("owner/name").grid.size_m == 50
+    assert asked == [("owner/name", ["*.json", "*.safetensors", "*.onnx"])]
+
+
+def test_a_repository_that_cannot_be_had_is_named(tmp_path, monkeypatch):
+    def download(*_, **__):
+        raise OSError("no route to host")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(weights, "snapshot_download", download)
+    with pytest.raises(ValueError, match=r"^owner/name: no such path, and not to be had from the Hub \(no route to h"):
+        load_predictor("owner/name")
