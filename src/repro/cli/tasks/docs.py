@@ -1,4 +1,4 @@
-"""task=docs: write verdicts, tables of README.md and docs/, and published reports from reproduce/results."""
+"""task=docs: write verdicts, generated tables, and published reports from reproduce/results."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def update_docs() -> None:
         frames = {each.stem: read_rows(each) for each in path.parent.glob("*.csv")}
         judged = verdicts(frames, read_published(path.parents[1]))
         _update(path, judged.to_csv(index=False, float_format="%.6g"))
-    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(RESULTS.glob("*/tables.md"))):
         _update(path, with_results(path.read_text(encoding="utf-8"), RESULTS))
     for path in sorted(RESULTS.glob("*/report.html")):
         _update(path, render_published(path.parent))
