@@ -157,7 +157,7 @@ def main() -> None:
     if options.every < 1:
         raise SystemExit(f"--every: expected at least 1, got {options.every}")
     spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), options.exp)
-    predictor = load(options.weights or ROOT / "reproduce" / "results" / WEIGHTS[options.exp], spec["world"]["width"])
+    predictor = load(options.weights or ROOT / "reproduce" / "results" / WEIGHTS[options.exp], spec.world.width)
     if options.steps <= predictor.steps:
         raise SystemExit(f"--steps: expected more than the {predictor.steps} of a window, got {options.steps}")
     if options.save:
@@ -167,7 +167,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         write_world(sample_world(spec, SHOWN_SEED + options.seed), Path(directory) / "world.yaml")
         env = make(Path(directory) / "world.yaml")
-    view = View(np.array(env.robot.lidar.angle_list), spec["world"]["width"], options.goal)
+    view = View(np.array(env.robot.lidar.angle_list), spec.world.width, options.goal)
     frames = drive(env, predictor, options)
     if options.save:
         shown = (frame for frame in frames if (frame.step + 1) % options.every == 0)

@@ -27,14 +27,18 @@ from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.simulation.recorder import record_experiment
+from repro.world_config import WorldSpec
 
 ROOT = Path(__file__).parents[1]
 
 
-def world_spec(experiment: str) -> dict[str, Any]:
-    """Return the world spec of an experiment of the paper."""
+def world_spec(name: str, /, **changes: Any) -> WorldSpec:
+    """Return the world spec of an experiment of the paper; changes replace keys of its mappings, or other values."""
     world = world_config.read_world(ROOT / "conf" / "world" / "paper.yaml")
-    return world_config.world_spec(world, experiment)
+    raw = world_config.world_spec(world, name).raw
+    for key, value in changes.items():
+        raw[key] = {**raw[key], **value} if isinstance(value, dict) else value
+    return WorldSpec.parse(raw)
 
 
 def refuse(*arguments: str) -> list[str]:
@@ -55,7 +59,7 @@ def commit_is_read_once(monkeypatch) -> None:
 
 
 @pytest.fixture(params=["1", "2", "3", "4"])
-def spec(request) -> dict[str, Any]:
+def spec(request) -> WorldSpec:
     return world_spec(request.param)
 
 

@@ -1,6 +1,5 @@
 """reproduce/robot_logs.py on logs of a simulated robot, and its measures against those of scikit-learn."""
 
-import copy
 import gzip
 import importlib
 import json
@@ -40,9 +39,9 @@ def evidence(script):
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     """Write CARMEN logs of a robot that drives through rooms, with a scan every 0.2 m and every 1 m, without times."""
-    spec = copy.deepcopy(world_spec(read_world(ROOT / "conf" / "world" / "rooms.yaml"), "people"))
-    spec["robot"]["sensors"][0] |= {"angle_range": math.pi, "number": 181, "range_max": 80}
-    spec["motion"] |= {"steps": 300, "speed_m_s": 2.0, "turn_rad_s": 2.0}
+    world = read_world(ROOT / "conf" / "world" / "rooms.yaml")
+    world["experiments"]["people"]["motion"] |= {"steps": 300, "speed_m_s": 2.0, "turn_rad_s": 2.0}
+    spec = world_spec(world, "people").with_lidar(angle_range=math.pi, number=181, range_max=80)
     scans = simulate(sample_world(spec, 100_011)).scans
     ranges = np.where(np.isinf(scans.ranges), 81.83, scans.ranges)
     directory, lines = tmp_path_factory.mktemp("logs"), []

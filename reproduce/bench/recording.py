@@ -4,7 +4,6 @@ import resource
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from table import head, row
@@ -13,13 +12,13 @@ from repro.simulation import behaviors  # noqa: F401  registers the behaviors
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world, write_world
-from repro.world_config import read_world, world_spec
+from repro.world_config import WorldSpec, read_world, world_spec
 
 ROOT = Path(__file__).parents[2]
 PAPER_RUNS = 4 * (10_000 + 128 + 500)
 
 
-def world_of(experiment: str) -> dict[str, Any]:
+def world_of(experiment: str) -> WorldSpec:
     """Return the description of the worlds of one of the paper's experiments."""
     return world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), experiment)
 

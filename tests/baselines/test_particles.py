@@ -45,7 +45,7 @@ def as_particle(obstacle, states, reference, spec):
     for step in 1 + np.flatnonzero(np.abs(np.sin((bearing[1:] - bearing[:-1]) / 2)) > 5e-3):
         away = states[step - 1, :2] - 25
         ahead = np.linalg.norm(away + moves[step - 1])
-        if ahead < spec["clear_radius_m"] + shape_radius(shape) and away @ moves[step - 1] < 0:
+        if ahead < spec.clear_radius_m + shape_radius(shape) and away @ moves[step - 1] < 0:
             particle[particles.FIRST_BOUNCE + min(bounces, 1)] = bearing[step] - math.atan2(away[1], away[0])
             bounces += 1
             if step <= reference:
@@ -65,7 +65,7 @@ def test_the_paths_of_particles_are_those_of_the_simulation(reference):
             found = as_particle(obstacle, states, reference, spec)
             if found is None or (found[1] and found[0][TURN] < STEPS):
                 continue
-            path = particles.path(found[0], (0.1, 25.0, 25.0, spec["clear_radius_m"], reference), STEPS)
+            path = particles.path(found[0], (0.1, 25.0, 25.0, spec.clear_radius_m, reference), STEPS)
             assert np.allclose(path, states[:, :2], atol=1e-6)
             compared, bounced = compared + 1, bounced + (found[1] > 0)
     assert compared > 200
@@ -112,8 +112,7 @@ def test_starts_are_lawful_where_the_path_begins_on_the_map():
 
 def test_a_longer_width_is_another_rectangle_where_the_laws_allow_it():
     """Moved sides keep the prior of aspects below 1, too."""
-    spec = world_spec("1")
-    spec["obstacles"]["aspect"] = [0.5, 2.0]
+    spec = world_spec("1", obstacles={"aspect": [0.5, 2.0]})
     rng, bounds = np.random.default_rng(0), parameter_bounds(spec)
     bounds[:, [X, Y]] = [[15.0, 15.0], [35.0, 35.0]]
     population = rng.uniform(bounds[0], bounds[1], (3000, PARAMETERS))

@@ -166,8 +166,9 @@ def test_bounds_apply_to_worlds_with_their_laws():
     assert [name for name in PREDICTORS if not applies(name, world_spec("3"))] == ["mean_map"]
     left_out = ["mean_map", "without_velocities", "positions"]
     assert [name for name in PREDICTORS if not applies(name, world_spec("1"))] == left_out
-    other = world_spec("3")
-    other["obstacles"]["behavior"]["name"] = "bounce"
+    spec = world_spec("3")
+    bounce = spec.obstacles.behavior.model_copy(update={"name": "bounce"})
+    other = spec.model_copy(update={"obstacles": spec.obstacles.model_copy(update={"behavior": bounce})})
     assert [name for name in PREDICTORS if not applies(name, other)] == ["mean_map", *BOUNDS]
     office = world_config.world_spec(world_config.read_world(ROOT / "conf" / "world" / "office.yaml"), "people")
     assert [name for name in PREDICTORS if not applies(name, office)] == list(BOUNDS)

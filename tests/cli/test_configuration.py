@@ -48,12 +48,9 @@ def test_defaults_are_the_papers():
 @pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
 def test_every_experiment_has_the_papers_motion_obstacles_and_100_steps(experiment):
     spec = world_spec(typed(composed(f"exp={experiment}")).world, experiment)
-    motion = spec["motion"]
-    moving = "behavior" in spec["obstacles"]
-    assert motion["name"] == ("rotate" if experiment in "13" else "square")
-    assert moving == (experiment in "34")
-    steps = motion["steps"] if experiment in "13" else 4 * (motion["drive_steps"] + motion["turn_steps"])
-    assert steps == 100
+    assert spec.motion.name == ("rotate" if experiment in "13" else "square")
+    assert bool(spec.behaviors) == (experiment in "34")
+    assert spec.steps == 100
 
 
 @pytest.mark.parametrize("model", NETWORKS)

@@ -93,17 +93,16 @@ def test_a_change_of_zero_changes_nothing(scans, change):
 def test_a_wider_view_has_more_beams_and_the_same_worlds():
     spec = world_spec("4")
     wide = generalization.with_field_of_view(spec, 180)
-    lidar = wide["robot"]["sensors"][0]
-    assert lidar["angle_range"] == pytest.approx(math.pi)
-    assert lidar["number"] == 200
-    assert generalization.with_field_of_view(spec, 90)["robot"]["sensors"][0]["number"] == 100
+    assert wide.lidar.angle_range == pytest.approx(math.pi)
+    assert wide.lidar.number == 200
+    assert generalization.with_field_of_view(spec, 90).lidar.number == 100
     assert sample_world(spec, 7)["obstacle"] == sample_world(wide, 7)["obstacle"]
     near = generalization.with_range(spec, 10)
-    assert near["robot"]["sensors"][0]["range_max"] == 10
+    assert near.lidar.range_max == 10
     assert sample_world(spec, 7)["obstacle"] == sample_world(near, 7)["obstacle"]
     fast = generalization.with_speed(spec, 2)
-    assert fast["obstacles"]["behavior"]["speed_m_s"] == [0.4, 1.4]
-    assert spec["obstacles"]["behavior"]["speed_m_s"] == [0.2, 0.7]
+    assert fast.obstacles.behavior.speed_m_s == (0.4, 1.4)
+    assert spec.obstacles.behavior.speed_m_s == (0.2, 0.7)
 
 
 @pytest.mark.parametrize("experiment", ["1", "4"])

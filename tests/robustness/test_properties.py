@@ -96,7 +96,7 @@ def test_accepted_worlds_can_be_recorded_and_learned_from(keys, data):
         except ValueError as error:
             stopped = str(error)
         if stopped:  # without a clear zone, only the simulation shows it
-            assert spec["clear_radius_m"] == 0, stopped
+            assert spec.clear_radius_m == 0, stopped
             assert "reaches the robot: enlarge clear_radius_m" in stopped
             return
         record_experiment(Path(folder), spec, {"train": 4, "val": 2, "test": 2}, workers=1)

@@ -16,6 +16,7 @@ from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
+from repro.world_config import WorldSpec
 
 SHAPES = {
     "circle": {"name": "circle", "radius": 1.3},
@@ -30,14 +31,14 @@ DISCS = {"count": [2, 4], "radius_m": [0.3, 0.6], "aspect": [1.0, 2.0], "disc_sh
 WALKERS = {**DISCS, "behavior": {"name": "drift", "speed_m_s": [0.3, 1.5], "turn_steps": [10, 30]}}
 
 
-def own_spec(*, lidar: dict[str, Any] | None = None, **changes: Any) -> dict[str, Any]:
+def own_spec(*, lidar: dict[str, Any] | None = None, **changes: Any) -> WorldSpec:
     """Return a world of 20 x 20 m with one obstacle of each shape, in which a robot drives to random goals."""
     turns = [0.0, 0.4, -1.0, 2.0, 0.7, 3.0]
     places = [[4, 4], [16, 5], [10, 16], [4, 13], [15, 12], [10, 7]]
     sensor = {"type": "lidar2d", "range_min": 0, "range_max": 12, "angle_range": 2.0, "number": 61, **(lidar or {})}
     robot = {"kinematics": {"name": "diff"}, "shape": {"name": "circle", "radius": 0.3}}
     limits = {"vel_min": [-5, -5], "vel_max": [5, 5], "sensors": [sensor]}
-    return {
+    content = {
         "experiment": "own",
         "world": {"width": 20, "height": 20, "step_time": 0.1, "collision_mode": "unobstructed"},
         "robot": robot | limits,
@@ -50,9 +51,10 @@ def own_spec(*, lidar: dict[str, Any] | None = None, **changes: Any) -> dict[str
         ],
         **changes,
     }
+    return WorldSpec.parse(content)
 
 
-def both(spec: dict[str, Any], seed: int) -> tuple[dict, dict]:
+def both(spec: WorldSpec, seed: int) -> tuple[dict, dict]:
     world = sample_world(spec, seed)
     return world, reverse_direction(world)
 
@@ -134,8 +136,9 @@ def test_noise_has_its_deviation_and_is_reproducible():
 def test_noise_needs_no_range_min():
     spec = own_spec(lidar={"noise": True, "std": 0.05, "angle_std": None})
     expected = simulate(sample_world(spec, 4)).scans.ranges
-    del spec["robot"]["sensors"][0]["range_min"]
-    assert np.array_equal(simulate(sample_world(spec, 4)).scans.ranges, expected)
+    raw = copy.deepcopy(spec.raw)
+    del raw["robot"]["sensors"][0]["range_min"]
+    assert np.array_equal(simulate(sample_world(WorldSpec.parse(raw), 4)).scans.ranges, expected)
 
 
 def test_a_twin_has_other_noise_and_is_undone_by_its_twin():
@@ -193,7 +196,7 @@ def test_obstacles_are_off_the_walls_and_out_of_the_way_of_robot_and_twin(seed):
         assert shapely.distance(walls, places).min() >= radius - 1e-9
         for item in (world, twin):
             robot = shapely.points(simulate(item).scans.poses[:, :2])
-            assert shapely.distance(robot, places).min() >= radius + spec["clear_radius_m"] - 1e-9
+            assert shapely.distance(robot, places).min() >= radius + spec.clear_radius_m - 1e-9
     for item in (world, twin):
         path = LineString(simulate(item).scans.poses[:, :2])
         assert path.distance(walls) >= 0.3 - 1e-9

@@ -16,13 +16,13 @@ from repro.world_config import read_world, world_spec
 
 WORLD = read_world(ROOT / "conf" / "world" / "rooms.yaml")
 SPEC = world_spec(WORLD, "people")
-ROOMS, WIDTH = SPEC["rooms"], 25.0
+ROOMS, WIDTH = SPEC.rooms, 25.0
 SEEDS = range(20)
 
 
 def walls_of(seed: int, **changes: object) -> shapely.Geometry:
     """Return all walls of a floor, also those that are not on the map, turned to the axes."""
-    walls = sample_rooms(np.random.default_rng(seed), {**ROOMS, **changes}, WIDTH)
+    walls = sample_rooms(np.random.default_rng(seed), ROOMS.model_copy(update=changes), WIDTH)
     return shapely.union_all([shapely.LineString(wall["shape"]["vertices"]) for wall in walls])
 
 
@@ -46,13 +46,13 @@ def test_rooms_are_as_large_as_asked(seed):
     walls = walls_of(seed, corridor_share=0.0)
     places = np.random.default_rng(seed).uniform(WIDTH * 0.35, WIDTH * 0.65, (500, 2))
     distances = shapely.distance(walls, shapely.points(places))
-    assert distances.max() >= ROOMS["side_m"][0] / 2 * 0.8
-    assert distances.max() <= ROOMS["side_m"][1]
+    assert distances.max() >= ROOMS.side_m[0] / 2 * 0.8
+    assert distances.max() <= ROOMS.side_m[1]
 
 
 def gaps_m(seed: int, **changes: object) -> np.ndarray:
     """Return the distances between the lines of all pairs of parallel walls [m]."""
-    walls = sample_rooms(np.random.default_rng(seed), {**ROOMS, **changes}, WIDTH)
+    walls = sample_rooms(np.random.default_rng(seed), ROOMS.model_copy(update=changes), WIDTH)
     ends = np.array([wall["shape"]["vertices"] for wall in walls])
     along = (ends[:, 1] - ends[:, 0]) / np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1, keepdims=True)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)

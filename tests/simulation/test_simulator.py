@@ -27,9 +27,7 @@ def test_a_replay_by_plain_irsim_agrees(spec, seed, tmp_path):
 
 def test_ranges_agree_with_rays_against_discs():
     """Compare with the distance to a disc; IR-SIM's discs are 64-gons, within 9 mm except at grazing beams."""
-    spec = world_spec("3")
-    spec["obstacles"] = {**spec["obstacles"], "disc_share": 1.0}
-    world = sample_world(spec, 11)
+    world = sample_world(world_spec("3", obstacles={"disc_share": 1.0}), 11)
     recording = simulate(world)
     heading = recording.scans.poses[:, 2:] + recording.scans.angles
     beams = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
@@ -94,7 +92,7 @@ def test_twins_share_the_obstacle_motion():
 
 
 def test_beams_span_the_field_of_view():
-    angles = beam_angles(world_spec("1")["robot"]["sensors"][0])
+    angles = beam_angles(world_spec("1").lidar.irsim())
     assert len(angles) == 100
     assert np.degrees(angles[[0, -1]]) == pytest.approx([-45, 45])
 

@@ -7,15 +7,15 @@ obstacles are joined if one explains the hits of both as well.
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from sklearn.cluster import DBSCAN
 
 from repro.baselines import particles as model
-from repro.baselines.laws import Scanned
+from repro.baselines.laws import Scanned, check_laws
 from repro.baselines.tempering import temper
 from repro.scans import Scans
+from repro.world_config import WorldSpec
 
 PARTICLES = 384  # of each obstacle
 MOST_HITS = 120  # of an obstacle that are used, spread over all
@@ -44,13 +44,13 @@ class Seen:
     scans: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     steps: np.ndarray
     points: np.ndarray
-    spec: dict[str, Any]
+    spec: WorldSpec
     rng: np.random.Generator
 
     def motion(self, reference: int) -> model.Motion:
         """Return the parameters of the motion for particles that are at their x and y at a step."""
-        middle_m = self.spec["world"]["width"] / 2
-        return self.spec["world"]["step_time"], middle_m, middle_m, float(self.spec["clear_radius_m"]), reference
+        middle_m = self.spec.world.width / 2
+        return self.spec.world.step_time, middle_m, middle_m, self.spec.clear_radius_m, reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Inferred:
         return self.particles[:, model.X : model.Y + 1].mean(0)
 
 
-def observe(scanned: Scanned, range_max_m: float, spec: dict[str, Any], rng: np.random.Generator) -> Seen:
+def observe(scanned: Scanned, range_max_m: float, spec: WorldSpec, rng: np.random.Generator) -> Seen:
     """Return what ranges (T, N), inf for a miss, angles (N,) and poses (T, 3) tell."""
     ranges, angles, poses = scanned
     headings = poses[:, 2:] + angles
@@ -132,7 +132,7 @@ def _energy(seen: Seen, each: Inferred, hits: np.ndarray) -> float:
 def _may_be_one(seen: Seen, first: Inferred, second: Inferred) -> bool:
     """Return whether an obstacle is fast enough to be both."""
     fastest = parameter_bounds(seen.spec)[1, model.SPEED]
-    way_m = fastest * seen.spec["world"]["step_time"] * abs(first.reference - second.reference)
+    way_m = fastest * seen.spec.world.step_time * abs(first.reference - second.reference)
     return bool(np.linalg.norm(first.center() - second.center()) < way_m + SAME_M)
 
 
@@ -176,7 +176,7 @@ def _prior(bounds: np.ndarray, motion: model.Motion, seen: Seen, count: int) -> 
     starting: list[np.ndarray] = []
     for _ in range(PRIOR_ROUNDS):
         drawn = seen.rng.uniform(bounds[0], bounds[1], (count, model.PARAMETERS))
-        drawn[:, model.IS_DISC] = seen.rng.random(count) < seen.spec["obstacles"]["disc_share"]
+        drawn[:, model.IS_DISC] = seen.rng.random(count) < check_laws(seen.spec).disc_share
         starting += [particle for particle in drawn if model.starts_on_map(particle, motion)]
         if len(starting) >= count:
             break
@@ -188,14 +188,15 @@ def _spread(hits: np.ndarray) -> np.ndarray:
     return hits[np.unique(np.linspace(0, len(hits) - 1, MOST_HITS).round().astype(int))]
 
 
-def parameter_bounds(spec: dict[str, Any]) -> np.ndarray:
+def parameter_bounds(spec: WorldSpec) -> np.ndarray:
     """Return the least and the largest value of each parameter by the laws, (2, PARAMETERS); x and y are left at 0."""
-    obstacles = spec["obstacles"]
-    behavior = obstacles.get("behavior") or {"speed_m_s": (0.0, 0.0), "turn_steps": (1, 1)}
+    population = check_laws(spec)
+    behavior = population.behavior
+    speed, turn = (behavior.speed_m_s, behavior.turn_steps) if behavior else ((0.0, 0.0), (1, 1))
     bounds = np.zeros((2, model.PARAMETERS))
     half = np.array([-np.pi / 2, np.pi / 2])
-    bounds[:, model.RADIUS], bounds[:, model.ASPECT] = obstacles["radius_m"], obstacles["aspect"]
-    bounds[:, model.SPEED], bounds[:, model.TURN] = behavior["speed_m_s"], behavior["turn_steps"]
+    bounds[:, model.RADIUS], bounds[:, model.ASPECT] = population.radius_m, population.aspect
+    bounds[:, model.SPEED], bounds[:, model.TURN] = speed, turn
     bounds[1, model.TURN] += 1  # its whole part is the step
     bounds[:, [model.HEADING, model.FIRST_BOUNCE, model.NEXT_BOUNCE]] = half[:, None]
     bounds[:, [model.BEARING, model.NEXT_BEARING]] = 2 * half[:, None]

@@ -34,6 +34,7 @@ from repro.baselines.laws import (
 from repro.maps.grid import Grid
 from repro.recordings.recorded import Recorded
 from repro.system.errors import InputError
+from repro.world_config import WorldSpec
 
 CORNERS = 64  # of a disc, as in the simulation
 
@@ -46,25 +47,24 @@ def infer(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     """
     assert test.truth, "the predictor needs the laws of the worlds"
     spec = test.truth.spec
-    check_laws(spec)
     _check_window(test, spec)
     others = sampled_obstacles(spec)
     free = predict_each(partial(_predict, test, spec, others), len(test), "inferring obstacles")
     return free, {"particles": association.PARTICLES}
 
 
-def _check_window(test: Recorded, spec: dict[str, Any]) -> None:
-    behavior, steps = spec["obstacles"].get("behavior"), test.scans.ranges.shape[1]
-    if behavior and 2 * behavior["turn_steps"][0] < steps:
+def _check_window(test: Recorded, spec: WorldSpec) -> None:
+    behavior, steps = check_laws(spec).behavior, test.scans.ranges.shape[1]
+    if behavior and 2 * behavior.turn_steps[0] < steps:
         raise InputError(
             f"the inference takes one random turn in {steps} steps: expected turn_steps of at least "
-            f"{math.ceil(steps / 2)}, got {list(behavior['turn_steps'])}"
+            f"{math.ceil(steps / 2)}, got {list(behavior.turn_steps)}"
         )
     if float(test.scans.angles.abs().max()) >= math.pi / 2:
         raise InputError("the inference takes a field of view of less than 180 degrees")
 
 
-def _predict(test: Recorded, spec: dict[str, Any], others: Obstacles, index: int) -> np.ndarray:
+def _predict(test: Recorded, spec: WorldSpec, others: Obstacles, index: int) -> np.ndarray:
     """Compute the probability of free of one recording, (H, W)."""
     ranges, angles, poses = scans_of(test, index)
     seen = observe((ranges, angles, poses), test.range_max_m, spec, np.random.default_rng(index))
@@ -88,12 +88,12 @@ def _ends(each: Inferred, seen: Seen) -> tuple[np.ndarray, np.ndarray]:
     return corners, np.stack([model.path(particle, motion, steps)[-1] for particle in each.particles])
 
 
-def _free_of_unseen(others: Obstacles, scanned: Scanned, spec: dict[str, Any], found: int, grid: Grid) -> np.ndarray:
+def _free_of_unseen(others: Obstacles, scanned: Scanned, spec: WorldSpec, found: int, grid: Grid) -> np.ndarray:
     """Compute the probability that no obstacle without a hit covers a pixel, given how many were found, (H, W)."""
     drawn = unseen(others.corners, others.paths, scanned, len(others.corners))
     if not len(drawn):
         return np.ones((grid.size_px, grid.size_px))
-    least, most = spec["obstacles"]["count"]
+    least, most = check_laws(spec).count
     missing = np.arange(max(least - found, 0), max(most - found, 0) + 1)
     weights = comb(found + missing, found) * (len(drawn) / len(others.corners)) ** missing
     covered = share_covered(others.corners[drawn[:DRAWS]], others.paths[drawn[:DRAWS], -1], grid)

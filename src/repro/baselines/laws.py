@@ -5,7 +5,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
 
 import numpy as np
 import shapely
@@ -20,12 +19,11 @@ from repro.outlines import padded, placed
 from repro.parallel import count_cores
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.recordings.recorded import Recorded
-from repro.simulation.motions import recorded_steps
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
 from repro.system.errors import InputError
-from repro.world_config import lidar_of
+from repro.world_config import Sized, WorldSpec
 
 DRAWS = 512  # of each obstacle
 WORLDS = 2000  # sampled for the obstacles without a hit
@@ -52,52 +50,48 @@ class Obstacles:
         return 2 * self.paths[:, 0] - self.paths[:, 1]
 
 
-def applies(name: str, spec: dict[str, Any]) -> bool:
+def applies(name: str, spec: WorldSpec) -> bool:
     """Return whether a baseline adds something in worlds of a spec."""
     if name == "mean_map":  # it predicts the fixed obstacles
-        return bool(spec.get("fixed"))
+        return bool(spec.fixed)
     if name not in BOUNDS:
         return True
     needs_motion = name in ("without_velocities", "positions")  # where nothing moves, they equal those with velocities
-    return knows(spec) and (not needs_motion or spec["obstacles"].get("behavior") is not None)
+    return knows(spec) and (not needs_motion or bool(spec.behaviors))
 
 
-def knows(spec: dict[str, Any]) -> bool:
+def knows(spec: WorldSpec) -> bool:
     """Return whether the laws of a world spec are those that these predictors draw from, the paper's."""
-    is_exact = not lidar_of(spec).get("noise")
-    has_zone = spec["motion"]["name"] in ("rotate", "square")
-    if spec.get("fixed") or "radius_m" not in spec["obstacles"]:
-        return False
-    behavior = spec["obstacles"].get("behavior")
-    return is_exact and has_zone and (behavior is None or behavior["name"] == "drift")
+    drifts = all(behavior.name == "drift" for behavior in spec.behaviors)
+    return isinstance(spec.obstacles, Sized) and drifts and not (spec.is_drive or spec.fixed or spec.lidar.noise)
 
 
-def check_laws(spec: dict[str, Any]) -> None:
-    """Check that the laws of a world spec are known.
+def check_laws(spec: WorldSpec) -> Sized:
+    """Return the population of a world spec after a check that its laws are known.
 
     Raises:
         ValueError: the worlds have other laws than the paper's.
     """
-    if not knows(spec):
+    if not knows(spec) or not isinstance(spec.obstacles, Sized):
         raise InputError(
             "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
             "or square, without fixed obstacles or noise of the lidar"
         )
+    return spec.obstacles
 
 
-def sampled_obstacles(spec: dict[str, Any]) -> Obstacles:
+def sampled_obstacles(spec: WorldSpec) -> Obstacles:
     """Sample obstacles with their motions from other worlds of an experiment."""
-    return _sampled(json.dumps(spec))
+    return _sampled(json.dumps(spec.raw))
 
 
 @cache
 def _sampled(content: str) -> Obstacles:
-    spec = json.loads(content)
-    steps, step_s = recorded_steps(spec["motion"]), spec["world"]["step_time"]
+    spec = WorldSpec.parse(json.loads(content))
     drawn = [each for number in range(WORLDS) for each in sample_world(spec, FIRST_SEED + number)["obstacle"]]
     outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]
     most = max(outline.shape[1] for outline in outlines)
-    states = np.stack([obstacle_states(each, steps, step_s) for each in drawn])
+    states = np.stack([obstacle_states(each, spec.steps, spec.world.step_time) for each in drawn])
     return turned(np.concatenate([padded(outline, most) for outline in outlines]), states)
 
 

@@ -36,6 +36,7 @@ from repro.baselines.laws import (
 from repro.recordings.recorded import Recorded, Truth
 from repro.scans import wrapped
 from repro.system.errors import InputError
+from repro.world_config import WorldSpec
 
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
@@ -111,22 +112,20 @@ def _starts(
     corners: np.ndarray,
     path: np.ndarray,
     last: int,
-    spec: dict[str, Any],
+    spec: WorldSpec,
     rng: np.random.Generator,
     knowledge: Knowledge,
 ) -> np.ndarray:
     """Return how an obstacle may move when it is last hit, see `draws.draw_ends`, (S, 5)."""
-    behavior = spec["obstacles"].get("behavior")
+    behavior = check_laws(spec).behavior
     if behavior is None:
         return np.array([[*path[last - 1], 0.0, 0.0, 0.0]])
-    least, longest = behavior["turn_steps"]
+    least, longest = behavior.turn_steps
     if knowledge.velocities:
-        keep_out_m = spec["clear_radius_m"] + np.linalg.norm(corners, axis=-1).max()
-        velocity, straight = _motion(
-            path[: max(last, 2)], spec["world"]["width"] / 2, keep_out_m, spec["world"]["step_time"]
-        )
+        keep_out_m = spec.clear_radius_m + np.linalg.norm(corners, axis=-1).max()
+        velocity, straight = _motion(path[: max(last, 2)], spec.world.width / 2, keep_out_m, spec.world.step_time)
         return np.array([[*path[last - 1], *velocity, min(straight, longest)]])
-    slowest, fastest = behavior["speed_m_s"]
+    slowest, fastest = behavior.speed_m_s
     speed, bearing = rng.uniform(slowest, fastest, CANDIDATES), rng.uniform(-np.pi, np.pi, CANDIDATES)
     turns = rng.integers(least, longest + 1, (CANDIDATES, last // least + 1)).cumsum(1)
     since = last - np.where(turns <= last, turns, 0).max(1)
@@ -138,7 +137,7 @@ def _draw(
     outlines: np.ndarray,
     starts: np.ndarray,
     later: Scanned,
-    spec: dict[str, Any],
+    spec: WorldSpec,
     rng: np.random.Generator,
     knowledge: Knowledge,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -146,9 +145,9 @@ def _draw(
     stands_still = not starts[:, 2:4].any()
     if len(outlines) == 1 and (stands_still or not len(later[0])):
         return outlines, starts[:1, :2]
-    center_m = spec["world"]["width"] / 2
-    turn_steps = (spec["obstacles"].get("behavior") or {"turn_steps": (1, 1)})["turn_steps"]
-    motion = (spec["world"]["step_time"], center_m, center_m, spec["clear_radius_m"], *turn_steps)
+    center_m, behavior = spec.world.width / 2, check_laws(spec).behavior
+    turn_steps = behavior.turn_steps if behavior else (1, 1)
+    motion = (spec.world.step_time, center_m, center_m, spec.clear_radius_m, *turn_steps)
     ends, which, tried = draw_ends(outlines, starts, motion, later, DRAWS, MOST_DRAWS, rng)
     if not len(ends):
         if knowledge == UPPER_BOUND:

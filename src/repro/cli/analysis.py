@@ -88,7 +88,7 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
 def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
     """Return whether a baseline applies to the worlds of an experiment; true without readable recordings."""
     with suppress(InputError):
-        return applies(name, read_manifest(outputs.recordings(experiment)).spec)
+        return applies(name, read_manifest(outputs.recordings(experiment)).world_spec)
     return True
 
 

@@ -19,7 +19,7 @@ def draw_figures(outputs: Outputs) -> list[str]:
     errors, worlds, examples = [], {}, []
     for experiment, path in outputs.recorded().items():
         try:
-            worlds[experiment] = sample_world(read_manifest(path).spec, SPLITS["test"])
+            worlds[experiment] = sample_world(read_manifest(path).world_spec, SPLITS["test"])
         except InputError as error:
             errors.append(str(error))
     for encoding, experiment in itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds):

@@ -3,7 +3,6 @@
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from repro.cli.config import Config
 from repro.learning.budget import Budget
@@ -12,7 +11,7 @@ from repro.runs.config import Data, RunConfig
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
-from repro.world_config import world_spec
+from repro.world_config import WorldSpec, world_spec
 
 ROOT = Path(__file__).parents[3]
 RESULTS = ROOT / "reproduce" / "results"
@@ -26,13 +25,13 @@ class Job:
         call: the whole configuration.
         config: everything that decides the result of the run.
         outputs: the outputs directory.
-        spec: what decides the worlds of the experiment, see `worlds.sample_world`.
+        spec: what decides the worlds of the experiment.
     """
 
     call: Config
     config: RunConfig
     outputs: Outputs
-    spec: dict[str, Any]
+    spec: WorldSpec
 
     @property
     def key(self) -> RunKey:
@@ -64,8 +63,7 @@ class Job:
 def resolve(config: Config) -> Job:
     """Resolve a checked configuration."""
     spec = world_spec(config.world, config.exp)
-    size_m = float(spec["world"]["width"])
-    data = Data(config.scale.name, config.scale.size_px, size_m, config.scale.pairs, spec_fingerprint(spec))
+    data = Data(config.scale.name, config.scale.size_px, spec.world.width, config.scale.pairs, spec_fingerprint(spec))
     run = RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
     return Job(config, run, Outputs(Path(config.outputs), Path(config.recordings)), spec)
 

@@ -1,13 +1,10 @@
 """What a call takes on this machine, estimated before anything slow begins."""
 
-from typing import Any
-
 from repro.config import Encoding, Scale, Training
 from repro.fields import ConfigError
 from repro.parallel import training_memory_gb
-from repro.simulation.motions import recorded_steps
 from repro.system.memory import total_memory_gb
-from repro.world_config import lidar_of
+from repro.world_config import WorldSpec
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core
 
@@ -28,12 +25,12 @@ def cpu_errors(scale: Scale, train: Training, encoding: Encoding, precision: str
     return [ConfigError("scale.pairs.train", scale.pairs.train, expected)]
 
 
-def recording_seconds(spec: dict[str, Any], recordings: int) -> float:
+def recording_seconds(spec: WorldSpec, recordings: int) -> float:
     """Estimate the time to record an experiment on one core [s].
 
     Args:
-        spec: what decides the worlds, see `worlds.sample_world`.
+        spec: what decides the worlds.
         recordings: number of recordings.
     """
-    readings = recorded_steps(spec["motion"]) * lidar_of(spec)["number"]
+    readings = spec.steps * spec.lidar.number
     return recordings * readings * SECONDS_PER_READING

@@ -14,7 +14,6 @@ from repro.config import EVERY_PART, RECURRENT, Encoding, EncodingParameters, Ne
 from repro.fields import OLDEST_GRAY, ConfigError, config_errors_of
 from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.parallel import has_gpu
-from repro.simulation.motions import recorded_steps
 from repro.simulation.schema import world_errors
 from repro.world_config import world_spec
 
@@ -102,16 +101,16 @@ def warnings_of(config: Config) -> list[str]:
             f"model.encoder_weights={config.model.encoder_weights} are downloaded from the internet the first time"
         )
     pairs = config.scale.pairs
-    minutes = recording_seconds(world_spec(config.world, config.exp), pairs.train + pairs.val + pairs.test) / 60
+    spec = world_spec(config.world, config.exp)
+    minutes = recording_seconds(spec, pairs.train + pairs.val + pairs.test) / 60
     if config.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
         found.append(f"recording exp {config.exp} takes about {minutes:.0f} min per core")
-    experiment = config.world["experiments"][config.exp]
-    if not experiment["clear_radius_m"]:
+    if not spec.clear_radius_m:
         found.append(f"exp {config.exp} has no clear zone: recording stops where an obstacle reaches the robot")
     if config.task in TRAINING_TASKS and config.train.flip_augmentation:
-        if experiment.get("fixed"):
+        if spec.fixed:
             found.append("train.flip_augmentation=true also shows the network the fixed obstacles upside down")
-        if experiment["motion"]["name"] == "waypoints":
+        if spec.motion.name == "waypoints":
             found.append("train.flip_augmentation=true also shows the network the robot's path upside down")
     return found
 
@@ -153,7 +152,7 @@ def _encoding_errors(encoding: Encoding) -> list[ConfigError]:
 def _window_errors(config: Config) -> list[ConfigError]:
     """Return an error if the windows of the experiment have fewer steps than the encoding has parts."""
     frames = config.encoding.parameters.get("frames", 1)
-    steps = recorded_steps(config.world["experiments"][config.exp]["motion"])
+    steps = world_spec(config.world, config.exp).steps
     if config.task not in (*TRAINING_TASKS, "evaluate") or frames <= steps:
         return []
     expected = f"divides a window into {frames} parts, those of exp {config.exp} have {steps} steps"

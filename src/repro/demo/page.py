@@ -19,7 +19,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
 from repro.system.errors import InputError
-from repro.world_config import is_moving, lidar_of
+from repro.world_config import is_moving
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
 RUNTIME_MODULE = "ort.mjs"
@@ -45,7 +45,7 @@ def render(networks: list[DemoNetwork], runtime: Runtime, spec: dict[str, Any]) 
     for network in networks:
         _check_network(network, spec["world"], steps)
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
-    lidar = lidar_of(spec)
+    lidar = spec["robot"]["sensors"][0]
     motions = {each["motion"]["name"]: each["motion"] for each in spec["experiments"].values()}
     settings = {
         "spec": spec | {"motions": motions},

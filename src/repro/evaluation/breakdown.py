@@ -25,7 +25,6 @@ from repro.metrics.calibration import binary_entropy, brier, entropy, log_loss
 from repro.metrics.counts import LEVELS, average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.truth import true_maps
-from repro.world_config import lidar_of
 
 HITS = {**{name: bins for name, bins in RECENCY.items() if max(bins) < BINS}, "never": range(BINS, BINS + 1)}
 
@@ -57,15 +56,15 @@ def load_test_set(recordings: Path, grid: Grid) -> TestSet:
     Raises:
         ValueError: a shard is damaged, see `recordings.reader.read_shards`.
     """
-    lidar = lidar_of(read_manifest(recordings).spec)
+    lidar = read_manifest(recordings).world_spec.lidar
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     first = 0
     for shard in read_shards(recordings, "test"):
         parts["truth"].append(true_maps(shard, grid).numpy())
-        parts["groups"].append(pixel_groups(shard.scans, grid, lidar["range_max"]))
+        parts["groups"].append(pixel_groups(shard.scans, grid, lidar.range_max))
         parts["masks"].append(obstacle_masks(shard, grid))
         parts["recording"].append(first + 2 * shard.world + np.array([[0], [1]]))
-        parts["newest"].append(newest_hits_of_obstacles(shard, lidar.get("std") or 0.0))
+        parts["newest"].append(newest_hits_of_obstacles(shard, lidar.std or 0.0))
         first, steps = first + len(shard.scans), shard.scans.ranges.shape[1]
     of_obstacles = ("recording", "newest")
     arrays = {name: np.concatenate(part, axis=int(name in of_obstacles)) for name, part in parts.items()}

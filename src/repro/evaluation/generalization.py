@@ -16,9 +16,8 @@ from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans, library_of
 from repro.simulation.recorder import record_experiment
 from repro.system.errors import InputError
-from repro.world_config import lidar_of, populations
+from repro.world_config import WorldSpec
 
-Spec = dict[str, Any]
 Change = Callable[[Scans, float, np.random.Generator], Scans]
 FIELDS_OF_VIEW = (45, 60, 90, 120, 180, 270, 360)  # [deg], at about the original angular resolution
 RANGES_M = (10, 15, 20, 30)  # maximum range of the lidar
@@ -80,34 +79,30 @@ CHANGES: dict[str, tuple[Change, tuple[float, ...]]] = {
 }
 
 
-def with_field_of_view(spec: Spec, degrees: float) -> Spec:
+def with_field_of_view(spec: WorldSpec, degrees: float) -> WorldSpec:
     """Return a spec with another field of view of the lidar [deg] and beams in proportion to it.
 
     The angle between beams is about the same, because both ends of the field of view have a beam: 0.918 degrees at a
     view of 45 degrees, 0.909 at 90, 0.902 at 360 for the paper's lidar. At 360 degrees the first and the last beam
     coincide.
     """
-    changed = copy.deepcopy(spec)
-    lidar = lidar_of(changed)
-    factor = math.radians(degrees) / lidar["angle_range"]
-    lidar |= {"angle_range": math.radians(degrees), "number": round(lidar["number"] * factor)}
-    return changed
+    number = round(spec.lidar.number * (math.radians(degrees) / spec.lidar.angle_range))
+    return spec.with_lidar(angle_range=math.radians(degrees), number=number)
 
 
-def with_range(spec: Spec, range_m: float) -> Spec:
+def with_range(spec: WorldSpec, range_m: float) -> WorldSpec:
     """Return a spec with another maximum range of the lidar [m]."""
-    changed = copy.deepcopy(spec)
-    lidar_of(changed)["range_max"] = range_m
-    return changed
+    return spec.with_lidar(range_max=range_m)
 
 
-def with_speed(spec: Spec, times: float) -> Spec:
+def with_speed(spec: WorldSpec, times: float) -> WorldSpec:
     """Return a spec with the speed of the obstacles multiplied by `times`."""
-    changed = copy.deepcopy(spec)
-    for population in populations(changed):
+    raw = copy.deepcopy(spec.raw)
+    populations = raw["obstacles"] if isinstance(raw["obstacles"], list) else [raw["obstacles"]]
+    for population in populations:
         if behavior := population.get("behavior"):
             behavior["speed_m_s"] = [times * speed for speed in behavior["speed_m_s"]]
-    return changed
+    return WorldSpec.parse(raw)
 
 
 def across_experiments(predictors: Mapping[str, Predictor], recordings: Mapping[str, Path]) -> pd.DataFrame:
@@ -167,7 +162,7 @@ def across_start_headings(predictor: Predictor, experiment: str, recordings: Pat
 
 
 def under_changes(
-    predictor: Predictor, experiment: str, spec: Spec, directory: Path, pairs: int, *, workers: int
+    predictor: Predictor, experiment: str, spec: WorldSpec, directory: Path, pairs: int, *, workers: int
 ) -> pd.DataFrame:
     """Test a network on its own experiment under changed sensing or obstacle speed.
 
@@ -190,11 +185,11 @@ def under_changes(
     """
     rows = []
 
-    def add(shift: str, amount: float, scans: Scans, test: Recorded, changed: Spec) -> None:
-        scored = score(predictor.with_range(lidar_of(changed)["range_max"]), scans, test)
+    def add(shift: str, amount: float, scans: Scans, test: Recorded, changed: WorldSpec) -> None:
+        scored = score(predictor.with_range(changed.lidar.range_max), scans, test)
         rows.append(scored.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
 
-    def record(name: str, changed: Spec) -> Recorded:
+    def record(name: str, changed: WorldSpec) -> Recorded:
         record_experiment(directory / name, changed, {"test": pairs}, workers=workers)
         return load_recorded(directory / name, "test", predictor.grid)
 

@@ -37,7 +37,6 @@ from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
-from repro.simulation.motions import recorded_steps
 from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.errors import InputError
 from repro.system.memory import keep_freed_memory
@@ -238,8 +237,8 @@ def _best_predictor(
         shutil.rmtree(checkpoints, ignore_errors=True)
         raise InputError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
-    spec = read_manifest(recordings).spec
-    window = (recorded_steps(spec["motion"]), float(spec["world"]["step_time"]), bool(spec.get("fixed")))
+    spec = read_manifest(recordings).world_spec
+    window = (spec.steps, spec.world.step_time, bool(spec.fixed))
     return Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
 
 

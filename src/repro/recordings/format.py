@@ -12,13 +12,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.files import open_arrays
+from repro.world_config import WorldSpec
 
 FORMAT = 1
 SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
@@ -100,9 +100,9 @@ def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:
     return sum(2 * shard.worlds for shard in shards_of(pairs) if (directory / shard.name).is_file())
 
 
-def spec_fingerprint(spec: dict[str, Any]) -> str:
+def spec_fingerprint(spec: WorldSpec) -> str:
     """Hash everything that determines the content of the recordings, in hexadecimal."""
-    content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec}
+    content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec.raw}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

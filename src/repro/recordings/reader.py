@@ -7,6 +7,7 @@ verified before it is read. `simulation.recorder` writes the shards and restores
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from repro.recordings.format import (
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.files import read_typed, sha256
+from repro.world_config import WorldSpec
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,15 @@ class Manifest:
     pairs: dict[str, int]
     versions: dict[str, str]
     shards: dict[str, ShardEntry]
+
+    @cached_property
+    def world_spec(self) -> WorldSpec:
+        """What decides the worlds.
+
+        Raises:
+            ValueError: it is damaged, or of a version with other keys.
+        """
+        return WorldSpec.parse(self.spec)
 
 
 def read_manifest(directory: Path) -> Manifest:

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +13,7 @@ from repro.recordings.format import ShardContent
 from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.truth import true_maps
 from repro.scans import Scans
-from repro.world_config import lidar_of
+from repro.world_config import WorldSpec
 
 
 @dataclass(frozen=True)
@@ -25,13 +24,13 @@ class Truth:
         outlines: outlines in their own frame [m], (K, V, 2).
         states: obstacle poses x, y [m], heading [rad], (K, T, 3).
         world: index of the world of each obstacle, (K,); recordings 2 w and 2 w + 1 are of world w.
-        spec: what decides the worlds, see `worlds.sample_world`.
+        spec: what decides the worlds.
     """
 
     outlines: np.ndarray
     states: np.ndarray
     world: np.ndarray
-    spec: dict[str, Any]
+    spec: WorldSpec
 
     def of_recording(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the outlines (O, V, 2) and states (O, T, 3) of the obstacles of one recording."""
@@ -72,13 +71,12 @@ def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
     shards = list(read_shards(recordings, split))
     ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
     maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
-    spec = read_manifest(recordings).spec
-    range_max_m, step_s = lidar_of(spec)["range_max"], spec["world"]["step_time"]
+    spec = read_manifest(recordings).world_spec
     scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
-    return Recorded(scans, maps, grid, range_max_m, step_s, _truth(shards, spec))
+    return Recorded(scans, maps, grid, spec.lidar.range_max, spec.world.step_time, _truth(shards, spec))
 
 
-def _truth(shards: list[ShardContent], spec: dict[str, Any]) -> Truth:
+def _truth(shards: list[ShardContent], spec: WorldSpec) -> Truth:
     """Join the obstacles of the shards of a split."""
     most = max(shard.outlines.shape[1] for shard in shards)
     outlines = np.concatenate([padded(shard.outlines, most) for shard in shards])

@@ -13,10 +13,10 @@ from pydantic.dataclasses import dataclass as checked
 from scipy import ndimage
 
 from repro.fields import Finite
-from repro.simulation.schema_parts import MAX_FIXED, MAX_VERTICES
 from repro.simulation.shapes import Obstacle
 from repro.system.errors import InputError
 from repro.system.files import read_typed
+from repro.world_config import MAX_FIXED, MAX_VERTICES
 
 MAX_CELLS = 10_000  # along one side of a map
 FORMATS = ("PNG", "PPM", "BMP", "TIFF", "JPEG", "GIF")  # of images; PPM includes PGM. Others may start programs.

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from repro.system.errors import InputError
-
-DRIVES = ("waypoints", "random_goals")  # motions through the map; the clear zone moves with the robot
+from repro.world_config import Motion, RandomGoals, Waypoints
 
 
 def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:
@@ -104,22 +103,20 @@ def _evenly(amount: float, rate: float, step_time: float, column: int) -> np.nda
     return commands
 
 
-def recorded_steps(motion: dict[str, Any]) -> int:
-    """Return the number of time steps of a recording with this motion of the robot, T."""
-    if motion["name"] == "square":
-        return 4 * (motion["drive_steps"] + motion["turn_steps"])
-    return motion["steps"]
+def recorded_steps(behavior: dict[str, Any]) -> int:
+    """Return the number of time steps of a recording of a world with this robot behavior, T."""
+    return len(robot_commands(behavior, step_time=1.0))
 
 
-def top_speeds(motion: dict[str, Any], step_time: float) -> np.ndarray:
+def top_speeds(motion: Motion, step_time: float) -> np.ndarray:
     """Return the largest linear and angular speed of a motion [m/s, rad/s], (2,).
 
     Raises:
         ValueError: see `robot_commands`.
     """
-    if motion["name"] in DRIVES:
-        return np.array([np.max(motion["speed_m_s"]), np.max(motion["turn_rad_s"])])
-    return np.abs(robot_commands({**motion, "direction": 1}, step_time)).max(axis=0)
+    if isinstance(motion, Waypoints | RandomGoals):
+        return np.array([np.max(motion.speed_m_s), np.max(motion.turn_rad_s)])
+    return np.abs(robot_commands({**motion.irsim(), "direction": 1}, step_time)).max(axis=0)
 
 
 def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:

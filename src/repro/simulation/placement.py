@@ -3,19 +3,18 @@
 import math
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
 
 import numpy as np
 import shapely
 
 from repro.simulation.obstacle_motions import obstacle_states
-from repro.simulation.shapes import Line, Shape, boundaries, shape_radius
+from repro.simulation.shapes import Line, Obstacle, Shape, boundaries, shape_radius, standing
+from repro.world_config import Shaped, Sized
 
 _PLACEMENTS = 200  # attempts to place one obstacle
 _MOTIONS = 50  # attempts to find it a motion out of the robot's way
 
-Population = dict[str, Any]
-Placed = tuple[float, float, Shape, Population]
+Placed = tuple[float, float, Shape, Sized | Shaped]
 
 
 class Attempts:
@@ -55,7 +54,7 @@ class Site:
             is_clear = np.hypot(*(self.path - [x, y]).T).min() >= self.clear_m + radius
         return is_clear and (self.walls is None or shapely.distance(self.walls, shapely.Point(x, y)) >= radius)
 
-    def keeps_clear(self, obstacle: dict[str, Any]) -> bool:
+    def keeps_clear(self, obstacle: Obstacle) -> bool:
         """Check that an obstacle stays out of the zone of a driving robot and of its twin at every step."""
         if self.path is None:
             return True
@@ -66,21 +65,21 @@ class Site:
 
 
 def sample_obstacles(
-    rng: np.random.Generator, populations: list[Population], site: Site, attempts: Attempts
-) -> list[dict] | None:
+    rng: np.random.Generator, populations: list[Sized | Shaped], site: Site, attempts: Attempts
+) -> list[Obstacle] | None:
     """Sample all obstacles of a world as IR-SIM reads them; None if one finds no place or no motion."""
     placed: list[Placed] = []
     for population in populations:
-        for _ in range(rng.integers(population["count"][0], population["count"][1] + 1)):
+        for _ in range(rng.integers(population.count[0], population.count[1] + 1)):
             found = _place(rng, population, placed, site, attempts)
             if found is None:
                 return None
             placed.append(found)
-    standing = [_static(rng, *each) if not each[-1].get("behavior") else None for each in placed]
-    lines = [*site.lines, *boundaries(each for each in standing if each)]
+    still_ones = [None if each[-1].behavior else _static(rng, *each[:3]) for each in placed]
+    lines = [*site.lines, *boundaries(each for each in still_ones if each)]
     obstacles = []
-    for each, still in zip(placed, standing, strict=True):
-        obstacle = still or _moving(rng, *each, site, lines, attempts)
+    for each, still in zip(placed, still_ones, strict=True):
+        obstacle = still or _moving(rng, each, site, lines, attempts)
         if obstacle is None:
             return None
         obstacles.append(obstacle)
@@ -88,7 +87,7 @@ def sample_obstacles(
 
 
 def _place(
-    rng: np.random.Generator, population: Population, placed: list[Placed], site: Site, attempts: Attempts
+    rng: np.random.Generator, population: Sized | Shaped, placed: list[Placed], site: Site, attempts: Attempts
 ) -> Placed | None:
     """Draw a shape and a place for it without overlap, inside the map and outside the zone; None without a place."""
     shape = _shape(rng, population)
@@ -101,41 +100,35 @@ def _place(
     return None
 
 
-def _shape(rng: np.random.Generator, population: Population) -> Shape:
+def _shape(rng: np.random.Generator, population: Sized | Shaped) -> Shape:
     """Draw one of the shapes of a population, or a disc of random radius or a rectangle of the same area."""
-    if "shapes" in population:
-        return population["shapes"][rng.integers(len(population["shapes"]))]
-    radius = rng.uniform(*population["radius_m"])
-    is_disc, aspect = rng.random() < population["disc_share"], rng.uniform(*population["aspect"])
+    if isinstance(population, Shaped):
+        return population.shapes[rng.integers(len(population.shapes))].irsim()
+    radius = rng.uniform(*population.radius_m)
+    is_disc, aspect = rng.random() < population.disc_share, rng.uniform(*population.aspect)
     if is_disc:
         return {"name": "circle", "radius": float(radius)}
     width = math.sqrt(math.pi * radius**2 / aspect)
     return {"name": "rectangle", "length": float(aspect * width), "width": float(width)}
 
 
-def _static(rng: np.random.Generator, x: float, y: float, shape: Shape, _: Population) -> dict[str, Any]:
+def _static(rng: np.random.Generator, x: float, y: float, shape: Shape) -> Obstacle:
     """Create an obstacle that stands at a random heading."""
-    heading = float(rng.uniform(-math.pi, math.pi))
-    return {"shape": shape, "state": [x, y, heading], "kinematics": {"name": "static"}}
+    return standing(shape, (x, y, float(rng.uniform(-math.pi, math.pi))))
 
 
 def _moving(
-    rng: np.random.Generator,
-    x: float,
-    y: float,
-    shape: Shape,
-    population: Population,
-    site: Site,
-    lines: list[Line],
-    attempts: Attempts,
-) -> dict[str, Any] | None:
+    rng: np.random.Generator, placed: Placed, site: Site, lines: list[Line], attempts: Attempts
+) -> Obstacle | None:
     """Create an obstacle with a random stream of its own that keeps out of the robot's way; None if none does."""
+    x, y, shape, population = placed
+    assert population.behavior
     for _ in islice(attempts.motions, _MOTIONS):
         heading = float(rng.uniform(-math.pi, math.pi))
-        speed = float(rng.uniform(*population["behavior"]["speed_m_s"]))
+        speed = float(rng.uniform(*population.behavior.speed_m_s))
         limit, radius = 1.01 * speed, shape_radius(shape)
         motion = {
-            **population["behavior"],
+            **population.behavior.irsim(),
             "seed": int(rng.integers(2**31)),
             "speed_m_s": speed,
             "center_m": (site.size_m / 2).tolist(),

@@ -34,6 +34,7 @@ from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
+from repro.world_config import WorldSpec
 
 VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
 
@@ -48,7 +49,7 @@ class Written:
 
 def record_experiment(
     directory: Path,
-    spec: dict[str, Any],
+    spec: WorldSpec,
     pairs: dict[str, int],
     *,
     workers: int = 2,
@@ -60,7 +61,7 @@ def record_experiment(
 
     Args:
         directory: directory of the shards, created if missing.
-        spec: description of the worlds, see `worlds.sample_world`.
+        spec: what decides the worlds.
         pairs: recordings per split, each even, since a world and its twin are two recordings.
         workers: number of processes.
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
@@ -88,7 +89,7 @@ def record_experiment(
         _write_shards(directory, missing, spec, workers, verify_every, sum(shard.worlds for shard in shards))
         manifest = Manifest(
             FORMAT,
-            spec,
+            spec.raw,
             fingerprint,
             dict(pairs),
             {name: version(name) for name in ("ir-sim", "numpy", "repro")},
@@ -113,7 +114,7 @@ def _exclusive(directory: Path) -> Iterator[None]:
 
 def record_part(
     directory: Path,
-    spec: dict[str, Any],
+    spec: WorldSpec,
     pairs: dict[str, int],
     part: int,
     parts: int,
@@ -141,13 +142,13 @@ def record_part(
     return all((directory / shard.name).is_file() for shard in shards)
 
 
-def write_shard(directory: Path, shard: Shard, spec: dict[str, Any], verify_every: int) -> Written:
+def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: int) -> Written:
     """Record one shard.
 
     Args:
         directory: directory of the shards.
         shard: name and seeds of the shard.
-        spec: description of the worlds, see `worlds.sample_world`.
+        spec: what decides the worlds.
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
@@ -195,15 +196,13 @@ def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
     return True
 
 
-def _write_shards(directory: Path, shards: list[Shard], spec: dict, workers: int, every: int, worlds: int) -> None:
+def _write_shards(directory: Path, shards: list[Shard], spec: WorldSpec, workers: int, every: int, worlds: int) -> None:
     jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
     # processes even inside a worker of a launcher, because IR-SIM keeps its environment in module variables
     done, plain = worlds - sum(shard.worlds for shard in shards), 0
     with (
         process_pool(workers, return_as="generator_unordered") as parallel,
-        tqdm(
-            total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec['experiment']}", disable=None
-        ) as bar,
+        tqdm(total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec.experiment}", disable=None) as bar,
     ):
         for written in parallel(jobs):
             bar.update(2 * written.worlds)

@@ -7,56 +7,54 @@ corridor between two walls, until its parts have the size of rooms. Every wall h
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import shapely
 
+from repro.simulation.shapes import Obstacle, standing
 from repro.system.errors import InputError
+from repro.world_config import Motion, RandomGoals, Rooms
 
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]
 _MOST = 1000  # rooms of a floor
 
 
-def check_rooms(rooms: dict[str, Any], motion: str, width_m: float, robot_m: float) -> None:
+def check_rooms(rooms: Rooms, motion: Motion, width_m: float, robot_m: float) -> None:
     """Check that a robot finds its way through rooms, and that they can be sampled in a second.
 
     Args:
-        rooms: see `sample_rooms`.
-        motion: name of the robot's motion.
+        rooms: their sizes.
+        motion: the robot's motion.
         width_m: side of the square map [m].
         robot_m: diameter of the robot [m].
 
     Raises:
         ValueError: the robot drives through walls or fits through no door, or there are too many rooms.
     """
-    if motion != "random_goals":
-        raise InputError(f"rooms need the motion random_goals, which avoids their walls, got {motion}")
-    for name in ("door_m", "corridor_m"):
-        if rooms[name][0] <= robot_m:
-            raise InputError(
-                f"rooms.{name} begins at {rooms[name][0]:g} m: expected more than the robot's {robot_m:g} m"
-            )
-    count = 2 * (width_m / float(np.mean(rooms["side_m"]))) ** 2
+    if not isinstance(motion, RandomGoals):
+        raise InputError(f"rooms need the motion random_goals, which avoids their walls, got {motion.name}")
+    for name, (least, _) in (("door_m", rooms.door_m), ("corridor_m", rooms.corridor_m)):
+        if least <= robot_m:
+            raise InputError(f"rooms.{name} begins at {least:g} m: expected more than the robot's {robot_m:g} m")
+    count = 2 * (width_m / float(np.mean(rooms.side_m))) ** 2
     if count > _MOST:
         raise InputError(
-            f"a map of {width_m:g} m has about {count:.0f} rooms with sides of {rooms['side_m']} m, at most {_MOST} "
+            f"a map of {width_m:g} m has about {count:.0f} rooms with sides of {list(rooms.side_m)} m, at most {_MOST} "
             "are allowed: use longer sides or a smaller map"
         )
 
 
-def sample_rooms(rng: np.random.Generator, rooms: dict[str, Any], width_m: float) -> list[dict[str, Any]]:
+def sample_rooms(rng: np.random.Generator, rooms: Rooms, width_m: float) -> list[Obstacle]:
     """Sample the walls of one world.
 
     Args:
         rng: random stream of the world.
-        rooms: `side_m`, `corridor_m` and `door_m`, each [low, high] [m], and `corridor_share`, the probability that a
-            rectangle is divided by a corridor; see docs/worlds.md.
+        rooms: their sizes [m], and the probability that a rectangle is divided by a corridor; see docs/worlds.md.
         width_m: side of the square map [m].
 
     Returns:
-        the walls that are on the map, each piece between two doors as a fixed obstacle of conf/world, a line string.
+        the walls that are on the map, each piece between two doors as a standing obstacle, a line string.
     """
     floor = _Floor(rng, rooms)
     half = width_m / math.sqrt(2)  # of the diagonal
@@ -66,7 +64,7 @@ def sample_rooms(rng: np.random.Generator, rooms: dict[str, Any], width_m: float
     pieces = [np.array(piece) @ turn + width_m / 2 for wall in floor.walls for piece in wall.pieces()]
     on_map = shapely.intersects(shapely.linestrings(pieces), shapely.box(0, 0, width_m, width_m)) if pieces else []
     return [
-        {"shape": {"name": "linestring", "vertices": piece.tolist()}}
+        standing({"name": "linestring", "vertices": piece.tolist()})
         for piece, is_on_map in zip(pieces, on_map, strict=True)
         if is_on_map
     ]
@@ -93,20 +91,20 @@ class _Wall:
 @dataclass
 class _Floor:
     rng: np.random.Generator
-    rooms: dict[str, Any]
+    rooms: Rooms
     walls: list[_Wall] = field(default_factory=list)
     doors: dict[tuple[int, float], list[tuple[float, float]]] = field(default_factory=dict)  # by the line of a wall
 
     def divide(self, low: tuple[float, float], high: tuple[float, float]) -> None:
         """Divide a rectangle, given its corners [m], unless it is a room."""
-        shortest, longest = self.rooms["side_m"]
+        shortest, longest = self.rooms.side_m
         sides = [high[axis] - low[axis] for axis in (0, 1)]
         axis = int(sides[1] > sides[0])
         if sides[axis] <= self.rng.uniform(shortest, longest):
             return
         width = 0.0
-        if self.rng.random() < self.rooms["corridor_share"]:
-            width = float(self.rng.uniform(*self.rooms["corridor_m"]))
+        if self.rng.random() < self.rooms.corridor_share:
+            width = float(self.rng.uniform(*self.rooms.corridor_m))
         if sides[axis] < 2 * shortest + width:
             return
         other = 1 - axis
@@ -131,11 +129,11 @@ class _Floor:
 
     def _doors(self, low: float, high: float) -> list[tuple[float, float]]:
         """Draw the doors of a wall: one in each of its equal parts, which are about as long as the longest room."""
-        parts = max(1, round((high - low) / self.rooms["side_m"][1]))
+        parts = max(1, round((high - low) / self.rooms.side_m[1]))
         length = (high - low) / parts
         doors = []
         for part in range(parts):
-            width = min(float(self.rng.uniform(*self.rooms["door_m"])), length)
+            width = min(float(self.rng.uniform(*self.rooms.door_m)), length)
             begin = low + part * length + float(self.rng.uniform(0, length - width))
             doors.append((begin, begin + width))
         return doors

@@ -1,49 +1,39 @@
-"""Schema of conf/world: the allowed keys and the range of every value; docs/worlds.md lists them.
-
-The models mirror the files of conf/world. Unknown keys are rejected by name, because IR-SIM would apply them and the
-recorder would ignore them.
-"""
+"""Errors of a whole file of conf/world: of single values, and of combinations that cannot be recorded."""
 
 import json
 import re
-from typing import Annotated, Any
+from typing import Any
 
 import shapely
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from repro.fields import ConfigError, Name, config_errors_of
-from repro.simulation.motions import recorded_steps, top_speeds
-from repro.simulation.schema_parts import MAX_FIXED, Fixed, Motion, Part, Populations, Robot, Rooms, World
-from repro.simulation.shapes import geometry, shape_radius
-from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world
+from repro.simulation.motions import top_speeds
+from repro.simulation.shapes import geometry
+from repro.simulation.worlds import check_spec, fixed_obstacles, radii_of, sample_world
 from repro.system.errors import InputError
-from repro.world_config import lidar_of, populations, world_spec
+from repro.world_config import (
+    Experiment,
+    FixedList,
+    Map,
+    Motion,
+    Part,
+    Populations,
+    Robot,
+    Rooms,
+    WorldSpec,
+    world_spec,
+)
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
 SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others
 MAX_READINGS = 2_000_000  # of a recording; a shard of a hundred recordings is held in memory, 4 bytes each
 
-FixedList = Annotated[list[Fixed], Field(max_length=MAX_FIXED)]
-
-
-class Experiment(Part):
-    motion: Motion
-    obstacles: Populations
-    clear_radius_m: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)]
-    fixed: FixedList = Field(default_factory=list)
-    rooms: Rooms | None = None
-
-    @model_validator(mode="after")
-    def _has_obstacles(self) -> "Experiment":
-        if not self.fixed and not self.rooms and self.obstacles == []:
-            raise InputError("has no obstacles: name a population in obstacles, fixed obstacles, or rooms")
-        return self
-
 
 class Worlds(Part):
     """The complete content of conf/world."""
 
-    world: World
+    world: Map
     robot: Robot
     motions: dict[Name, Motion]
     obstacles: dict[Name, Populations]
@@ -108,22 +98,20 @@ def _once(errors: list[ConfigError]) -> list[ConfigError]:
     ]
 
 
-def _error_of_spec(spec: dict[str, Any]) -> str | None:
+def _error_of_spec(spec: WorldSpec) -> str | None:
     """Return an error in the combination of the values of an experiment; None without one."""
-    step_time, steps, width = spec["world"]["step_time"], recorded_steps(spec["motion"]), spec["world"]["width"]
-    beams = lidar_of(spec)["number"]
+    step_time, steps, width, beams = spec.world.step_time, spec.steps, spec.world.width, spec.lidar.number
     try:
         if steps * beams > MAX_READINGS:
             return f"{steps} steps of {beams} beams are more than {MAX_READINGS} readings: use fewer"
         if steps > MAX_STEPS:
             return f"a recording of {steps} steps is longer than {MAX_STEPS}: use fewer"
-        speeds = top_speeds(spec["motion"], step_time)
+        speeds = top_speeds(spec.motion, step_time)
         check_spec(spec)
         for number, obstacle in enumerate(fixed_obstacles(spec), start=1):
             if not geometry(obstacle["shape"], obstacle["state"]).intersects(shapely.box(0, 0, width, width)):
                 return f"fixed obstacle {number} is outside the map of {width:g} x {width:g} m"
-        moving = [population["behavior"] for population in populations(spec) if population.get("behavior")]
-        fastest = max((behavior["speed_m_s"][1] for behavior in moving), default=0.0)
+        fastest = max((behavior.speed_m_s[1] for behavior in spec.behaviors), default=0.0)
         if fastest * step_time * steps > width:
             return (
                 f"obstacles of {fastest} m/s would cross the whole map of {width:g} m in {steps * step_time:g} s: make "
@@ -131,8 +119,8 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
             )
         if message := _error_of_steps(spec):
             return message
-        if (speeds > spec["robot"]["vel_max"]).any() or (-speeds < spec["robot"]["vel_min"]).any():
-            limits = f"vel_min {spec['robot']['vel_min']}, vel_max {spec['robot']['vel_max']}"
+        if (speeds > spec.robot.vel_max).any() or (-speeds < spec.robot.vel_min).any():
+            limits = f"vel_min {list(spec.robot.vel_min)}, vel_max {list(spec.robot.vel_max)}"
             return f"the robot needs {speeds.round(3).tolist()} m/s, rad/s both ways, beyond its {limits}"
         for seed in range(SAMPLED):
             sample_world(spec, seed)
@@ -141,20 +129,18 @@ def _error_of_spec(spec: dict[str, Any]) -> str | None:
     return None
 
 
-def _error_of_steps(spec: dict[str, Any]) -> str | None:
+def _error_of_steps(spec: WorldSpec) -> str | None:
     """Return an error if moving obstacles may pass through thin standing ones within a step; None without one.
 
     Obstacles stop short of walls by their radius at the end of every step, so a step of less than twice the radius
     cannot cross a wall.
     """
-    all_populations = populations(spec)
-    has_walls = spec.get("fixed") or spec.get("rooms")
-    if not has_walls and all(population.get("behavior") for population in all_populations):
+    if not spec.fixed and not spec.rooms and all(population.behavior for population in spec.populations):
         return None
-    for population in all_populations:
-        if behavior := population.get("behavior"):
-            fastest, smallest_m = behavior["speed_m_s"][1], _smallest_radius(population)
-            step_m = fastest * spec["world"]["step_time"]
+    for population in spec.populations:
+        if population.behavior:
+            fastest, (smallest_m, _) = population.behavior.speed_m_s[1], radii_of(population)
+            step_m = fastest * spec.world.step_time
             if step_m >= 2 * smallest_m:
                 return (
                     f"obstacles of {fastest:g} m/s and a radius of {smallest_m:g} m move {step_m:g} m in a step and "
@@ -162,10 +148,3 @@ def _error_of_steps(spec: dict[str, Any]) -> str | None:
                     "make them slower or larger, or step_time shorter"
                 )
     return None
-
-
-def _smallest_radius(population: dict[str, Any]) -> float:
-    """Return the least radius of a circle around an obstacle of a population [m]."""
-    if "shapes" in population:
-        return min(shape_radius(shape) for shape in population["shapes"])
-    return population["radius_m"][0]

@@ -32,6 +32,11 @@ def geometry(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> shapely.
     return shapely.transform(own, lambda points: points @ turn + [x, y])
 
 
+def standing(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> Obstacle:
+    """Return an obstacle that does not move, as IR-SIM reads it."""
+    return {"shape": shape, "state": list(state), "kinematics": {"name": "static"}}
+
+
 def shape_radius(shape: Shape) -> float:
     """Compute the radius of the circle around the origin of a shape that encloses it [m]."""
     if shape["name"] == "circle":

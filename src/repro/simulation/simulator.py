@@ -27,7 +27,6 @@ from repro.simulation.raycasting import grazes, scan
 from repro.simulation.worlds import World, write_world
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
-from repro.world_config import lidar_of
 
 # isort: split
 import irsim
@@ -63,7 +62,7 @@ def simulate(world: World) -> Recording:
             obstacle reaches the robot.
     """
     poses, states, outlines = drive_robot(world), move_obstacles(world), _outlines(world)
-    lidar, fixed = lidar_of(world), world.get("custom", {}).get("fixed", 0)
+    lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
     angles, has_noise = beam_angles(lidar), lidar.get("noise", False)
     if has_noise:  # IR-SIM's first scan, before the first step, draws noise as well
         first = [obstacle["state"] for obstacle in world["obstacle"]]

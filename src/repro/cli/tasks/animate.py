@@ -13,7 +13,6 @@ from repro.reporting.animation import make_frames, write_animation
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 from repro.system.errors import InputError
-from repro.world_config import lidar_of
 
 
 def run(job: Job) -> None:
@@ -33,6 +32,6 @@ def run(job: Job) -> None:
     model = "" if key.model == "unet" else f"-{key.model}"
     path = job.outputs.worlds / f"exp{key.experiment}-seed{job.call.seed}{model}{suffix_of(key)}.gif"
     path.parent.mkdir(parents=True, exist_ok=True)
-    size_m, range_max_m = world["world"]["width"], lidar_of(world)["range_max"]
+    size_m, range_max_m = job.spec.world.width, job.spec.lidar.range_max
     write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m)
     print(path)

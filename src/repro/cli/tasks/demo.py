@@ -18,8 +18,7 @@ def run(job: Job) -> None:
     """
     runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
     networks = [load_demo_network(find("demo.networks", name)) for name in job.call.demo.networks]
-    spec = {"world": job.spec["world"], "robot": job.spec["robot"], "experiments": job.call.world["experiments"]}
-    page = render(networks, runtime, spec)
+    page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
     path = job.outputs.path / "demo.html"
     write_text(path, page)
     print(f"{path} ({len(page) / 1e6:.1f} MB)")

@@ -33,7 +33,7 @@ def run(job: Job) -> None:
     if experiment in predictors:
         print(f"testing {title} of experiment {experiment} on other headings, sensors, poses and speeds", flush=True)
         rows.append(across_start_headings(predictors[experiment], experiment, outputs.recordings(experiment)))
-        spec, pairs = read_manifest(outputs.recordings(experiment)).spec, min(job.call.scale.pairs.test, 100)
+        spec, pairs = read_manifest(outputs.recordings(experiment)).world_spec, min(job.call.scale.pairs.test, 100)
         directory = outputs.path / "generalization" / f"exp{experiment}"
         workers = job.call.runtime.workers
         rows.append(under_changes(predictors[experiment], experiment, spec, directory, pairs, workers=workers))

@@ -13,6 +13,7 @@ from repro.recordings.format import recordings_in
 from repro.reporting.names import duration
 from repro.reporting.study import Study
 from repro.runs.config import RunConfig
+from repro.world_config import world_spec
 
 EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
 ANALYSIS_SECONDS = 3.0  # per evaluated run
@@ -23,7 +24,7 @@ def run(job: Job) -> None:
     print(f"Left to do in {job.outputs.path}:", flush=True)
     experiments, wanted = job.call.world["experiments"], job.pairs
     missing = {name: sum(wanted.values()) - recordings_in(job.outputs.recordings(name), wanted) for name in experiments}
-    seconds = sum(recording_seconds(job.spec | experiments[name], count) for name, count in missing.items())
+    seconds = sum(recording_seconds(world_spec(job.call.world, name), count) for name, count in missing.items())
     seconds /= min(job.call.runtime.workers, count_cores())
     runs = Study(job.outputs, experiments, job.call.seed).runs()
     trainings = {name: sum(k.model == name and not run.is_trained for k, run in runs.items()) for name in NETWORKS}
