@@ -13,7 +13,7 @@ from conftest import ROOT
 from hydra._internal.utils import get_args_parser
 
 from repro.cli import composition
-from repro.reporting.published_report import render_published
+from repro.reporting.page import render_published
 from repro.reporting.readme import with_results
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "DEVIATIONS.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -40,9 +40,9 @@ CALLS = {  # arguments, and what the message must contain
     "runtime.parts=2": ["runtime.parts=2: is for task=record only"],
     "encoding.parameters.decay=false": ["encoding.parameters.decay=False: set decay instead"],
     "task=demo seed=1": ["seed=1: has no effect with task=demo, demo.networks chooses the network"],
-    "task=world exp=1 prediction.fov_deg=60 publish.add=true format=onnx": [
+    "task=world exp=1 prediction.fov_deg=60 publish.force=true format=onnx": [
         "prediction.fov_deg=60: is for task=predict only",
-        "publish.add=true: is for task=publish and task=export only",
+        "publish.force=true: is for task=publish and task=export only",
         "format=onnx: is for task=export only",
     ],
     "exp=3 demo.runtime=a": ["demo.runtime=a: is for task=demo only"],

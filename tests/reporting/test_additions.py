@@ -5,11 +5,11 @@ import pytest
 from conftest import fake_run, fake_study
 
 from repro.config import Encoding
-from repro.reporting.additions import add_to_published
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published, read_results
 from repro.reporting.sections import _across
+from repro.reporting.tables import make_tables
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
@@ -49,14 +49,14 @@ def write_intervals(path, rows):
 
 def test_new_runs_are_added_and_published_ones_stay(published, later):
     before = read_published(published / "laptop")
-    target = add_to_published(later, published, Recipe("laptop"))
+    target = publish(later, published, Recipe("laptop"))
     after = read_published(target)
     assert len(after) == len(before) + 2
     both = before.merge(after, how="left", on=[*before.columns], indicator=True)
     assert (both["_merge"] == "both").all()
-    main = pd.read_csv(target / "main.csv")
+    main = make_tables(after)["main"].frame
     assert main.loc[main["model"] == "convgru", "dice"].tolist() == [0.7]
-    assert main.loc[(main["model"] == "unet") & (main["experiment"] == 3), "seeds"].tolist() == [2]
+    assert main.loc[(main["model"] == "unet") & (main["experiment"] == "3"), "seeds"].tolist() == [2]
     origins = json.loads((target / "provenance.json").read_text())
     assert len(origins) == len(after)
     assert "ConvGRU, series10" in (target / "README.md").read_text()
@@ -65,15 +65,15 @@ def test_new_runs_are_added_and_published_ones_stay(published, later):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"learning_rate": 0.5}, "unet was trained with different settings: .*0.001.* and .*0.5"),
-        ({"scale": "workstation"}, "the published runs have laptop as scale, the new runs workstation"),
+        ({"learning_rate": 0.5}, "the paper's method was trained with different settings: .*0.001.* and .*0.5"),
+        ({"scale": "workstation"}, "the published runs have laptop as scale, these runs workstation"),
     ],
 )
 def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_path):
     other = Outputs(tmp_path / "other" / "laptop")
     fake_run(other.path, "3", "unet", 0.6, seed=1, **changes)
     with pytest.raises(ValueError, match=message):
-        add_to_published(other, published, Recipe("laptop"))
+        publish(other, published, Recipe("laptop"))
 
 
 def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch):
@@ -82,18 +82,18 @@ def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch
     text = (run.path / "provenance.json").read_text()
     (run.path / "provenance.json").write_text(text.replace("hash of recordings", "another hash"))
     with pytest.raises(ValueError, match="seed1 has other recordings than the published runs of experiment 3"):
-        add_to_published(other, published, Recipe("laptop"))
+        publish(other, published, Recipe("laptop"))
 
 
 def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
     for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
         run = later.run(key)
         pd.DataFrame({"epoch": [0], "val_loss": [0.1]}).to_csv(run.path / "history.csv", index=False)
-    add_to_published(later, published, Recipe("laptop"))
+    publish(later, published, Recipe("laptop"))
     third = Outputs(later.path.parents[1] / "third" / "laptop")
     run = fake_run(third.path, "3", "unet", 0.6, seed=2)
     pd.DataFrame({"epoch": [0], "val_loss": [0.2]}).to_csv(run.path / "history.csv", index=False)
-    rows = pd.read_csv(add_to_published(third, published, Recipe("laptop")) / "history.csv")
+    rows = pd.read_csv(publish(third, published, Recipe("laptop")) / "history.csv")
     assert set(zip(rows["model"], rows["seed"], rows["val_loss"], strict=True)) == {
         ("convgru", 0, 0.1),
         ("unet", 1, 0.1),
@@ -103,7 +103,7 @@ def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(publishe
 
 def test_only_new_combinations_are_added_to_the_analysis(published, later):
     """A published interval over other seeds is not replaced by that of one seed."""
-    rows = pd.read_csv(add_to_published(later, published, Recipe("laptop")) / "analysis" / "intervals.csv")
+    rows = pd.read_csv(publish(later, published, Recipe("laptop")) / "analysis" / "intervals.csv")
     assert rows["model"].tolist() == ["unet", "all_free", "convgru"]
     assert rows["value"].tolist() == [0.5, 0.0, 0.7]
 
@@ -130,7 +130,7 @@ def test_what_the_published_table_lacks_is_added_once(published, later):
         if before:
             pd.DataFrame(before, columns=columns).to_csv(published / "laptop" / "analysis" / f"{name}.csv", index=False)
         pd.DataFrame([*before, row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
-    analysis = add_to_published(later, published, Recipe("laptop")) / "analysis"
+    analysis = publish(later, published, Recipe("laptop")) / "analysis"
     assert "average" in set(pd.read_csv(analysis / "intervals.csv")["model"])
     assert pd.read_csv(analysis / "generalization.csv")["shift"].tolist() == ["range noise [m]", "odometry error"]
     assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
@@ -153,7 +153,7 @@ def test_a_difference_is_added_once(published, later):
     old = published / "laptop" / "analysis" / "differences.csv"
     pd.DataFrame([earlier], columns=columns).to_csv(old, index=False)
     pd.DataFrame([earlier, new], columns=columns).to_csv(later.analysis / "differences.csv", index=False)
-    rows = pd.read_csv(add_to_published(later, published, Recipe("laptop")) / "analysis" / "differences.csv")
+    rows = pd.read_csv(publish(later, published, Recipe("laptop")) / "analysis" / "differences.csv")
     assert rows["value"].tolist() == [0.1, 0.2]
 
 
@@ -165,7 +165,7 @@ def test_the_robustness_of_a_new_network_is_added(published, later):
     pd.DataFrame([old], columns=columns).to_csv(directory / "generalization.csv", index=False)
     (directory / "generalization.png").write_bytes(b"old")
     pd.DataFrame([old, new], columns=columns).to_csv(later.analysis / "generalization.csv", index=False)
-    directory = add_to_published(later, published, Recipe("laptop")) / "analysis"
+    directory = publish(later, published, Recipe("laptop")) / "analysis"
     assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
     assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
 
@@ -178,31 +178,34 @@ def test_a_learning_curve_is_added_without_runs(published, tmp_path):
     for directory, rows in ((published / "laptop" / "analysis", [old]), (outputs.analysis, [old, new])):
         pd.DataFrame(rows, columns=columns).to_csv(directory / "curves.csv", index=False)
     runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
-    target = add_to_published(outputs, published, Recipe("laptop"))
+    target = publish(outputs, published, Recipe("laptop"))
     assert pd.read_csv(target / "analysis" / "curves.csv")["model"].tolist() == ["unet", "convgru"]
     pd.testing.assert_frame_equal(read_published(target).sort_values(KEY, ignore_index=True), runs)
-    with pytest.raises(ValueError, match="all evaluated runs are published"):
-        add_to_published(outputs, published, Recipe("laptop"))
 
 
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):
     old = published / "laptop" / "analysis" / "baselines.png"
     old.write_bytes(b"old")
-    analysis = add_to_published(later, published, Recipe("laptop")) / "analysis"
+    analysis = publish(later, published, Recipe("laptop")) / "analysis"
     assert (analysis / "baselines.png").read_bytes().startswith(b"\x89PNG")
     assert {path.name for path in analysis.iterdir()} == {"intervals.csv", "baselines.png"}
 
 
-def test_a_second_addition_of_the_same_runs_is_refused(published, later):
-    add_to_published(later, published, Recipe("laptop"))
-    with pytest.raises(ValueError, match="all evaluated runs are published"):
-        add_to_published(later, published, Recipe("laptop"))
+def test_a_second_publication_changes_nothing_and_a_new_result_of_a_run_replaces_the_old_one(published, later):
+    once = read_published(publish(later, published, Recipe("laptop")))
+    twice = read_published(publish(later, published, Recipe("laptop")))
+    pd.testing.assert_frame_equal(once, twice)
+    run = later.run(RunKey("3", "unet", "projection", 1))
+    pd.read_csv(run.metrics).assign(dice=0.65).to_csv(run.metrics, index=False)
+    again = read_published(publish(later, published, Recipe("laptop")))
+    assert len(again) == len(once)
+    assert again.loc[again["seed"].eq(1) & (again["model"] == "unet"), "dice"].tolist() == [0.65]
 
 
 def test_runs_of_another_size_are_not_added(published, tmp_path):
     fake_run(tmp_path / "other" / "laptop", "3", "convgru", 0.7, encoding=SERIES, size_px=64)
-    with pytest.raises(ValueError, match=r"the published runs have 32 px, the new runs 64"):
-        add_to_published(Outputs(tmp_path / "other" / "laptop"), published, Recipe("laptop"))
+    with pytest.raises(ValueError, match=r"the published runs have 32 px, these runs 64"):
+        publish(Outputs(tmp_path / "other" / "laptop"), published, Recipe("laptop"))
 
 
 def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch):
@@ -214,17 +217,7 @@ def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch
     before = read_results(outputs)
     assert len(before) == 1
     with pytest.raises(ValueError, match=r"uncommitted code; publish.force=true"):
-        add_to_published(outputs, published, Recipe("laptop"))
-    target = add_to_published(outputs, published, Recipe("laptop", " scale.batch_size=2"), force=True)
+        publish(outputs, published, Recipe("laptop"))
+    target = publish(outputs, published, Recipe("laptop", " scale.batch_size=2"), force=True)
     assert "abc+" in (target / "provenance.json").read_text()
     assert "scale=laptop scale.batch_size=2" in (target / "README.md").read_text()
-
-
-def test_nothing_is_added_to_what_is_not_published(later, tmp_path):
-    with pytest.raises(ValueError, match="no results are published in"):
-        add_to_published(later, tmp_path / "none", Recipe("laptop"))
-
-
-def test_an_outputs_directory_without_runs_adds_nothing(tmp_path):
-    with pytest.raises(ValueError, match=r"nothing to add from .*: no run is evaluated"):
-        add_to_published(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))

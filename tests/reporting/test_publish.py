@@ -18,16 +18,16 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
 from repro.networks.create import create_network
-from repro.networks.model import NETWORKS, paper_model
+from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.reporting.export import export_weights
-from repro.reporting.publish import doubts, publish
+from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
 from repro.reporting.readme import with_results
-from repro.reporting.results import OURS, read_published, read_results
+from repro.reporting.results import read_published, read_results
 from repro.reporting.rows import read_rows
-from repro.reporting.tables import TABLE_ENCODINGS, write_tables
-from repro.runs.keys import CELL, KEY
+from repro.reporting.tables import write_tables
+from repro.runs.keys import KEY
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
@@ -49,7 +49,7 @@ def of_paper(runs):
 
 
 @pytest.mark.parametrize("directory", DIRECTORIES, ids=lambda path: path.name)
-def test_published_tables_follow_from_the_published_runs(directory):
+def test_every_published_run_has_its_provenance(directory):
     runs = read_published(directory)
     origins = json.loads((directory / "provenance.json").read_text())
     assert len(runs) == len(origins)
@@ -57,24 +57,15 @@ def test_published_tables_follow_from_the_published_runs(directory):
         assert origin["status"] == "evaluated"
         assert any("recordings" in step for step in origin["steps"])
         assert origin["steps"][-1]["step"] == "evaluated"
-    published = {"main", *(name for name, encoding in TABLE_ENCODINGS.items() if (runs["encoding"] == encoding).any())}
-    assert {path.stem for path in directory.glob("*.csv")} & {"main", "ablation"} == published
-    for name in published:
-        table = read_rows(directory / f"{name}.csv")
-        assert set(table["encoding"]) <= {TABLE_ENCODINGS[name], "", *((OURS[1],) if name == "main" else ())}
-        means = runs.groupby(CELL)["specificity"].mean()
-        for row in table[table["model"] != "average"].itertuples():
-            assert row.specificity == pytest.approx(means[row.experiment, row.model, row.encoding], abs=1e-4)
 
 
-def test_publishing_copies_tables_runs_and_provenance(tmp_path):
+def test_publishing_copies_runs_and_provenance(tmp_path):
     outputs, results = tmp_path / "laptop", tmp_path / "results"
     fake_study(outputs)
     fake_run(outputs, "3", "unet", 0.4, decay=False)
     target = publish(Outputs(outputs), results, Recipe("laptop"))
     assert target == results / "laptop"
-    tables = {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "txt")}
-    assert {path.name for path in target.iterdir()} == tables | {"runs.csv", "provenance.json", "README.md"}
+    assert {path.name for path in target.iterdir()} == {"runs.csv", "provenance.json", "README.md"}
     page = (target / "README.md").read_text()
     assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(Outputs(outputs))) == 6
@@ -111,45 +102,22 @@ def listing(directory):
     return {path.name: path.read_bytes() for path in directory.iterdir() if path.is_file()}
 
 
-@pytest.mark.parametrize(
-    ("now", "words"),
-    [
-        ({"size_px": 64}, None),
-        ({}, "2 of the 6 published runs are missing"),
-        ({"size_px": 16}, "the published runs have 32 px, these runs have 16"),
-    ],
-)
-def test_publishing_replaces_a_whole_result_or_nothing(tmp_path, now, words):
-    """Results are not replaced by fewer or coarser ones, except with force."""
+def test_runs_of_another_size_replace_all_published_runs_or_nothing(tmp_path):
     results = tmp_path / "results"
     fake_study(tmp_path / "first" / "laptop")
     fake_run(tmp_path / "first" / "laptop", "3", "unet", 0.4, decay=False)
     (target := publish(Outputs(tmp_path / "first" / "laptop"), results, Recipe("laptop")) / "exp3-unet").mkdir()
     (target / "kept").write_text("weights")
     before = listing(results / "laptop")
-    other = tmp_path / "other" / "laptop"
-    names = [*NETWORKS, "all_free"] if now else NETWORKS
-    for name in names:
-        fake_run(other, "3", name, 0.7, **now)
-    if words or now:
-        with pytest.raises(ValueError, match=words or "1 of the 6 published runs are missing"):
-            publish(Outputs(other), results, Recipe("laptop"))
-        assert listing(results / "laptop") == before
-    publish(Outputs(other), results, Recipe("laptop"), force=True)
-    assert not (results / "laptop" / "ablation.csv").exists()
-    assert "ablation" not in (results / "laptop" / "README.md").read_text()
+    fake_run(tmp_path / "other" / "laptop", "3", "unet", 0.7, size_px=16)
+    other = Outputs(tmp_path / "other" / "laptop")
+    with pytest.raises(ValueError, match=r"the published runs have 32 px, these runs 16; publish\.force=true"):
+        publish(other, results, Recipe("laptop"))
+    assert listing(results / "laptop") == before
+    publish(other, results, Recipe("laptop"), force=True)
+    assert len(read_published(results / "laptop")) == 1
     assert (target / "kept").read_text() == "weights"
     assert {path.name for path in results.iterdir()} == {"laptop", ".lock"}
-
-
-def test_a_published_run_with_another_input_must_be_present(tmp_path):
-    fake_study(tmp_path / "laptop")
-    runs = read_results(Outputs(tmp_path / "laptop"))
-    unet = runs[runs["model"] == "unet"]
-    pd.concat([runs, unet.assign(encoding="stack10")]).to_csv(tmp_path / "runs.csv", index=False)
-    assert doubts(runs, [], tmp_path) == ["1 of the 6 published runs are missing"]
-    runs.to_csv(tmp_path / "runs.csv", index=False)
-    assert doubts(runs, [], tmp_path) == []
 
 
 def test_uncommitted_code_is_not_published(tmp_path, monkeypatch):
@@ -266,8 +234,24 @@ def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
 
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
+    (outputs := Outputs(tmp_path / "laptop")).analysis.mkdir(parents=True)
     with pytest.raises(ValueError, match="no network is evaluated"):
-        publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
+        publish(outputs, tmp_path / "results", Recipe("laptop"))
+    fake_run(outputs.path, "3", "all_free", 0.4)
+    with pytest.raises(ValueError, match="no network is evaluated"):
+        publish(outputs, tmp_path / "results", Recipe("laptop"))
+
+
+@pytest.mark.parametrize("name", ["main", "unett"])
+def test_a_marker_of_an_unknown_table_names_the_known_ones(name, tmp_path):
+    fake_study(tmp_path / "laptop")
+    publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
+    text = f"<!-- results: laptop {name} -->\n<!-- end -->\n"
+    if name == "main":
+        assert "U-Net" in with_results(text, tmp_path / "results")
+    else:
+        with pytest.raises(ValueError, match=r"laptop unett: expected costs, .*, main, ablation, or a network"):
+            with_results(text, tmp_path / "results")
 
 
 @pytest.mark.parametrize(
@@ -321,7 +305,7 @@ def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     export_weights(run, tmp_path / "weights")
     assert "experiment office" in (tmp_path / "weights" / "README.md").read_text()
     target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
-    assert pd.read_csv(target / "main.csv")["experiment"].tolist() == ["office"]
+    assert read_published(target)["experiment"].tolist() == ["office"]
 
 
 def test_the_documents_state_how_long_a_study_takes():

@@ -103,13 +103,11 @@ class Publish:
 
     Args:
         force: replace published results against the checks.
-        add: add runs to the published results instead of replacing them.
     """
 
     __pydantic_config__ = KNOWN_KEYS
 
     force: bool
-    add: bool
 
 
 @dataclass(frozen=True)

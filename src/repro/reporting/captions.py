@@ -6,7 +6,7 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title
 from repro.reporting.paper import read_paper
-from repro.reporting.settings import Settings, changed, read_cells, usual
+from repro.reporting.rows import Settings, changed, read_cells, usual
 from repro.runs.keys import CELL
 
 

@@ -1,5 +1,6 @@
 """The HTML report: one self-contained file with tables, claims, figures, samples and provenance."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,14 +15,18 @@ from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
+from repro.reporting.captions import caption
 from repro.reporting.claims import Verdict, on_paper
-from repro.reporting.names import experiment_title, predictor_title
+from repro.reporting.names import experiment_title, predictor_title, scale_options
 from repro.reporting.plots import DataFrames
+from repro.reporting.results import audits, read_origins, read_published
+from repro.reporting.rows import read_rows
 from repro.reporting.sections import sections
-from repro.reporting.tables import HEADS, Table, row_title
+from repro.reporting.tables import HEADS, Table, make_tables, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
 
+SAMPLES = re.compile(r'<script id="data" type="application/json">(.*?)</script>', re.DOTALL)
 VERDICT_CLASSES = {
     Verdict.reproduced: "reproduced",
     Verdict.in_direction: "direction",
@@ -198,3 +203,28 @@ def _run_name(path: str) -> str:
 def _input_of(path: str, inputs: dict[str, str]) -> str:
     encoding = RunKey.parse(path).encoding
     return encoding if encoding in inputs else next(iter(inputs))
+
+
+def render_published(directory: Path) -> str:
+    """Return the report of a published directory that has one; the samples stay those of the present report.
+
+    Raises:
+        ValueError: a table or the provenance cannot be read.
+    """
+    results = read_published(directory)
+    scale = str(results["scale"].iloc[0])
+    frames = {path.stem: read_rows(path) for path in sorted((directory / "analysis").glob("*.csv"))}
+    samples = SAMPLES.search((directory / "report.html").read_text(encoding="utf-8"))
+    report = Report(
+        scale=scale,
+        outputs=directory.name,
+        command=f"python run.py task=analysis {scale_options(scale, Path('outputs', directory.name))}",
+        caption=caption(results),
+        tables=make_tables(results),
+        frames={**frames, "audit": audits(results)},
+        claims=frames["claims"],
+        figures={path.stem: path for folder in (directory, directory / "analysis") for path in folder.glob("*.png")},
+        samples=samples[1] if samples else "",
+        origins=read_origins(directory),
+    )
+    return render(report)

@@ -12,8 +12,7 @@ from repro.config import NO_DECAY, PROJECTION
 from repro.reporting.captions import caption
 from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title, scale_options
-from repro.reporting.rows import keys_of
-from repro.reporting.settings import Settings, changed, read_cells
+from repro.reporting.rows import Settings, changed, keys_of, read_cells
 from repro.runs.provenance import Provenance
 
 
@@ -25,7 +24,7 @@ class Recipe:
         scale: name of the scale.
         overrides: overrides of world and scale, each after a space.
         usual: from the names of a network and an encoding to the settings that need no override, see
-            `reporting.settings`.
+            `reporting.rows`.
     """
 
     scale: str
@@ -52,14 +51,12 @@ def published_page(
     `origins` has the provenance of each run by its path, and `analyzed` names what has the analysis, with the verb.
     """
     networks = runs[runs["encoding"] != ""]
-    ablated = networks["encoding"].str.endswith(NO_DECAY).any()
-    tables = "`main.csv` and `ablation.csv` are the tables," if ablated else "`main.csv` is the table,"
     analysis = f"; {analyzed} the analysis" if analyzed else ""
     commands = _training_commands(name, networks, origins, recipe)
     lines = [
         f"# Published results, {name}\n",
         caption(runs) + "\n",
-        f"{tables} `runs.csv` has every run with its seed, all metrics and times,",
+        "`runs.csv` has every run with its seed, all metrics and times,",
         f"`provenance.json` has the provenance of every run{analysis}.\n",
         *_environments(step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"),
         "",

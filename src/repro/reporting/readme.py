@@ -2,12 +2,10 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from repro.config import PROJECTION
-from repro.metrics.names import METRICS
 from repro.reporting.captions import caption, missing
 from repro.reporting.names import TITLES
 from repro.reporting.results import read_published
@@ -19,16 +17,15 @@ from repro.reporting.summaries import (
     methods_to_markdown,
     networks_to_markdown,
 )
-from repro.reporting.tables import Table, costs_to_markdown
+from repro.reporting.tables import Table, costs_to_markdown, make_tables
 from repro.runs.keys import CELL
 from repro.system.errors import InputError
 
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
+SUMMARIES = ("methods", "bounds", "networks")
 INTERVAL = ("metric", "value", "low", "high")
 COLUMNS = {  # what the Markdown needs of each published table
-    "main": (*CELL, *METRICS),
-    "ablation": (*CELL, *METRICS),
     "costs": ("model", "encoding", "size_px", "parameters_m", "training_min", "cpu_eager_ms", "cpu_onnx_ms"),
     "claims": (
         *("quote", "means", "reason", "verdict", "ours", "paper", "paper_value"),
@@ -69,14 +66,22 @@ def _read(path: Path) -> pd.DataFrame:
 def _markdown(directory: Path, name: str) -> str:
     """Return the table that a mark names, from a published directory."""
     if name == "costs":
-        return costs_to_markdown(_published(directory, name))
+        text = (directory / "costs.txt").read_text(encoding="utf-8").strip()
+        return costs_to_markdown(Table(_read(directory / "costs.csv"), text))
     if name == "claims":
         return claims_to_markdown(_read(directory / "analysis" / "claims.csv"))
     if name == "curves":
         return extrapolated_to_markdown(_read(directory / "analysis" / "extrapolated.csv"))
-    if name in ("methods", "bounds", "networks"):
+    if name in SUMMARIES:
         return _summary(directory, name)
-    return (_rows_of_model(directory, name) if name in TITLES else _published(directory, name)).to_markdown()
+    runs = read_published(directory)
+    if name in TITLES:
+        return _rows_of_model(runs, name).to_markdown()
+    tables = make_tables(runs)
+    if name not in tables:
+        known = ["costs", "claims", "curves", *SUMMARIES, *tables]
+        raise InputError(f"results: {directory.name} {name}: expected {', '.join(known)}, or a network")
+    return tables[name].to_markdown()
 
 
 def _summary(directory: Path, name: str) -> str:
@@ -97,18 +102,9 @@ def _summary(directory: Path, name: str) -> str:
     return networks_to_markdown(intervals, calibration, costs, f"{title}. {scale}.", ("3", "4"))
 
 
-def _published(directory: Path, name: str) -> Table:
-    """Load a published table."""
-    frame = _read(directory / f"{name}.csv")
-    return Table(frame, (directory / f"{name}.txt").read_text(encoding="utf-8").strip())
-
-
-def _rows_of_model(directory: Path, model: str) -> Table:
-    """Select the rows of one model, or of the average, from the main table and, if published, the ablation."""
-    frames = [_read(directory / "main.csv")]
-    if (directory / "ablation.csv").is_file():
-        ablation = _published(directory, "ablation").frame
-        frames.append(ablation.assign(experiment=ablation["experiment"] + ", no decay"))
-    rows: Any = pd.concat(frames).query("model == @model")
-    runs = read_published(directory)
-    return Table(rows, caption(runs) + missing(runs, PROJECTION))
+def _rows_of_model(runs: pd.DataFrame, model: str) -> Table:
+    """Select the rows of one model, or of the average, from the main table and the ablation."""
+    main, ablation = (table.frame for table in make_tables(runs).values())
+    if len(ablation):
+        main = pd.concat([main, ablation.assign(experiment=ablation["experiment"] + ", no decay")])
+    return Table(main[main["model"] == model], caption(runs) + missing(runs, PROJECTION))

@@ -12,8 +12,7 @@ from repro.metrics.names import EXTRA_METRICS, METRICS, TABLE_METRICS
 from repro.networks.model import NETWORKS
 from repro.reporting.audit import audit
 from repro.reporting.paper import are_papers, read_paper
-from repro.reporting.rows import MEASURED, check_runs, keys_of, read_rows
-from repro.reporting.settings import conflicts, settings_cell
+from repro.reporting.rows import MEASURED, check_runs, conflicts, keys_of, read_rows, settings_cell
 from repro.runs.directories import Run
 from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.outputs import Outputs
@@ -41,7 +40,7 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
     Returns:
         experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
         training_seconds, papers_worlds, whether the worlds are those of conf/world/paper.yaml, and settings, see
-        `reporting.settings`. Empty if no run is evaluated.
+        `reporting.rows`. Empty if no run is evaluated.
 
     Raises:
         ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs,

@@ -1,15 +1,23 @@
-"""Tidy rows: tables in which the columns experiment, model, encoding and seed identify a run."""
+"""Tidy rows: tables in which the columns experiment, model, encoding and seed identify a run.
 
-from collections.abc import Iterable
+The column settings has one JSON object per run, its keys as on the command line. Rows that were published before the
+column existed lack some or all settings; these are then not compared.
+"""
+
+import json
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from repro.metrics.names import METRICS, TABLE_METRICS
+from repro.runs.config import RunConfig
 from repro.runs.keys import KEY, RunKey
 from repro.system.errors import InputError
 from repro.system.files import first_line
 
+Settings = dict[str, Any]
 MEASURED = (*METRICS, "obstacle_iou")  # metrics that every evaluated run has
 NUMBERS = {  # columns of numbers, also after one of the prefixes
     *(*TABLE_METRICS, *MEASURED, "log_loss", "value", "low", "high", "measured", "claimed", "tolerance"),
@@ -84,3 +92,40 @@ def check_runs(rows: pd.DataFrame, path: Path) -> None:
     if again.any():
         key = keys_of(rows[again])[0]
         raise InputError(f"{path} cannot be read (expected one row per run, got {key.path} more than once): {FIX}")
+
+
+def settings_cell(config: RunConfig) -> str:
+    """Return the settings of a run for a cell of a table; empty for a baseline."""
+    return json.dumps(config.settings) if config.settings else ""
+
+
+def read_cells(cells: Iterable[object]) -> list[Settings]:
+    """Return the settings in the cells of a column; of an empty cell, {}."""
+    return [json.loads(cell) if isinstance(cell, str) and cell else {} for cell in cells]
+
+
+def usual(all_settings: Iterable[Settings]) -> Settings:
+    """Return the most frequent value of every setting, the first of several."""
+    values: dict[str, list[Any]] = {}
+    for settings in all_settings:
+        for key, value in settings.items():
+            values.setdefault(key, []).append(value)
+    return {key: max(each, key=each.count) for key, each in values.items()}
+
+
+def changed(settings: Settings, reference: Settings) -> Settings:
+    """Return the settings with other values than in a reference that has them, too."""
+    return {key: value for key, value in settings.items() if key in reference and value != reference[key]}
+
+
+def conflicts(cells: Iterable[object]) -> str:
+    """Name the settings with different values in runs that must share all, `train.batch_size is 2 and 8`; or empty."""
+    return "; ".join(_conflicts(read_cells(cells)))
+
+
+def _conflicts(all_settings: list[Settings]) -> Iterator[str]:
+    for key in dict.fromkeys(key for settings in all_settings for key in settings):
+        values = [settings[key] for settings in all_settings if key in settings]
+        distinct = dict.fromkeys(json.dumps(value) for value in values)
+        if len(distinct) > 1:
+            yield f"{key} is {' and '.join(distinct)}"

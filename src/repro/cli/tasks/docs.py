@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from repro.cli.jobs import RESULTS, ROOT, Job
+from repro.reporting.page import render_published
 from repro.reporting.papers_claims import verdicts
-from repro.reporting.published_report import render_published
 from repro.reporting.readme import with_results
 from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows

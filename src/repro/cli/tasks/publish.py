@@ -13,11 +13,10 @@ from repro.cli.tasks.docs import update_docs
 from repro.config import Encoding, Scale, Training
 from repro.fields import OLDEST_GRAY
 from repro.networks.model import Model
-from repro.reporting.additions import add_to_published
 from repro.reporting.paper import world_files
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe, overrides
-from repro.reporting.settings import changed
+from repro.reporting.rows import changed
 from repro.runs.config import flatten, settings_of
 from repro.runs.provenance import Status
 from repro.system.errors import InputError
@@ -26,10 +25,9 @@ from repro.world_config import plain
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
-    write = add_to_published if job.call.publish.add else publish
     usual = partial(usual_settings, job.call.scale, job.call.world)
     recipe = Recipe(job.call.scale.name, overrides_of(job), usual)
-    target = write(job.outputs, RESULTS, recipe, force=job.call.publish.force)
+    target = publish(job.outputs, RESULTS, recipe, force=job.call.publish.force)
     print(f"published {target}")
     update_docs()
 
@@ -56,7 +54,7 @@ def overrides_of(job: Job) -> str:
 
 
 def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: str) -> dict[str, Any]:
-    """Return the settings of a network and an encoding at a scale without overrides, see `reporting.settings`.
+    """Return the settings of a network and an encoding at a scale without overrides, see `reporting.rows`.
 
     Raises:
         ValueError: conf/ has no file of the network or the encoding, which the published command would need.
