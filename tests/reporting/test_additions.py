@@ -142,8 +142,8 @@ def test_a_network_may_be_tested_on_more_experiments_than_another():
     frame = frame.assign(encoding="projection", value=0.5)
     frame = pd.concat([frame.assign(metric=metric) for metric in ("accuracy", "obstacle_iou")])
     (table,) = _across(frame)
-    assert table["heads"] == ["Trained on", "tested on 1", "tested on 3"]
-    assert table["rows"] == [["1", "0.500 / 0.500", "0.500 / 0.500"], ["3", "", "0.500 / 0.500"]]
+    assert table.heads == ["Trained on", "tested on 1", "tested on 3"]
+    assert table.rows == [["1", "0.500 / 0.500", "0.500 / 0.500"], ["3", "", "0.500 / 0.500"]]
 
 
 def test_a_difference_is_added_once(published, later):

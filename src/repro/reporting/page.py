@@ -19,6 +19,7 @@ from repro.reporting.captions import caption
 from repro.reporting.claims import Verdict, on_paper
 from repro.reporting.names import experiment_title, predictor_title, scale_options
 from repro.reporting.plots import DataFrames
+from repro.reporting.render import interval, with_interval
 from repro.reporting.results import audits, read_origins, read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.sections import sections
@@ -111,8 +112,7 @@ def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
             cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
             key = (*row[CELL], metric)
             if key in intervals.index and intervals.loc[key, "seeds"] == row["seeds"]:
-                low, high = intervals.loc[key, ["low", "high"]]
-                cell["interval"] = f"[{low:.3f}, {high:.3f}]"
+                cell["interval"] = interval(*intervals.loc[key, ["low", "high"]])
             delta = row[f"delta_{metric}"]
             if pd.notna(delta):
                 cell |= {"delta": f"{100 * delta:+z.1f}", "side": "above" if delta > 0 else "below"}
@@ -142,9 +142,9 @@ def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
         facts.append(("Not tested", row["reason"]))
     if pd.notna(row.get("value")):
         bound = f"required {row['claimed']:.4g}, tolerance {row['tolerance']:.4g}"
-        interval = "" if pd.isna(row["low"]) else f" [{row['low']:.4g}, {row['high']:.4g}]"
+        ours = with_interval(row["value"], row["low"], row["high"], ".4g")
         facts += [
-            ("Ours", f"{row['value']:.4g}{interval} in the decisive combination; {bound}"),
+            ("Ours", f"{ours} in the decisive combination; {bound}"),
             (
                 "Holds",
                 f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}",

@@ -10,8 +10,8 @@ import pandas as pd
 
 from repro.config import NO_DECAY, PROJECTION
 from repro.reporting.captions import caption
-from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title, scale_options
+from repro.reporting.render import Cells
 from repro.reporting.rows import Settings, changed, keys_of, read_cells
 from repro.runs.provenance import Provenance
 
@@ -60,9 +60,9 @@ def published_page(
         f"`provenance.json` has the provenance of every run{analysis}.\n",
         *_environments(step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"),
         "",
-        *markdown_table(("network", "trainings", "minutes per training", "command"), commands),
+        Cells(("network", "trainings", "minutes per training", "command"), commands).to_markdown(),
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:

@@ -2,16 +2,16 @@
 
 import base64
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import pandas as pd
 from PIL import Image
 
 from repro.baselines.names import rank
 from repro.config import PROJECTION
-from repro.metrics.names import HEADINGS
 from repro.networks.model import NETWORKS
-from repro.reporting.names import TITLES, tested_titles
+from repro.reporting.names import tested_titles
+from repro.reporting.render import Cells, cells_of, number
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
@@ -94,8 +94,7 @@ SECTIONS: list[dict[str, Any]] = [
         "text": "The last step of each run; its provenance.json lists all steps.",
     },
 ]
-Numbers: TypeAlias = dict[str, tuple[str, int]]  # head and decimals by column
-CALIBRATION: Numbers = {
+CALIBRATION = {
     "brier": ("Brier", 4),
     "reliability": ("reliability", 4),
     "resolution": ("resolution", 4),
@@ -103,13 +102,13 @@ CALIBRATION: Numbers = {
     "calibration_error": ("calibration error", 4),
     "temperature": ("temperature", 3),
 }
-COST: Numbers = {
+COST = {
     "channels": ("channels", 0),
     "parameters": ("parameters", 0),
     "training_seconds": ("training [s]", 0),
     "peak_memory_gb": ("memory [GB]", 1),
 }
-EXTRAPOLATED: Numbers = {
+EXTRAPOLATED = {
     "pairs": ("pairs", 0),
     "size_px": ("px", 0),
     "value": ("extrapolated", 4),
@@ -118,8 +117,8 @@ EXTRAPOLATED: Numbers = {
     "measured": ("measured", 4),
     "paper": ("paper", 4),
 }
-DIFFERENCE: Numbers = {"value": ("difference", 4), "low": ("low", 4), "high": ("high", 4)}
-TEXTS = {**TITLES, **HEADINGS}  # of names in tables
+DIFFERENCE = {"value": ("difference", 4), "low": ("low", 4), "high": ("high", 4)}
+EXTRAPOLATED_BY = ["experiment", "encoding", "target", "metric"]
 PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 
 
@@ -139,16 +138,16 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
     calibration = calibration[calibration["model"].isin(NETWORKS)]
     tables = {
         "calibration": [
-            _table("Calibration of the paper's networks", _sorted(calibration), [*CELL, "method"], CALIBRATION)
+            cells_of(_sorted(calibration), [*CELL, "method"], CALIBRATION, "Calibration of the paper's networks")
         ],
         "baselines": [
-            _table(
-                "Obstacle IoU with other inputs and without the decay, minus that with the paper's input",
+            cells_of(
                 _to_the_papers(frames["differences"]),
                 ["experiment", "model", "input"],
                 DIFFERENCE,
+                "Obstacle IoU with other inputs and without the decay, minus that with the paper's input",
             ),
-            _table("Size of the networks, and time and memory of a training", _sorted(frames["cost"]), CELL, COST),
+            cells_of(_sorted(frames["cost"]), CELL, COST, "Size of the networks, and time and memory of a training"),
         ],
         "generalization": _across(frames.get("generalization")),
         "curves": [_extrapolated(frames.get("extrapolated"))],
@@ -162,7 +161,7 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
         }
         for section in SECTIONS
     ]
-    return [section for section in filled if section["images"] or any(table["rows"] for table in section["tables"])]
+    return [section for section in filled if section["images"] or any(table.rows for table in section["tables"])]
 
 
 def _image(caption: str, path: Path) -> dict[str, Any]:
@@ -178,23 +177,10 @@ def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
     return order.drop(columns="rank")
 
 
-def _table(caption: str, frame: pd.DataFrame, names: list[str], numbers: Numbers) -> dict[str, Any]:
-    """Return a table of some columns of a frame: columns of text, then columns of numbers."""
-    kept = {column: numbers[column] for column in numbers if column in frame}
-    rows = [[TEXTS.get(str(value), str(value)) for value in cells] for cells in frame[names].itertuples(index=False)]
-    for column, (_, digits) in kept.items():
-        for row, value in zip(rows, frame[column], strict=True):
-            row.append("" if pd.isna(value) else f"{value:z,.{digits}f}")
-    heads = [*(name.capitalize() for name in names), *(head for head, _ in kept.values())]
-    return {"caption": caption, "heads": heads, "rows": rows, "text_columns": len(names)}
-
-
-def _extrapolated(frame: pd.DataFrame | None) -> dict[str, Any]:
+def _extrapolated(frame: pd.DataFrame | None) -> Cells:
     caption = "U-Net at the paper's scale, and at a held-out point"
-    if frame is None:
-        return {"caption": caption, "heads": [], "rows": [], "text_columns": 1}
-    rows = frame[frame["metric"] != "dice"]
-    return _table(caption, rows, ["experiment", "encoding", "target", "metric"], EXTRAPOLATED)
+    rows = pd.DataFrame(columns=EXTRAPOLATED_BY) if frame is None else frame[frame["metric"] != "dice"]
+    return cells_of(rows, EXTRAPOLATED_BY, EXTRAPOLATED, caption)
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
@@ -211,7 +197,7 @@ def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _across(frame: pd.DataFrame | None) -> list[dict[str, Any]]:
+def _across(frame: pd.DataFrame | None) -> list[Cells]:
     """Return for each network obstacle IoU and accuracy, trained on one experiment (row), tested on one (column)."""
     if frame is None:
         return []
@@ -219,29 +205,24 @@ def _across(frame: pd.DataFrame | None) -> list[dict[str, Any]]:
     return [_across_of(str(title), part) for title, part in rows.groupby(tested_titles(rows), sort=False)]
 
 
-def _across_of(title: str, frame: pd.DataFrame) -> dict[str, Any]:
+def _across_of(title: str, frame: pd.DataFrame) -> Cells:
     rows = frame.set_index(["trained", "tested", "metric"])["value"].to_dict()
     trained, tested = (list(dict.fromkeys(frame[name])) for name in ("trained", "tested"))
 
     def cell(name: str, on: str) -> str:  # empty where the network was not tested
         found = [rows.get((name, on, metric)) for metric in ("obstacle_iou", "accuracy")]
-        return " / ".join(f"{value:.3f}" for value in found if value is not None)
+        return " / ".join(number(value) for value in found if value is not None)
 
     table = [[name, *(cell(name, on) for on in tested)] for name in trained]
     heads = ["Trained on", *(f"tested on {name}" for name in tested)]
-    return {"caption": f"{title}: obstacle IoU / accuracy", "heads": heads, "rows": table, "text_columns": 1}
+    return Cells(heads, table, f"{title}: obstacle IoU / accuracy")
 
 
-def _origins(origins: dict[str, Provenance]) -> dict[str, Any]:
+def _origins(origins: dict[str, Provenance]) -> Cells:
     rows = []
     for path, origin in origins.items():
         if origin.steps:
             step = origin.steps[-1]
             machine = step["hardware"]["gpu"] or f"{step['hardware']['cpu_cores']} cores, {step['hardware']['machine']}"
             rows.append([path, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
-    return {
-        "caption": "Last step of each run",
-        "heads": ["Run", "Commit", "Date", "Hardware", "torch"],
-        "rows": rows,
-        "text_columns": 5,
-    }
+    return Cells(["Run", "Commit", "Date", "Hardware", "torch"], rows, "Last step of each run", 5)

@@ -7,8 +7,8 @@ from repro.baselines.names import rank
 from repro.config import PairCounts
 from repro.recordings.format import holds, recordings_in
 from repro.recordings.reader import read_manifest
-from repro.reporting.markdown import markdown_table
 from repro.reporting.names import duration, model_title
+from repro.reporting.render import Cells
 from repro.reporting.study import Study
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
@@ -35,10 +35,10 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     for (experiment, encoding, model), row in sorted(rows.items(), key=lambda item: (*item[0][:2], rank(item[0][2]))):
         cells = [row.get(seed, "") for seed in seeds] if encoding else [row[None], *[""] * (len(seeds) - 1)]
         shown.append((experiment, encoding, model_title(model), *cells))
-    lines = [f"{outputs.path}", "", *markdown_table(("exp.", "recordings"), recorded), ""]
-    lines += markdown_table(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), shown)
+    lines = [f"{outputs.path}", "", Cells(("exp.", "recordings"), recorded).to_markdown()]
+    lines += [Cells(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), shown).to_markdown()]
     counted = Counter(states[key].split(",")[0] for key in planned)
-    lines += ["", f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
+    lines += [f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
     left = study.seconds_left()
     if left:
         lines.append(f"About {duration(left)} of training remain, estimated from finished trainings.")

@@ -9,8 +9,8 @@ from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
 from repro.reporting.claims import count_verdicts, on_paper
-from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
+from repro.reporting.render import Cells, number, with_interval
 
 BOUND = BOUNDS[0]
 PROBABILISTIC = ("best_iou", "log_loss", "brier")
@@ -37,13 +37,12 @@ def claims_to_markdown(claims: pd.DataFrame) -> str:
         ours = ""
         if pd.notna(row["value"]):
             needed = f"{row['claimed']:.3g} ± {row['tolerance']:.2g}"
-            interval = "" if pd.isna(row["low"]) else f" [{row['low']:.3f}, {row['high']:.3f}]"
-            ours = f"{row['value']:.3f}{interval} ({needed})"
+            ours = f"{with_interval(row['value'], row['low'], row['high'])} ({needed})"
         paper = on_paper(row, ".3f")
         test = row["means"] if pd.notna(row["means"]) else row["reason"]
         rows.append((row["quote"], test, row["verdict"], row["ours"], ours, paper))
-    lines += markdown_table(("Claim", "Test", "Verdict", "On our numbers", "Ours", "Paper"), rows)
-    return "\n".join(lines) + "\n"
+    heads = ("Claim", "Test", "Verdict", "On our numbers", "Ours", "Paper")
+    return "\n".join(lines) + "\n" + Cells(heads, rows).to_markdown()
 
 
 def methods_to_markdown(intervals: pd.DataFrame, caption: str) -> str:
@@ -74,7 +73,7 @@ def methods_to_markdown(intervals: pd.DataFrame, caption: str) -> str:
         counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
         seeds = " to ".join(counts)
         shown.append((predictor_title(model, encoding), seeds, *values))
-    return "\n".join([f"**{caption}**", "", *markdown_table(("Model", "Seeds", *heads), shown)]) + "\n"
+    return Cells(("Model", "Seeds", *heads), shown, caption).to_markdown()
 
 
 def networks_to_markdown(
@@ -101,10 +100,10 @@ def networks_to_markdown(
         for experiment, (head, values) in itertools.product(experiments, measures.items()):
             value = values.get((experiment, row.model, row.encoding), math.nan)
             bound = iou.get((experiment, BOUND, ""), math.nan) if head == "share of the bound" else 1.0
-            cells.append("" if math.isnan(value / bound) else f"{value / bound:.{2 if 'share' in head else 3}f}")
+            cells.append(number(value / bound, 2 if "share" in head else 3))
         cells += [f"{row.parameters_m:.2f}", f"{row.training_min:.1f}", f"{row.cpu_onnx_ms:.0f}"]
         rows.append((predictor_title(str(row.model), str(row.encoding)), *cells))
-    return "\n".join([f"**{caption}**", "", *markdown_table(("Network, input", *heads), rows)]) + "\n"
+    return Cells(("Network, input", *heads), rows, caption).to_markdown()
 
 
 def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, caption: str) -> str:
@@ -126,7 +125,7 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, caption: 
             cells = [_cell(rows, experiment, metric) for metric in SUMMARY]
             cells += [_cell(of_map[of_map["model"] == name], experiment, metric) for metric in PROBABILISTIC]
             shown.append((experiment, predictor_title(name, ""), *cells))
-    return "\n".join([f"**{caption}**", "", *markdown_table(("Exp.", "Predictor", *heads), shown)]) + "\n"
+    return Cells(("Exp.", "Predictor", *heads), shown, caption).to_markdown()
 
 
 def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
@@ -153,14 +152,14 @@ def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
         cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in points]
         rows.append((f"{experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''}", *cells))
     heads = ("Exp.", *shown.values(), *(f"{head} held out" for head in shown.values()))
-    return "\n".join([*lines, *markdown_table(heads, rows)]) + "\n"
+    return "\n".join(lines) + "\n" + Cells(heads, rows).to_markdown()
 
 
 def _extrapolated(row: pd.Series) -> str:
     paper = f" ({row['paper']:.3f})" if pd.notna(row["paper"]) else ""
-    return f"{row['value']:.3f} [{row['low']:.3f}, {row['high']:.3f}]{paper}"
+    return with_interval(row["value"], row["low"], row["high"]) + paper
 
 
 def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
     selected = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
-    return "".join(f"{row.value:.3f} [{row.low:.3f}, {row.high:.3f}]" for row in selected.itertuples())
+    return "".join(with_interval(row["value"], row["low"], row["high"]) for row in selected.to_dict("records"))

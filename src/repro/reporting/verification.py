@@ -5,8 +5,8 @@ from pathlib import Path
 import pandas as pd
 
 from repro.metrics.names import SUMMARY
-from repro.reporting.markdown import markdown_table
 from repro.reporting.names import predictor_title
+from repro.reporting.render import Cells
 from repro.reporting.results import SIZES, read_origins, read_published, read_results
 from repro.reporting.rows import MEASURED, keys_of
 from repro.runs.keys import KEY, RunKey
@@ -74,10 +74,9 @@ def verification_to_markdown(compared: pd.DataFrame) -> str:
     trained = compared[compared["weights"] != ""]
     same_recordings, same_weights = ((rows == "same").sum() for rows in (compared["recordings"], trained["weights"]))
     largest = ", ".join(f"{head} {compared[f'delta_{metric}'].abs().max():.4f}" for metric, head in SUMMARY.items())
-    lines = [
-        *markdown_table(("Exp.", "Model", "Seed", "Recordings", "Weights", *SUMMARY.values()), rows),
-        "",
-        f"Ours (published). {same_recordings} of {len(compared)} runs use the published recordings; {same_weights} of "
-        f"{len(trained)} trainings have byte-identical weights. Largest difference: {largest}.",
-    ]
-    return "\n".join(lines)
+    table = Cells(("Exp.", "Model", "Seed", "Recordings", "Weights", *SUMMARY.values()), rows)
+    return (
+        f"{table.to_markdown()}\n"
+        f"Ours (published). {same_recordings} of {len(compared)} runs use the published recordings; "
+        f"{same_weights} of {len(trained)} trainings have byte-identical weights. Largest difference: {largest}."
+    )

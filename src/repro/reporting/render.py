@@ -1,0 +1,70 @@
+"""One renderer of tables: frames, heads and decimals in; cells as Markdown, as LaTeX or, in the page, as HTML out."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from repro.metrics.names import HEADINGS
+from repro.reporting.names import TITLES
+
+Columns = Mapping[str, tuple[str, int]]  # head and decimals of each column of numbers
+TEXTS = {**TITLES, **HEADINGS}  # of names in cells
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A table as it is printed: heads, rows of as many texts, and a caption.
+
+    Args:
+        heads: the heads of the columns.
+        rows: the rows.
+        caption: the caption; empty for none.
+        text_columns: number of leading columns with text, which HTML aligns to the left.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    caption: str = ""
+    text_columns: int = 1
+
+    def to_markdown(self) -> str:
+        """Return the table as Markdown, after its caption in bold, and ending with a line break."""
+        lines = [f"**{self.caption}**", ""] if self.caption else []
+        lines += [_line(self.heads), "|" + "---|" * len(self.heads), *map(_line, self.rows)]
+        return "\n".join(lines) + "\n"
+
+    def to_latex(self) -> str:
+        """Return the table as LaTeX (booktabs) without caption."""
+        return pd.DataFrame(self.rows, columns=list(self.heads)).to_latex(index=False, escape=True)
+
+
+def _line(cells: Iterable[object]) -> str:
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
+def cells_of(frame: pd.DataFrame, names: Sequence[str], numbers: Columns, caption: str = "") -> Cells:
+    """Return some columns of a frame: columns of text, then those columns of numbers that it has."""
+    kept = {column: form for column, form in numbers.items() if column in frame}
+    rows = [
+        [*(TEXTS.get(str(row[name]), str(row[name])) for name in names), *(number(row[c], kept[c][1]) for c in kept)]
+        for row in frame.to_dict("records")
+    ]
+    heads = [*(name.capitalize() for name in names), *(head for head, _ in kept.values())]
+    return Cells(heads, rows, caption, len(names))
+
+
+def number(value: Any, digits: int = 3, form: str = "z,") -> str:
+    """Return a number with some decimals; empty for none."""
+    return "" if pd.isna(value) else f"{value:{form}.{digits}f}"
+
+
+def with_interval(value: float, low: float, high: float, form: str = ".3f") -> str:
+    """Return a value with its interval, `0.500 [0.490, 0.510]`, or alone without one; empty for none."""
+    return " ".join(part for part in (f"{value:{form}}", interval(low, high, form)) if part) if pd.notna(value) else ""
+
+
+def interval(low: float, high: float, form: str = ".3f") -> str:
+    """Return an interval in brackets; empty for none."""
+    return "" if pd.isna(low) else f"[{low:{form}}, {high:{form}}]"
