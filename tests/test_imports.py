@@ -25,7 +25,7 @@ LIBRARY = (
 SMP = "networks.smp_networks"  # the only module of the library that imports smp, when a network of smp is created
 OF_THE_STUDY = (
     *("irsim", "hydra", "omegaconf", "lightning", "segmentation_models_pytorch", "timm"),
-    *("pandas", "sklearn", "stonesoup", "shapely", "joblib", "jinja2", "uncertainties"),
+    *("pandas", "sklearn", "shapely", "joblib", "jinja2", "uncertainties"),
 )
 INNER_IMPORTS = 14  # imports inside functions that are worth their cost
 CONFIG_FUNCTIONS = 5  # functions that take the whole configuration

@@ -1,14 +1,17 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 import torch
 from conftest import prepared
+from shapely import affinity
 
 from repro.baselines import tracker
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.registry import PREDICTORS, dilate, steps_since_free
+from repro.baselines.registry import PREDICTORS, _climb, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
@@ -109,33 +112,77 @@ def test_a_pixel_that_was_never_seen_keeps_the_prior():
     assert known[0, 0].item() == pytest.approx(0.08, abs=1e-3)
 
 
-def test_clusters_are_found_behind_the_hit_surfaces():
-    both = torch.minimum(disc_ranges(15.0, 26.5, 1.0), disc_ranges(20.0, 22.5, 1.0)).numpy()
-    scans = np.stack([both, np.full(41, np.inf), both])
-    poses = np.tile([5.0, 25.0, 0.0], (3, 1))
-    first, none, last = tracker.clusters(scans, ANGLES.numpy(), poses, 0.7)
-    for found in (first, last):
-        centers = sorted(each.center.tolist() for each in found)
-        assert np.allclose(centers, [[15, 26.5], [20, 22.5]], atol=0.3)
-    assert none == []
-    assert tracker.clusters(scans[1:2], ANGLES.numpy(), poses[1:2], 0.7) == [[]]
+PRIOR = tracker.Prior(radius_m=2.0, spread_m=0.5, aspect=1.4, speed_m_s=1.0, join=5.0)
 
 
-def test_a_cluster_at_the_edge_of_the_view_is_cut():
-    wide = disc_ranges(10.0, 25.0, 3.0).numpy()
-    (found,) = tracker.clusters(wide[None], ANGLES.numpy(), np.array([[5.0, 25.0, 0.0]]), 1.0)
-    assert [each.is_cut for each in found] == [True]
+def window(ranges):
+    """Return ranges (T, N) as scans of a robot at (5, 25) that looks along x."""
+    poses = np.tile([5.0, 25.0, 0.0], (len(ranges), 1))
+    return Scans(np.stack([np.asarray(each, dtype=float) for each in ranges]), ANGLES.double().numpy(), poses)
 
 
-def test_an_unobserved_track_continues_at_its_speed():
-    steps = 60  # at 1 m/s: from x = 17 to 23, seen for the first 40 steps
-    ranges = [disc_ranges(17 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
-    (positions,) = tracker.track(one_recording(torch.stack(ranges)), 1.3)
-    assert positions.shape == (1, 2)
-    assert positions[0] == pytest.approx([22.9, 25], abs=0.6)
-    free = tracker.draw([positions], GRID, 2.0)
-    assert (free == 0).sum() == pytest.approx(4 * np.pi, abs=2)
+def test_hits_are_clustered_in_space_and_time():
+    both = torch.minimum(disc_ranges(15.0, 27.0, 1.0), disc_ranges(15.0, 23.0, 1.0))
+    none = torch.full_like(both, torch.inf)
+    found = tracker.clusters(window([both] * 21 + [none] * 60 + [both] * 21), 0.1, 1.5)
+    assert len(found) == 4
+    assert sorted({round(float(each.hits[:, 2].min()), 1) for each in found}) == [-10.0, -2.0]  # [s]
+    assert tracker.clusters(window([none] * 21), 0.1, 1.5) == []
+
+
+@pytest.mark.parametrize(("y", "edges"), [(25.0, 22), (27.5, 11)])
+def test_edges_are_where_the_next_beam_passes(y, edges):
+    """A disc that the field of view cuts has one edge in each scan."""
+    (found,) = tracker.clusters(window([disc_ranges(15.0, y, 1.5)] * 21), 0.1, 1.5)
+    assert len(found.edges) == edges
+    x, y_robot, _, cos, sin, side = found.edges.T
+    aside = side * (cos * (y - y_robot) - sin * (15.0 - x))
+    assert np.allclose(aside, 1.5, atol=0.06)  # the beams are 0.1 m apart
+
+
+def test_a_moving_disc_is_fitted_and_coasts():
+    steps = 60  # at 1 m/s: from x = 15 to 21, seen for the first 40 steps
+    ranges = [disc_ranges(15 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
+    (found,) = tracker.track(tracker.clusters(window(ranges), 0.1, 1.5), PRIOR)
+    assert found.is_disc
+    assert found.state[:5] == pytest.approx([20.9, 25, 1, 0, 2], abs=0.15)
+    nearest = tracker.distances([found], GRID, 99.0)
+    assert (nearest <= 0).sum() == pytest.approx(4 * np.pi, abs=2)
+    assert nearest[24, 20] == pytest.approx(np.hypot(0.4, 0.5) - 2, abs=0.2)  # its center is (20.5, 25.5)
+    coasted = tracker.distances([found], GRID, 1.0)  # for one second, not for two
+    assert coasted[24, 19] == pytest.approx(np.hypot(0.4, 0.5) - 2, abs=0.2)
+
+
+def rectangle_ranges(x, length, width, heading):
+    """Ranges of the beams from (5, 25) to a rectangle at (x, 25)."""
+    rays = shapely.linestrings([[(5, 25), (5 + 40 * np.cos(a), 25 + 40 * np.sin(a))] for a in ANGLES.double().numpy()])
+    shape = affinity.rotate(shapely.box(x - length / 2, 25 - width / 2, x + length / 2, 25 + width / 2), heading)
+    distance = shapely.distance(shapely.Point(5, 25), shapely.intersection(rays, shape))
+    return np.where(np.isfinite(distance), distance, np.inf)
+
+
+def test_a_rectangle_is_told_from_a_disc():
+    (found,) = tracker.track(tracker.clusters(window([rectangle_ranges(16, 3.5, 2.5, 30)] * 21), 0.1, 1.5), PRIOR)
+    assert not found.is_disc
+    assert found.state[:2] == pytest.approx([16, 25], abs=0.5)
+    assert np.pi * found.state[4] ** 2 == pytest.approx(3.5 * 2.5, rel=0.3)
+    assert np.degrees(found.state[6]) % 90 == pytest.approx(30, abs=5)
+
+
+def test_an_obstacle_that_is_seen_twice_is_joined():
+    seen, none = disc_ranges(15.0), torch.full((41,), torch.inf)
+    scans = window([seen] * 21 + [none] * 60 + [seen] * 21)
+    assert len(tracker.clusters(scans, 0.1, 1.5)) == 2
+    (found,) = tracker.track(tracker.clusters(scans, 0.1, 1.5), PRIOR)
+    assert found.age_s == 0
+    apart = [disc_ranges(15.0)] * 21 + [none] * 60 + [disc_ranges(18.5, radius=1.0)] * 21
+    assert len(tracker.track(tracker.clusters(window(apart), 0.1, 1.5), replace(PRIOR, speed_m_s=0.05))) == 2
+
+
+def test_climbing_stops_where_no_step_improves():
+    place = _climb(lambda values: -((values[0] - 7) ** 2) - (values[1] - values[0]) ** 2, [range(10), range(10)])
+    assert place == (7, 7)
 
 
 def test_every_baseline_has_a_title_and_a_predictor():
-    assert set(PREDICTORS) == {*BASELINES, *OTHER_BOUNDS}
+    assert set(PREDICTORS) == {*BASELINES, *OTHER_BOUNDS} - {"inference"}  # has published rows only

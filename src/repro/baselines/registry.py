@@ -9,8 +9,8 @@ A baseline maps the validation and the test recordings to the probability of fre
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -18,20 +18,31 @@ import torch
 from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
 
-from repro.baselines.inference import infer
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.privileged import Knowledge, privileged
-from repro.baselines.tracker import draw, track
+from repro.baselines.tracker import Prior, clusters, distances, track
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
-from repro.metrics.scores import confusion, scores
+from repro.metrics.scores import THRESHOLD
 from repro.recordings.recorded import Recorded
+from repro.scans import Scans
 from repro.system.errors import InputError
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
+Predict = Callable[..., Tensor]
 RADII = tuple(0.01 * number for number in range(11))  # around hits, as shares of the side of the map
 FREE = tuple(0.1 * number for number in range(11))  # how long a pixel stays free after a beam, as a share of T
+TRACKER = {  # searched one after another; a prior of speed of 0.001 m/s stands for obstacles that stand still
+    "near_m": (0.25, 0.35, 0.5, 0.7, 1.0, 1.4),
+    "radius_m": (2.25, 2.4, 2.55, 2.7, 2.85, 3.0, 3.15, 3.3),
+    "spread_m": (0.1, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0),
+    "speed_m_s": (0.001, 0.1, 0.2, 0.4, 0.6, 1.0),
+    "aspect": (1.1, 1.25, 1.4, 1.6, 1.8),
+    "join": (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0),
+    "coast_s": (0.0, 2.0, 4.0, 5.0, 6.0, 8.0, 10.0),
+    "margin_m": (-0.6, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.6),
+}
 
 
 def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
@@ -46,34 +57,44 @@ def mean_map(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 def last_seen(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict an obstacle within a radius of every hit."""
-    distances = {id(each): _distance_to_hits(each) for each in (val, test)}  # [px]
-    radii_px = range(1 + int(RADII[-1] * val.grid.size_px))
-    return tune(lambda each, radius_px: (distances[id(each)] > radius_px).float(), {"radius_px": radii_px}, val, test)
+
+    def prepare(recorded: Recorded) -> Predict:
+        distance = _distance_to_hits(recorded)  # [px]
+        return lambda radius_px: (distance > radius_px).float()
+
+    return tune(prepare, {"radius_px": range(1 + int(RADII[-1] * val.grid.size_px))}, val, test)
 
 
 def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a log-odds occupancy grid with forgetting; see `occupancy_grids.log_odds_grid`."""
     settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": _radii_m(val)}
-    return tune(_dilated(log_odds_grid, "forgetting"), settings, val, test)
+    return tune(partial(_dilated, log_odds_grid, "forgetting"), settings, val, test)
 
 
 def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
     settings = {"moving": (0.02, 0.1, 0.3), "radius_m": _radii_m(val)}
-    return tune(_dilated(transitional_grid, "moving"), settings, val, test)
+    return tune(partial(_dilated, transitional_grid, "moving"), settings, val, test)
 
 
 def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
-    """Predict by tracking clusters of hits; see `tracker.track`."""
-    tracks: dict[tuple[int, float], Any] = {}
+    """Predict by tracking discs and rectangles; see `tracker.track`."""
 
-    def predict(each: Recorded, depth_m: float, radius_m: float) -> Tensor:
-        key = (id(each), depth_m)
-        if key not in tracks:
-            tracks[key] = track(each, depth_m)
-        return draw(tracks[key], each.grid, radius_m)
+    def prepare(recorded: Recorded) -> Predict:
+        scans = [_arrays(recorded.scans[index]) for index in range(len(recorded))]
+        found = cache(lambda near_m: [clusters(each, recorded.step_s, near_m) for each in scans])
+        tracks = cache(lambda near_m, prior: [track(each, prior) for each in found(near_m)])
 
-    return tune(predict, {"depth_m": (1.0, 2.0, 3.0), "radius_m": _radii_m(val)[2:]}, val, test)
+        @cache
+        def nearest(near_m: float, coast_s: float, prior: Prior) -> np.ndarray:
+            return np.stack([distances(each, recorded.grid, coast_s) for each in tracks(near_m, prior)])
+
+        def predict(near_m: float, coast_s: float, margin_m: float, **prior: float) -> Tensor:
+            return torch.from_numpy(nearest(near_m, coast_s, Prior(**prior)) > margin_m).float()[:, None]
+
+        return predict
+
+    return tune(prepare, TRACKER, val, test, climb=True)
 
 
 PREDICTORS: dict[str, Baseline] = {
@@ -88,12 +109,16 @@ PREDICTORS: dict[str, Baseline] = {
     "without_shapes": partial(privileged, knowledge=Knowledge(shapes=False)),
     "without_velocities": partial(privileged, knowledge=Knowledge(velocities=False)),
     "positions": partial(privileged, knowledge=Knowledge(shapes=False, velocities=False)),
-    "inference": infer,
 }
 
 
 def tune(
-    predict: Callable[..., Tensor], settings: Mapping[str, Iterable[float]], val: Recorded, test: Recorded
+    prepare: Callable[[Recorded], Predict],
+    settings: Mapping[str, Sequence[float]],
+    val: Recorded,
+    test: Recorded,
+    *,
+    climb: bool = False,
 ) -> tuple[Tensor, Settings]:
     """Predict the test set with the settings that have the best obstacle IoU on the validation set.
 
@@ -101,30 +126,58 @@ def tune(
     than that, and later than the last hit in it.
 
     Args:
-        predict: function from recordings and settings to the probability of free, (M, 1, H, W).
-        settings: the candidate values of each setting.
+        prepare: function from recordings to a function from settings to their probability of free, (M, 1, H, W).
+        settings: the candidate values of each setting, in ascending order.
         val: the validation recordings.
         test: the test recordings.
+        climb: False tries all combinations; True starts from the middle values and moves one setting after another to
+            the next value as long as the IoU rises.
 
     Returns:
         the probability of free of the test recordings, (M, 1, H, W), and the chosen settings.
 
     Raises:
-        ValueError: `predict` returns another shape.
+        InputError: `prepare` leads to another shape.
     """
-    since, steps = steps_since_free(val), val.scans.ranges.shape[1]
-    scored: list[tuple[float, Settings, int]] = []
-    for values in itertools.product(*settings.values()):
-        chosen = dict(zip(settings, values, strict=True))
-        free = predict(val, **chosen)
+    predict, occupied = prepare(val), val.maps.numpy() == 0
+    since, steps = steps_since_free(val).numpy(), val.scans.ranges.shape[1]
+    kept = {number: since >= number for number in (round(share * steps) for share in FREE)}
+
+    @cache
+    def score(*values: float) -> tuple[float, int]:
+        free = predict(**dict(zip(settings, values, strict=True)))
         if free.shape != val.maps.shape:
             expected, got = tuple(val.maps.shape), tuple(free.shape)
             raise InputError(f"expected probabilities of free, {expected} as the maps, got {got}")
-        for free_steps in (round(share * steps) for share in FREE):
-            scored.append((_obstacle_iou(free.masked_fill(since < free_steps, 1.0), val), chosen, free_steps))
-    _, chosen, free_steps = max(scored, key=lambda each: each[0])
-    free = predict(test, **chosen).masked_fill(steps_since_free(test) < free_steps, 1.0)
+        found = free.numpy() < THRESHOLD
+        return max(((_iou(found & mask, occupied), number) for number, mask in kept.items()), key=lambda each: each[0])
+
+    if climb:
+        best = _climb(lambda values: score(*values)[0], list(settings.values()))
+    else:
+        best = max(itertools.product(*settings.values()), key=lambda values: score(*values)[0])
+    chosen, free_steps = dict(zip(settings, best, strict=True)), score(*best)[1]
+    free = prepare(test)(**chosen).masked_fill(steps_since_free(test) < free_steps, 1.0)
     return free, {**chosen, "free_steps": free_steps}
+
+
+def _climb(score: Callable[[tuple[float, ...]], float], candidates: list[Sequence[float]]) -> tuple[float, ...]:
+    """Return values, one of each list of candidates, from which no step of a single one raises the score."""
+    best, before = tuple(values[len(values) // 2] for values in candidates), None
+    while best != before:
+        before = best
+        for which, values in enumerate(candidates):
+            for step in (1, -1):
+                while 0 <= (place := values.index(best[which]) + step) < len(values):
+                    moved = (*best[:which], values[place], *best[which + 1 :])
+                    if score(moved) <= score(best):
+                        break
+                    best = moved
+    return best
+
+
+def _iou(found: np.ndarray, occupied: np.ndarray) -> float:
+    return np.count_nonzero(found & occupied) / max(1, np.count_nonzero(found | occupied))
 
 
 def steps_since_free(recorded: Recorded) -> Tensor:
@@ -154,10 +207,6 @@ def dilate(occupied: Tensor, radius_px: int) -> Tensor:
     return 1 - torch.from_numpy(dilated)[:, None]
 
 
-def _obstacle_iou(probability: Tensor, recorded: Recorded) -> float:
-    return scores(confusion(probability, recorded.maps.float()).sum(0))["obstacle_iou"].item()
-
-
 def _distance_to_hits(recorded: Recorded) -> Tensor:
     """Return the distance of each pixel to the nearest hit [px], infinite without hits, (M, 1, H, W)."""
     hits = (newest_hits(recorded.scans, recorded.grid) > 0).numpy()
@@ -169,14 +218,15 @@ def _radii_m(recorded: Recorded) -> tuple[float, ...]:
     return tuple(share * recorded.grid.size_m for share in RADII)
 
 
-def _dilated(grid_filter: Callable[[Recorded, float], Tensor], setting: str) -> Callable[..., Tensor]:
+def _dilated(grid_filter: Callable[[Recorded, float], Tensor], setting: str, recorded: Recorded) -> Predict:
     """Return a predictor that filters a grid, once per value of `setting`, and dilates its occupancy by a radius."""
-    occupancies: dict[tuple[int, float], Tensor] = {}
+    occupancy = cache(partial(grid_filter, recorded))
 
-    def predict(each: Recorded, radius_m: float, **settings: float) -> Tensor:
-        key = (id(each), settings[setting])
-        if key not in occupancies:
-            occupancies[key] = grid_filter(each, settings[setting])
-        return dilate(occupancies[key], int(np.rint(radius_m / each.grid.resolution_m)))
+    def predict(radius_m: float, **settings: float) -> Tensor:
+        return dilate(occupancy(settings[setting]), int(np.rint(radius_m / recorded.grid.resolution_m)))
 
     return predict
+
+
+def _arrays(scans: Scans) -> Scans:
+    return Scans(scans.ranges.numpy(), scans.angles.numpy(), scans.poses.numpy())

@@ -1,135 +1,145 @@
-"""A classical tracker: clusters of hits, assigned to tracks with constant velocity, drawn at the last step.
+"""A classical tracker: discs and rectangles with constant velocity, fitted to clusters of hits in space and time.
 
-The clusters come from scikit-learn's DBSCAN, the assignment from SciPy and the Kalman filter from Stone Soup.
+DBSCAN (scikit-learn) clusters the hits. To each cluster a disc and a rectangle are fitted (`shapes`), and the one that
+costs less is kept; two clusters are joined where one shape explains both. The cost is the mean squared distance of the
+hits to the outline, that of the lines of sight just past them to the silhouette, and a prior of size, aspect and speed.
 """
 
-import datetime
 from dataclasses import dataclass
+from itertools import combinations, product
 
-import joblib
 import numpy as np
-import torch
-from scipy.optimize import linear_sum_assignment
 from sklearn.cluster import DBSCAN
-from stonesoup.models.measurement.linear import LinearGaussian
-from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
-from stonesoup.predictor.kalman import KalmanPredictor
-from stonesoup.types.detection import Detection
-from stonesoup.types.hypothesis import SingleHypothesis
-from stonesoup.types.state import GaussianState
-from stonesoup.updater.kalman import KalmanUpdater
-from torch import Tensor
 
+from repro.baselines import shapes
 from repro.maps.grid import Grid
-from repro.parallel import count_cores, process_pool
-from repro.recordings.recorded import Recorded
 from repro.scans import Scans
 
-NEAR_M = 1.5  # hits closer than this belong to one cluster
-GATE_M = 3.0  # a cluster farther than this from every track starts a new one
-NOISE_M = 0.5  # standard deviation of a cluster's center
-SPEED_M_S = 0.5  # standard deviation of the initial speed
-EVERY = 2  # steps from one update to the next; the paper's obstacles move at most 0.14 m in between
-FEW = 64  # recordings that are tracked faster than processes start
-START = datetime.datetime(2000, 1, 1)
+EVERY = 2  # steps from one used scan to the next; the paper's obstacles move at most 0.14 m in between
+FEWEST, MOST = 8, 30  # hits of a cluster: fewer are ignored, of more an even selection is used
+CLUSTER_M_S = 1.0  # hits that are a second apart in time count as this far apart in space
+EDGE_M = 0.5  # a beam passes an obstacle if it ends at least this far behind the hit beside it
+NOISE_M = 0.05  # see `shapes.fit`; only its ratios to the spreads of the prior and to `join` matter
+SPREAD_LOG_ASPECT = 0.2
+STARTS = [(True, 0.0), *product([False], np.arange(4) * np.pi / 4)]  # fits: whether of a disc, heading at the start
 
 
 @dataclass(frozen=True)
+class Prior:
+    """What is known of the obstacles: the settings of the fits.
+
+    Args:
+        radius_m: mean radius.
+        spread_m: standard deviation of the radius.
+        aspect: mean length over width of the rectangles.
+        speed_m_s: standard deviation of each component of the velocity.
+        join: by how much the cost may rise when two clusters become one.
+    """
+
+    radius_m: float
+    spread_m: float
+    aspect: float
+    speed_m_s: float
+    join: float
+
+
+@dataclass(frozen=True, eq=False)
 class Cluster:
-    """A cluster of hits of one step: estimated obstacle center [m], (2,), and whether the field of view cuts it."""
+    """Hits of one obstacle: x, y [m], time [s], cosine, sine of the beam, (H, 5), and edges, see `shapes.fit`."""
 
-    center: np.ndarray
-    is_cut: bool
-
-
-def track(recorded: Recorded, depth_m: float) -> list[np.ndarray]:
-    """Track the obstacles of every recording up to the last step.
-
-    Args:
-        recorded: recordings, (M, T, N).
-        depth_m: distance of an obstacle's center behind the mean of its hits, as seen from the robot [m].
-
-    Returns:
-        the positions of the tracks of each recording at the last step [m], (tracks, 2).
-    """
-    scans, step_s = recorded.scans, recorded.step_s
-    ranges, poses, angles = scans.ranges.numpy(), scans.poses.numpy(), scans.angles.numpy()
-    jobs = (joblib.delayed(_track_one)(r, angles, p, depth_m, step_s) for r, p in zip(ranges, poses, strict=True))
-    with process_pool(count_cores() if len(ranges) > FEW else 1, batch_size=16) as parallel:
-        return parallel(jobs)
+    hits: np.ndarray
+    edges: np.ndarray
 
 
-def draw(tracks: list[np.ndarray], grid: Grid, radius_m: float) -> Tensor:
-    """Draw a disc around every track; return the probability of free, (M, 1, H, W)."""
-    centers = grid.centers().numpy()
-    free = np.ones((len(tracks), len(centers)), dtype=np.float32)
-    for image, positions in zip(free, tracks, strict=True):
-        for position in positions:
-            image[np.square(centers - position).sum(-1) <= radius_m**2] = 0
-    return torch.as_tensor(free).view(len(tracks), 1, grid.size_px, grid.size_px)
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A fitted obstacle: its state, see `shapes`, the cost of the fit, and the time since its last hit [s]."""
+
+    state: np.ndarray
+    is_disc: bool
+    cost: float
+    age_s: float
 
 
-def clusters(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_m: float) -> list[list[Cluster]]:
-    """Compute the clusters of each scan of a recording.
-
-    Args:
-        ranges: ranges [m], inf for a miss, (T, N).
-        angles: beam angles [rad], (N,).
-        poses: x, y [m], heading [rad], (T, 3).
-        depth_m: see `track`.
-    """
-    per_step: list[list[Cluster]] = [[] for _ in ranges]
-    points, hit = Scans(ranges, angles, poses).points()
+def clusters(scans: Scans, step_s: float, near_m: float) -> list[Cluster]:
+    """Cluster the hits of a window, arrays (T, N); hits closer than `near_m` [m] belong together."""
+    chosen = slice((len(scans.ranges) - 1) % EVERY, None, EVERY)  # includes the last step
+    scans = Scans(scans.ranges[chosen], scans.angles.astype(float), scans.poses[chosen].astype(float))
+    points, hit = scans.points()
     step, beam = np.nonzero(hit)
     if not len(step):
-        return per_step
-    points = points[hit]
-    separated = np.column_stack([points, 10 * NEAR_M * step])  # a third axis keeps the scans apart in one call
-    label = DBSCAN(eps=NEAR_M, min_samples=2).fit_predict(separated)
-    for number in range(label.max() + 1):
-        members = label == number
-        when, mean = int(step[members][0]), points[members].mean(0)
-        away = mean - poses[when, :2]
-        is_cut = bool(np.isin(beam[members], (0, len(angles) - 1)).any())
-        per_step[when].append(Cluster(mean + depth_m * away / max(float(np.linalg.norm(away)), 1e-9), is_cut))
-    return per_step
+        return []
+    time = step_s * EVERY * (step - len(scans.ranges) + 1)
+    bearing = scans.poses[step, 2] + scans.angles[beam]
+    hits = np.column_stack([points[hit], time, np.cos(bearing), np.sin(bearing)])
+    labels = DBSCAN(eps=near_m, min_samples=2).fit_predict(hits[:, :3] * [1, 1, CLUSTER_M_S])
+    members = (np.flatnonzero(labels == label) for label in range(labels.max() + 1))
+    return [Cluster(hits[own], _edges(scans, step[own], beam[own], time[own])) for own in members if len(own) >= FEWEST]
 
 
-def _track_one(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, depth_m: float, step_s: float) -> np.ndarray:
-    """Track one recording, (T, N); a cluster that the field of view cuts starts a track but never updates one."""
-    predictor = KalmanPredictor(CombinedLinearGaussianTransitionModel([ConstantVelocity(0.01)] * 2))
-    measured = LinearGaussian(ndim_state=4, mapping=(0, 2), noise_covar=np.eye(2) * NOISE_M**2)
-    updater = KalmanUpdater(measured)
-    tracks: list[GaussianState] = []
-    chosen = slice((len(ranges) - 1) % EVERY, None, EVERY)  # includes the last step
-    steps = np.arange(len(ranges))[chosen]
-    for step, current in zip(steps, clusters(ranges[chosen], angles, poses[chosen], depth_m), strict=True):
-        now = START + datetime.timedelta(seconds=step * step_s)
-        pairs = _assign(np.array([each.center for each in current]), np.array([_position(t, now) for t in tracks]))
-        for index, cluster in enumerate(current):
-            detection = Detection(cluster.center[:, None], timestamp=now, measurement_model=measured)
-            if index not in pairs:
-                mean = [cluster.center[0], 0, cluster.center[1], 0]
-                spread = np.diag([NOISE_M**2, SPEED_M_S**2] * 2)
-                tracks.append(GaussianState(np.array(mean)[:, None], spread, timestamp=now))
-            elif not cluster.is_cut:
-                prior = predictor.predict(tracks[pairs[index]], timestamp=now)
-                tracks[pairs[index]] = updater.update(SingleHypothesis(prior, detection))
-    end = START + datetime.timedelta(seconds=(len(ranges) - 1) * step_s)
-    return np.array([_position(each, end) for each in tracks]).reshape(-1, 2)
+def track(found: list[Cluster], prior: Prior) -> list[Track]:
+    """Fit a shape to every cluster, and join pairs that one shape explains, those of early clusters first."""
+    fitted = [(cluster, _fit(cluster, prior)) for cluster in found]
+    tried: set[tuple[Cluster, Cluster]] = set()
+    while pairs := [pair for pair in combinations(fitted, 2) if (pair[0][0], pair[1][0]) not in tried]:
+        for (first, one), (second, other) in pairs:
+            tried.add((first, second))
+            if not _is_near(first, one, second, other):
+                continue
+            both = Cluster(np.concatenate([first.hits, second.hits]), np.concatenate([first.edges, second.edges]))
+            joined = _fit(both, prior)
+            if joined.cost <= one.cost + other.cost + prior.join:
+                fitted = [(c, t) for c, t in fitted if c is not first and c is not second] + [(both, joined)]
+                break
+    return [each for _, each in fitted]
 
 
-def _assign(centers: np.ndarray, positions: np.ndarray) -> dict[int, int]:
-    """Assign clusters to tracks, one to one, with the smallest sum of distances and none beyond the gate."""
-    if not len(centers) or not len(positions):
-        return {}
-    distance = np.linalg.norm(centers[:, None] - positions, axis=-1)
-    rows, columns = linear_sum_assignment(np.minimum(distance, 10 * GATE_M))
-    return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= GATE_M}
+def distances(tracks: list[Track], grid: Grid, coast_s: float) -> np.ndarray:
+    """Return the distance of each pixel to the nearest outline at the last step [m], negative inside, (H, W).
+
+    A track moves on for at most `coast_s` [s] after its last hit, since obstacles turn.
+    """
+    nearest = np.full((grid.size_px, grid.size_px), shapes.REACH_M, dtype=np.float32)
+    for each in tracks:
+        state = each.state.copy()
+        state[:2] -= state[2:4] * max(each.age_s - coast_s, 0.0)
+        shapes.draw(nearest, grid.resolution_m, state, each.is_disc)
+    return nearest
 
 
-def _position(state: GaussianState, now: datetime.datetime) -> np.ndarray:
-    """Return the position of a track at a time, predicted by its velocity [m], (2,)."""
-    x, vx, y, vy = np.asarray(state.state_vector, dtype=float).ravel()
-    passed = (now - state.timestamp).total_seconds()
-    return np.array([x + vx * passed, y + vy * passed])
+def _edges(scans: Scans, step: np.ndarray, beam: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the lines of sight between the outermost beams of a cluster's hits and the next beams, which pass it."""
+    edges = []
+    for now in np.unique(step):
+        own = beam[step == now]
+        for outermost, side in ((own.min(), 1), (own.max(), -1)):
+            beside = outermost - side
+            inside = 0 <= beside < len(scans.angles)
+            if inside and scans.ranges[now, beside] > scans.ranges[now, outermost] + EDGE_M:
+                bearing = scans.poses[now, 2] + (scans.angles[outermost] + scans.angles[beside]) / 2
+                when = time[step == now][0]
+                edges.append((*scans.poses[now, :2], when, np.cos(bearing), np.sin(bearing), side))
+    return np.array(edges).reshape(-1, 6)
+
+
+def _is_near(first: Cluster, one: Track, second: Cluster, other: Track) -> bool:
+    """Return whether two tracks overlap halfway between the mean times of their hits."""
+    when = (first.hits[:, 2].mean() + second.hits[:, 2].mean()) / 2
+    apart = one.state[:2] - other.state[:2] + when * (one.state[2:4] - other.state[2:4])
+    return bool(np.hypot(*apart) < one.state[4] + other.state[4])
+
+
+def _fit(cluster: Cluster, prior: Prior) -> Track:
+    """Fit a disc and rectangles of several headings to a cluster; return the one that costs least."""
+    hits, edges = (each[:: len(each) // MOST + 1] for each in (cluster.hits, cluster.edges))
+    mean, time = hits[:, 2].mean(), hits[:, 2] - hits[:, 2].mean()
+    behind = hits[:, :2] + prior.radius_m * hits[:, 3:]  # a center for each hit
+    velocity = time @ (behind - behind.mean(0)) / (time @ time + 5.0)
+    start = [*(behind.mean(0) - mean * velocity), *velocity, prior.radius_m, np.log(prior.aspect)]
+    known = (NOISE_M, prior.radius_m, prior.spread_m, np.log(prior.aspect), SPREAD_LOG_ASPECT, prior.speed_m_s)
+    age_s = -cluster.hits[:, 2].max()
+    fits = []
+    for is_disc, heading in STARTS:
+        state, cost = shapes.fit(np.array([*start, heading]), is_disc, hits, edges, np.array(known))
+        fits.append(Track(state, is_disc, cost, age_s))
+    return min(fits, key=lambda each: each.cost)

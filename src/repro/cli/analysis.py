@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from repro.baselines.laws import applies
-from repro.baselines.names import OTHER_BOUNDS, SLOW_BASELINES
+from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.registry import PREDICTORS
 from repro.cli.inputs import GENERALIZATION, analysis_inputs
 from repro.cli.jobs import Job
@@ -49,7 +49,7 @@ def analyze(job: Job) -> None:
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
     configs = {config.experiment: config for config in networks}
     for experiment, name in itertools.product(sorted(configs), PREDICTORS):
-        if name in SLOW_BASELINES or not _applies(name, outputs, experiment):
+        if not _applies(name, outputs, experiment):
             continue
         try:
             evaluate_baseline(outputs, configs[experiment], name)

@@ -17,7 +17,7 @@ from repro.system.errors import InputError
 
 RUN_TASKS = (
     *("all", "record", "train", "evaluate", "world", "animate"),
-    *("generalization", "inference", "export", "predict"),
+    *("generalization", "export", "predict"),
 )
 TRAINING_TASKS = ("all", "train")
 # once for all runs:
