@@ -27,7 +27,7 @@ from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting.comparison_figures import efficiency
-from repro.reporting.figures import STYLE
+from repro.reporting.plots import STYLE
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import Table, costs_to_markdown
 from repro.scans import Scans

@@ -13,8 +13,8 @@ from conftest import ROOT
 from hydra._internal.utils import get_args_parser
 
 from repro.cli import composition
+from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
-from repro.reporting.readme import with_results
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "DEVIATIONS.md", *sorted((ROOT / "docs").glob("*.md"))]
 TABLES = sorted((ROOT / "reproduce" / "results").glob("*/tables.md"))

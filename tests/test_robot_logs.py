@@ -1,39 +1,33 @@
-"""reproduce/robot_logs.py on logs of a simulated robot, and its measures against those of scikit-learn."""
+"""reproduce/real on logs of simulated lidars, and its measures against those of scikit-learn."""
 
 import gzip
-import importlib
 import json
 import math
-import sys
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT
+from reproduce.real import __main__ as script
+from reproduce.real import fitting, measures
+from reproduce.real import logs as real_logs
+from reproduce.real.evidence import Evidence, continued_walls, distance_map, evidence_of, score_map
 from sklearn.metrics import roc_auc_score
 
 from repro.maps.grid import Grid
+from repro.metrics.counts import PROBABILITY
 from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
+from repro.prediction.logs import ScanLog
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 from repro.world_config import read_world, world_spec
 
-REPRODUCE = ROOT / "reproduce"
-
-
-@pytest.fixture(scope="module")
-def script():
-    sys.path.insert(0, str(REPRODUCE))
-    yield importlib.import_module("robot_logs")
-    sys.path.remove(str(REPRODUCE))
-
-
-@pytest.fixture(scope="module")
-def evidence(script):
-    return importlib.import_module("log_evidence")
+ROOMS, DRIVE = "rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru"
 
 
 @pytest.fixture(scope="module")
@@ -54,127 +48,198 @@ def logs(tmp_path_factory):
     return sorted(directory.iterdir())
 
 
-def test_the_measures_are_those_of_scikit_learn(script):
+def test_the_measures_are_those_of_scikit_learn():
     rng = np.random.default_rng(0)
     hits, passed = rng.integers(0, 200, 500), rng.integers(50, 256, 3000)
     counts = np.stack([np.bincount(each, minlength=256) for each in (hits, passed)])
-    auroc, found, free = script.measures(counts)
-    truth = np.repeat([1, 0], [500, 3000])
-    assert auroc == pytest.approx(roc_auc_score(truth, -np.concatenate([hits, passed])))
+    auroc, brier, _, found, free = measures.measures(counts, PROBABILITY)
+    truth, level = np.repeat([0, 1], [500, 3000]), np.concatenate([hits, passed])
+    assert auroc == pytest.approx(roc_auc_score(truth, level))
+    assert brier == pytest.approx(((level / 255 - truth) ** 2).mean())
     assert (found, free) == pytest.approx(((hits < 127.5).mean(), (passed >= 127.5).mean()))
+    assert np.isnan(measures.measures(counts * [[0], [1]], PROBABILITY)[0])  # no hits
 
 
 def wall_ahead() -> Scans:
-    """One scan of a wall 5.25 m ahead of a robot at the center of a map of 50 m."""
+    """Ten scans of a wall 5.25 m ahead of a robot at the center of a map of 50 m."""
     angles = np.linspace(-0.5, 0.5, 101)
     return Scans(np.repeat(5.25 / np.cos(angles)[None], 10, 0), angles, np.tile([25.0, 25.0, 0.0], (10, 1)))
 
 
-def test_the_distance_map_ranks_hits_unseen_pixels_and_passed_pixels(evidence):
-    seen_of = evidence.evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
-    levels = evidence.distance_map(seen_of)
+def test_the_distance_map_ranks_hits_unseen_pixels_and_passed_pixels():
+    evidence = evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
+    levels = distance_map(evidence)
     row = levels[50]
     assert row[60] == 0
     assert row[61:65].tolist() == [128, 136, 141, 144]  # behind the wall, 1 to 4 px: 8 levels per octave
     assert row[59:55:-1].tolist() == [192, 200, 205, 208]  # passed
-    assert seen_of.seen[50, 56:61].all()
-    assert not seen_of.seen[50, 61:].any()
+    assert evidence.seen[50, 56:61].all()
+    assert not evidence.seen[50, 61:].any()
     assert levels[:, :40].max() < 192  # behind the robot
 
 
-def test_the_score_ranks_passed_pixels_by_counts_and_unseen_ones_by_two_distances(evidence):
-    seen_of = evidence.evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
-    assert seen_of.odds[50, 57] == pytest.approx(math.log(10.5 / 0.5))  # passed in all ten parts
-    assert seen_of.odds[50, 60] == pytest.approx(math.log(0.5 / 10.5))  # hit in all of them
-    levels = evidence.score_map(seen_of, 0.15, 0.5)
+def test_the_score_ranks_passed_pixels_by_counts_and_unseen_ones_by_two_distances():
+    evidence = evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
+    assert evidence.odds[50, 57] == pytest.approx(math.log(10.5 / 0.5))  # passed in all ten parts
+    assert evidence.odds[50, 60] == pytest.approx(math.log(0.5 / 10.5))  # hit in all of them
+    levels = score_map(evidence, 0.15, 0.5)
     assert levels[50, 60] < 128 <= levels[50, 61] < levels[50, 70] < 192 <= levels[50, 59] < levels[50, 52]
-    assert (evidence.score_map(seen_of, 0.15, 0.0)[50, 61:] >= levels[50, 61:]).all()  # far from passed pixels
+    assert (score_map(evidence, 0.15, 0.0)[50, 61:] >= levels[50, 61:]).all()  # far from passed pixels
 
 
-def test_walls_are_continued_along_their_direction_and_not_from_single_hits(evidence):
+def test_walls_are_continued_along_their_direction_and_not_from_single_hits():
     hit = np.zeros((64, 64), bool)
     hit[20, 10:30] = hit[50, 50] = True
-    walls = evidence.continued_walls(hit, Grid(64, 25.0))
+    slanted = np.eye(64, dtype=bool) & (np.arange(64) >= 40)
+    walls = continued_walls(hit, Grid(64, 25.0))
     assert walls[20, 10:42].all()  # 5 m are 12.8 px
     assert not walls[20, 44:].any()
     assert not walls[np.arange(64) != 20].any()
+    rows, columns = np.nonzero(continued_walls(slanted, Grid(64, 25.0)))
+    assert np.abs(rows - columns).max() <= 1
+    assert set(range(32, 64)) <= set(rows[rows == columns])
+    assert min(rows) >= 30  # 9 px along each axis
 
 
-def test_whatever_is_fitted_is_from_other_logs(script, evidence):
-    """A log whose truth is the opposite of the others does not change what is fitted for it."""
+def sample_of(rng: np.random.Generator, sign: int) -> fitting.Sample:
+    """Draw pixels whose truth follows from the odds, or from their opposite."""
+    kinds = rng.integers(0, 3, (400, 1)) + np.zeros((1, 9), int)
+    values = {name: np.repeat(rng.normal(size=(400, 1)), 9, 1) for name in Evidence.__annotations__}
+    evidence = Evidence(**{**values, "hit": kinds == 0, "seen": kinds < 2})
+    free = sign * evidence.odds[:, 0] > 0
+    return fitting.Sample(evidence, np.where(free, 200, 50), free)
+
+
+def test_whatever_is_fitted_is_from_other_logs():
+    """A log whose truth is the opposite of the others changes the fit of theirs and not its own."""
     rng = np.random.default_rng(0)
+    samples = {"a": sample_of(rng, 1), "b": sample_of(rng, 1), "c": sample_of(rng, -1)}
+    for_c, for_a = (fitting.fit_others(samples, tested) for tested in ("c", "a"))
+    tested = samples["a"].evidence
+    for name in fitting.REGRESSIONS:
+        levels, mixed = (fitting.maps_of(tested, fitted)[name][:, 0] for fitted in (for_c, for_a))
+        assert roc_auc_score(samples["a"].free, levels) > 0.95
+        assert roc_auc_score(samples["a"].free, mixed) < 0.9
+    other = {**samples, "c": replace(samples["c"], free=~samples["c"].free, network=255 - samples["c"].network)}
+    again = fitting.fit_others(other, "c")
+    assert again.constants == for_c.constants
+    for name, probability in for_c.probability.items():
+        assert np.array_equal(probability, again.probability[name])
 
-    def sample(sign):
-        design = rng.normal(size=(200, 3))
-        scores = [np.stack([np.bincount(rng.integers(0, 256, 50), minlength=256)] * 2) for _ in evidence.CONSTANTS]
-        return script.Sample((design, design), sign * design[:, 0] > 0, scores)
 
-    samples = {"a": sample(1), "b": sample(1), "c": sample(-1)}
-    for tested, slope in (("c", 1), ("a", 0)):
-        models = script.fit_others(samples, tested).models
-        assert all((model[-1].coef_[0, 0] > 1) == (slope == 1) for model in models)
-    assert script.fit_others(samples, "c").constants == script.fit_others({**samples, "c": sample(1)}, "c").constants
-
-
-def test_a_map_that_knows_nothing_is_at_chance(script):
+@pytest.mark.parametrize("group", range(3))
+def test_a_map_that_knows_nothing_is_at_chance(group):
     """The tolerance of one pixel gives a noisy map no advantage."""
     rng = np.random.default_rng(0)
-    counts = np.zeros((2, 256), dtype=int)
+    counts = np.zeros((3, 2, 256), dtype=int)
     for _ in range(40):
-        hits = rng.random((64, 64)) < 0.02
-        scan = Observed(hits, (rng.random((64, 64)) < 0.5) & ~hits)
-        counts += next(script.count(rng.integers(0, 256, (64, 64)), scan, [np.ones((64, 64), bool)]))
-    assert script.measures(counts)[0] == pytest.approx(0.5, abs=0.02)
+        hits, seen, moving = (rng.random((64, 64)) < share for share in (0.02, 0.7, 0.5))
+        clear = Observed(hits, (rng.random((64, 64)) < 0.5) & ~hits)
+        groups = [clear, clear.within(seen), Observed(hits & moving, clear.passed)]
+        pixels = np.flatnonzero(clear.hits | clear.passed)
+        levels = rng.integers(0, 256, 64 * 64)[measures.neighbors(pixels, 64)]
+        counts += measures.count(levels, groups, pixels)
+    assert measures.auroc(counts)[group] == pytest.approx(0.5, abs=0.03)
 
 
-def test_a_hit_beside_an_obstacle_counts_as_found_and_a_passed_pixel_beside_a_hit_not_at_all(script):
+def test_a_hit_beside_an_obstacle_counts_as_found():
     levels, hits, passed = np.full((9, 9), 255), np.zeros((9, 9), bool), np.zeros((9, 9), bool)
     levels[4, 4] = 0
-    hits[3, 3] = True
-    passed[3, :3] = passed[5, :] = True  # (3, 2) is beside the hit, (5, 3) to (5, 5) are beside the obstacle
+    hits[3, 3] = hits[0, 0] = True
+    passed[3, :2] = passed[5, :] = True  # (5, 3) to (5, 5) are beside the obstacle
     above = np.arange(81).reshape(9, 9) < 36  # without the row of the obstacle and below
-    everywhere, here = script.count(levels, Observed(hits, passed), (np.ones((9, 9), bool), above))
-    assert everywhere[:, [0, 255]].tolist() == [[1, 0], [3, 8]]
-    assert here[:, [0, 255]].tolist() == [[1, 0], [0, 2]]
+    clear = Observed(hits, passed)
+    pixels = np.flatnonzero(hits | passed)
+    nearby = levels.ravel()[measures.neighbors(pixels, 9)]
+    everywhere, here = measures.count(nearby, [clear, clear.within(above)], pixels)
+    assert everywhere[:, [0, 255]].tolist() == [[1, 1], [3, 8]]
+    assert here[:, [0, 255]].tolist() == [[1, 1], [0, 2]]
 
 
-def test_the_mean_over_logs_has_an_interval_and_a_gain(script):
-    rows = []
-    for log, (of_network, of_baseline) in {"a": (0.9, 0.8), "b": (0.8, 0.75), "c": (0.7, 0.75)}.items():
-        for name, auroc in ((script.NETWORK, of_network), (script.SCORE, of_baseline)):
-            counts = {"windows": 2, "hits": 10, "passed": 20, "hits_share": 0.5, "free_share": 1.0}
-            rows += [
-                {"weights": "w", "map": name, "pixels": p, "log": log, "auroc": auroc, **counts} for p in script.PIXELS
-            ]
-    means = script.with_means(pd.DataFrame(rows)).query("log == 'mean'").set_index(["map", "pixels"])
-    network, score = (means.loc[(name, "unseen")] for name in (script.NETWORK, script.SCORE))
-    assert (network["windows"], network["logs"]) == (6, 3)
-    assert (network["auroc"], score["gain"]) == pytest.approx((0.8, 0.1 / 3))
-    assert 0.699 < network["auroc_low"] < 0.8 < network["auroc_high"] < 0.901
-    assert score["gain_low"] < 0 < score["gain_high"]  # the baseline is better in one of three logs
+def test_the_mean_over_logs_has_an_interval_and_a_difference():
+    def measured(*aurocs: float) -> measures.Measured:
+        """Return a log with a block per AUROC."""
+        counts = np.zeros((len(aurocs), 1, 2, 256))
+        for block, auroc in zip(counts[:, 0], aurocs, strict=True):
+            block[0, 100], block[1, 50], block[1, 200] = 10, 100 * (1 - auroc), 100 * auroc
+        return measures.Measured(2, counts, PROBABILITY)
+
+    maps = {
+        "network": {"a": measured(0.9, 0.7), "b": measured(0.8), "c": measured(0.7)},
+        "score": {"a": measured(0.8, 0.5), "b": measured(0.75), "c": measured(0.75)},
+    }
+    rows = pd.DataFrame(measures.rows_of(maps, ("all",), "network")).set_index(["map", "log"])
+    network, score = rows.loc[("network", "mean")], rows.loc[("score", "mean")]
+    assert (network["windows"], network["logs"], network["hits"]) == (6, 3, 40)
+    assert (network["auroc"], score["less_auroc"]) == pytest.approx((2.3 / 3, 0.15 / 3))
+    assert 0.699 < network["auroc_low"] < 2.3 / 3 < network["auroc_high"] < 0.901
+    assert score["less_auroc_low"] < 0 < score["less_auroc_high"]  # the score is better in one of three logs
+    blocks = measures.drawn(maps["network"]["a"], 0)[:, 0, 0]
+    assert sorted(set(blocks.round(6))) == pytest.approx([0.7, 0.8, 0.9])  # one block twice, or both
 
 
-@pytest.mark.parametrize(
-    ("name", "path_m"), [("rooms-16000/exppeople-convgru", 5.6), ("drive-16000/expmixed-convgru", 28)]
-)
-def test_the_robot_drives_as_far_as_in_the_training_or_past_ten_scans(script, logs, name, path_m):
+@pytest.mark.parametrize(("name", "path_m"), [(ROOMS, 5.6), (DRIVE, 28)])
+def test_the_robot_drives_as_far_as_in_the_training_or_past_ten_scans(logs, name, path_m):
     predictor = load_predictor(ROOT / "reproduce" / "results" / name)
     for log, most in zip(logs, (1.15, 1.15 if path_m > 10 else 2.2), strict=True):  # turns make paths shorter or longer
-        windows = [window for window, _ in script.windows_of(log, predictor)]
+        windows = [case.window for case in real_logs.driving(log, predictor)]
         paths = [np.linalg.norm(np.diff(each.scans.poses[:, :2], axis=0), axis=1).sum() for each in windows]
         assert 0.7 * path_m < np.median(paths) < most * path_m
         assert all(len(np.unique(each.scans.poses, axis=0)) >= 10 for each in windows)
 
 
+def standing_lidar(people: bool) -> ScanLog:
+    """Return 15 s of a lidar of 270 degrees in a round room of 5 m, with somebody at 3 m in the last 2 s."""
+    angles, stamps = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 541), np.arange(0, 15, 0.1)
+    ranges = np.full((len(stamps), len(angles)), 5.0, dtype=np.float32)
+    if people:
+        ranges[130:, np.abs(angles - 1.9) < 0.05] = 3.0
+    return ScanLog(stamps, ranges, angles, np.zeros((len(stamps), 3)), range_max_m=11.0)
+
+
+def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
+    log = standing_lidar(people=False)
+    log = replace(log, ranges=np.broadcast_to(log.angles, log.ranges.shape))  # each reading tells its angle
+    virtual, _ = real_logs.swinging(log)
+    assert virtual.poses[:, 2].min() == pytest.approx(-math.pi / 4, abs=0.01)
+    assert virtual.poses[:, 2].max() == pytest.approx(math.pi / 4, abs=0.01)
+    assert np.ptp(virtual.angles) == pytest.approx(math.pi / 2, abs=0.01)
+    assert virtual.ranges == pytest.approx(virtual.angles + virtual.poses[:, 2:])
+
+
+def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
+    predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
+    monkeypatch.setattr(real_logs, "collect", lambda scans, path, spacing: standing_lidar(people=True))
+    cases = list(real_logs.standing(Path("people.bag"), predictor))
+    for case in cases:
+        x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
+        assert bool(case.moving.any()) == (case.window.stamp > 12.95)
+        assert np.hypot(x, y) == pytest.approx(3, abs=0.2)
+        groups = case.groups(np.zeros_like(case.moving))
+        assert (groups["standing"].hits | groups["moving"].hits == case.clear.hits).all()
+        view = case.window.scans.poses[-1, 2] + np.array([-math.pi / 4, math.pi / 4])
+        x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2
+        angles = np.arctan2(y, x)
+        assert not ((angles > view[0] + 0.05) & (angles < view[1] - 0.05)).any()  # held out
+    assert [case.block for case in cases] == [0] * len(cases)
+
+
 @pytest.mark.slow
-def test_logs_whose_times_are_lost_are_compared(script, logs, tmp_path, monkeypatch):
+def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
     monkeypatch.setattr(script, "DRAWN", ("dense.log.gz", 2))
-    weights = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru")
-    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path)
+    weights = (ROOMS, DRIVE)
+    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept")
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()
+    kept = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*.npz")}
+    assert len(kept) == 4
+    first = (tmp_path / "held_out.csv").read_text()
+    monkeypatch.setattr(script.Predictor, "predict", None)  # a second comparison takes the maps that were kept
+    monkeypatch.setattr(script, "draw_window", lambda *arguments: None)
+    script.main()
+    assert (tmp_path / "held_out.csv").read_text() == first
     table = pd.read_csv(tmp_path / "held_out.csv")
-    assert len(table) == 2 * 5 * 3 * 3  # weights, maps, pixels; two logs and their mean
+    assert len(table) == 2 * 7 * 3 * 3  # weights, maps, pixels; two logs and their mean
     key = ["weights", "map", "pixels"]
     mean, *each = (
         table[table["log"] == log].set_index(key).sort_index() for log in ("mean", "dense.log.gz", "sparse.log.gz")

@@ -6,15 +6,14 @@ from scipy.special import entr
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
-from repro.reporting.audit import audit
 from repro.reporting.claims import COLUMNS, Claim, Verdict, count_verdicts, judge, on_paper
+from repro.reporting.documents import claims_to_markdown
 from repro.reporting.numbers import Numbers, analysis_rows, paper_rows
 from repro.reporting.page import Report, render
-from repro.reporting.paper import read_paper
+from repro.reporting.paper import audit, read_paper
 from repro.reporting.papers_claims import CLAIMS, verdicts
 from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows
-from repro.reporting.summaries import claims_to_markdown
 
 KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
 NO_QUALITY = ("square-sees-more", "square-delays-more", "stack-is-larger", "eight-variations")  # of data, size, count

@@ -20,10 +20,10 @@ from repro.metrics.names import METRICS
 from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
+from repro.reporting.documents import with_results
 from repro.reporting.export import export_weights
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
-from repro.reporting.readme import with_results
 from repro.reporting.results import read_published, read_results
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import write_tables

@@ -7,11 +7,9 @@ from conftest import fake_run, fake_study, run_config
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.audit import dice_by_precision
-from repro.reporting.captions import caption, missing
-from repro.reporting.paper import read_paper
+from repro.reporting.paper import dice_by_precision, read_paper
 from repro.reporting.results import audits, compare, read_results
-from repro.reporting.tables import make_tables
+from repro.reporting.tables import caption, make_tables, missing
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 

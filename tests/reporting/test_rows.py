@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from conftest import ROOT, fake_study
 
+from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
-from repro.reporting.readme import with_results
 from repro.reporting.results import read_origins, read_published
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.verification import verify

@@ -9,8 +9,7 @@ from repro.networks.model import NETWORKS
 from repro.recordings.format import shards_of
 from repro.recordings.reader import Manifest, ShardEntry
 from repro.reporting.names import duration
-from repro.reporting.status import describe_outputs
-from repro.reporting.study import Study
+from repro.reporting.study import Study, describe_outputs
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status

@@ -10,22 +10,20 @@ import pandas as pd
 from repro.baselines.laws import applies
 from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.registry import PREDICTORS
-from repro.cli.inputs import GENERALIZATION, analysis_inputs
+from repro.cli.inputs import GENERALIZATION, analysis_inputs, mark_up_to_date
 from repro.cli.jobs import Job
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.captions import caption
 from repro.reporting.claims import count_verdicts
 from repro.reporting.names import scale_options
 from repro.reporting.page import Report, render, samples_json
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import audits, read_results
 from repro.reporting.rows import keys_of, read_rows
-from repro.reporting.tables import write_tables
-from repro.reporting.uptodate import mark_up_to_date
+from repro.reporting.tables import caption, write_tables
 from repro.runs.directories import Run
 from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs

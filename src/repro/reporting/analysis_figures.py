@@ -11,9 +11,8 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.comparison_figures import baselines, curves, encodings, generalization, pairs
-from repro.reporting.figures import STYLE, save_or_delete
 from repro.reporting.names import experiment_title
-from repro.reporting.plots import LOOKS, DataFrames, columns, marks, one_legend
+from repro.reporting.plots import LOOKS, STYLE, DataFrames, columns, marks, one_legend, save_or_delete
 
 DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
 

@@ -17,7 +17,7 @@ from repro.maps.ground_truth import rasterize
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
 from repro.outlines import placed
-from repro.reporting.figures import ACCENT, INK, STYLE
+from repro.reporting.plots import ACCENT, INK, STYLE
 from repro.scans import Scans
 from repro.simulation.simulator import Recording
 

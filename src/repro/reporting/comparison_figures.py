@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
-from repro.reporting.figures import ACCENT, INK
 from repro.reporting.names import experiment_title, model_title, predictor_title, tested_titles
-from repro.reporting.plots import LOOKS, DataFrames, columns, one_legend
+from repro.reporting.plots import ACCENT, INK, LOOKS, DataFrames, columns, one_legend
 from repro.reporting.results import OURS
 
 DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`

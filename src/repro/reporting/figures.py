@@ -1,7 +1,6 @@
 """The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,10 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from repro.config import PROJECTION
 from repro.evaluation.examples import Example
 from repro.reporting.names import experiment_title
+from repro.reporting.plots import ACCENT, INK, STYLE, save, save_or_delete
 from repro.simulation.motions import recorded_steps
 from repro.simulation.simulator import make
 from repro.simulation.worlds import World, reverse_direction, write_world
-
-INK, ACCENT = "#222222", "#0b6e99"
-STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 
 
 def write_figures(directory: Path, worlds: dict[str, World], examples: list[Example]) -> list[Path]:
@@ -44,23 +41,6 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
         }
         written = [save_or_delete(figure, directory / name) for name, figure in drawn.items()]
     return [path for path in written if path]
-
-
-def save_or_delete(figure: Figure | None, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path | None:
-    """Write a figure, see `save`, or delete its files without one; return the PNG file if it is written."""
-    if figure:
-        return save(figure, stem, suffixes)
-    for suffix in suffixes:
-        stem.with_name(f"{stem.name}.{suffix}").unlink(missing_ok=True)
-    return None
-
-
-def save(figure: Figure, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path:
-    """Write a figure as <stem>.<suffix> and close it; return the PNG file."""
-    for suffix in suffixes:
-        figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), bbox_inches="tight", pad_inches=0.05)
-    plt.close(figure)
-    return stem.with_name(f"{stem.name}.png")
 
 
 def write_world_figure(world: World, experiment: str, path: Path) -> None:

@@ -10,8 +10,7 @@ from repro.config import PROJECTION
 from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.audit import free_share
-from repro.reporting.paper import read_paper
+from repro.reporting.paper import free_share, read_paper
 from repro.runs.keys import CELL
 
 Z = 1.96  # half-width of a 95 % interval in standard errors

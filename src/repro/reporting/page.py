@@ -15,7 +15,6 @@ from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
-from repro.reporting.captions import caption
 from repro.reporting.claims import Verdict, on_paper
 from repro.reporting.names import experiment_title, predictor_title, scale_options
 from repro.reporting.plots import DataFrames
@@ -23,7 +22,7 @@ from repro.reporting.render import interval, with_interval
 from repro.reporting.results import audits, read_origins, read_published
 from repro.reporting.rows import read_rows
 from repro.reporting.sections import sections
-from repro.reporting.tables import HEADS, Table, make_tables, row_title
+from repro.reporting.tables import HEADS, Table, caption, make_tables, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
 

@@ -1,6 +1,8 @@
-"""Shared parts of the analysis figures: styles, axes, marks with intervals, one legend."""
+"""Shared parts of all figures: styles, files, axes, marks with intervals, one legend."""
 
+from collections.abc import Iterable
 from itertools import cycle
+from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -8,8 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repro.reporting.figures import ACCENT, INK
-
+INK, ACCENT = "#222222", "#0b6e99"
+STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 DataFrames = dict[str, pd.DataFrame]
 COLORS, LINES, MARKERS = (ACCENT, "#d1711a", "#777777", INK), ("-", "--", ":", "-."), "os^vDPX*"
 LOOKS: list[dict[str, Any]] = [  # distinguishable by their markers without color
@@ -40,3 +42,20 @@ def one_legend(figure: Figure, axes: Any, rows: int = 1) -> None:
     """Add one legend below the figure, in some rows, with the entries of the axes that have most of them."""
     handles, labels = max((ax.get_legend_handles_labels() for ax in axes), key=lambda entries: len(entries[1]))
     figure.legend(handles, labels, loc="outside lower center", ncols=-(-len(labels) // rows), frameon=False)
+
+
+def save_or_delete(figure: Figure | None, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path | None:
+    """Write a figure, see `save`, or delete its files without one; return the PNG file if it is written."""
+    if figure:
+        return save(figure, stem, suffixes)
+    for suffix in suffixes:
+        stem.with_name(f"{stem.name}.{suffix}").unlink(missing_ok=True)
+    return None
+
+
+def save(figure: Figure, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path:
+    """Write a figure as <stem>.<suffix> and close it; return the PNG file."""
+    for suffix in suffixes:
+        figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), bbox_inches="tight", pad_inches=0.05)
+    plt.close(figure)
+    return stem.with_name(f"{stem.name}.png")

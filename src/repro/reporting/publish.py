@@ -22,7 +22,6 @@ from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.published_readme import Recipe, published_page
 from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import conflicts, keys_of, read_rows
-from repro.reporting.uptodate import STAMP
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
@@ -176,7 +175,7 @@ def _replace_files(outputs: Outputs, directory: Path) -> None:
     for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
         shutil.copyfile(path, directory / path.name)
     if outputs.analysis.is_dir():
-        passed_over = shutil.ignore_patterns("*.pdf", "*.tmp", "*.lock", STAMP)
+        passed_over = shutil.ignore_patterns("*.pdf", "*.tmp", "*.lock", ".*")
         shutil.copytree(outputs.analysis, directory / "analysis", ignore=passed_over)
 
 

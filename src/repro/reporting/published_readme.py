@@ -9,10 +9,10 @@ from typing import Any
 import pandas as pd
 
 from repro.config import NO_DECAY, PROJECTION
-from repro.reporting.captions import caption
 from repro.reporting.names import predictor_title, scale_options
 from repro.reporting.render import Cells
 from repro.reporting.rows import Settings, changed, keys_of, read_cells
+from repro.reporting.tables import caption
 from repro.runs.provenance import Provenance
 
 

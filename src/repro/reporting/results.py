@@ -10,8 +10,7 @@ from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import EXTRA_METRICS, METRICS, TABLE_METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.audit import audit
-from repro.reporting.paper import are_papers, read_paper
+from repro.reporting.paper import are_papers, audit, read_paper
 from repro.reporting.rows import MEASURED, check_runs, conflicts, keys_of, read_rows, settings_cell
 from repro.runs.directories import Run
 from repro.runs.keys import CELL, KEY, RunKey

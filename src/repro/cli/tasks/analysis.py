@@ -1,8 +1,7 @@
 """task=analysis: intervals, recency, calibration, baselines, the verdicts on the paper's claims, and the page."""
 
-from repro.cli.inputs import analysis_inputs
+from repro.cli.inputs import analysis_inputs, is_up_to_date
 from repro.cli.jobs import Job
-from repro.reporting.uptodate import is_up_to_date
 
 
 def run(job: Job) -> None:

@@ -3,8 +3,8 @@
 from repro.cli.jobs import Job
 from repro.evaluation.learning_curves import CURVE, FEWEST, extrapolate, read_points
 from repro.metrics.names import METRICS
+from repro.reporting.documents import extrapolated_to_markdown
 from repro.reporting.paper import fingerprints_of, read_paper
-from repro.reporting.summaries import extrapolated_to_markdown
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text

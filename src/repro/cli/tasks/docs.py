@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from repro.cli.jobs import RESULTS, ROOT, Job
+from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
 from repro.reporting.papers_claims import verdicts
-from repro.reporting.readme import with_results
 from repro.reporting.results import read_published
 from repro.reporting.rows import read_rows
 from repro.system.files import write_text

@@ -2,9 +2,9 @@
 
 import sys
 
+from repro.cli.inputs import inputs_hash, is_up_to_date, mark_up_to_date
 from repro.cli.jobs import Job
 from repro.cli.output import print_tables
-from repro.reporting.uptodate import inputs_hash, is_up_to_date, mark_up_to_date
 from repro.system.errors import InputError
 
 

@@ -1,8 +1,7 @@
 """task=status: what is recorded, trained, paused, failed, evaluated and missing."""
 
 from repro.cli.jobs import Job
-from repro.reporting.status import describe_outputs
-from repro.reporting.study import Study
+from repro.reporting.study import Study, describe_outputs
 
 
 def run(job: Job) -> None:

@@ -1,7 +1,10 @@
-"""Summaries of the analysis as Markdown for the documentation."""
+"""Tables of the documents: Markdown from reproduce/results, between the marks of a document."""
 
 import itertools
 import math
+import re
+from collections.abc import Callable
+from pathlib import Path
 
 import pandas as pd
 
@@ -9,11 +12,76 @@ from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
 from repro.reporting.claims import count_verdicts, on_paper
-from repro.reporting.names import predictor_title
+from repro.reporting.names import TITLES, predictor_title
 from repro.reporting.render import Cells, number, with_interval
+from repro.reporting.results import read_published
+from repro.reporting.rows import read_rows
+from repro.reporting.tables import Table, caption, costs_to_markdown, make_tables, missing
+from repro.system.errors import InputError
 
+MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 BOUND = BOUNDS[0]
 PROBABILISTIC = ("best_iou", "log_loss", "brier")
+
+
+def with_results(text: str, results: Path) -> str:
+    """Return a document with the tables between its marks regenerated from the published results.
+
+    A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `curves`), or one network or `average` for its rows
+    in both tables.
+
+    Raises:
+        ValueError: a mark is not closed before the next one.
+    """
+    begins, ends = text.count("<!-- results:"), len(MARKS.findall(text))
+    if begins != ends or any("<!-- results:" in match[0][len(match[1]) :] for match in MARKS.finditer(text)):
+        raise InputError("every mark <!-- results: ... --> needs its own <!-- end --> before the next mark")
+
+    def table(match: re.Match[str]) -> str:
+        return match[1] + _markdown(results / match[2], match[3]) + match[4]
+
+    return MARKS.sub(table, text)
+
+
+def _markdown(directory: Path, name: str) -> str:
+    """Return the table that a mark names, from a published directory."""
+    if name in MADE:
+        try:
+            return MADE[name](directory)
+        except KeyError as error:
+            raise InputError(f"{directory}: {name} needs the column {error}: restore the CSV files") from error
+    runs = read_published(directory)
+    tables = make_tables(runs)
+    if name in TITLES:
+        return _rows_of_model(runs, tables, name).to_markdown()
+    if name not in tables:
+        known = ", ".join([*MADE, *tables])
+        raise InputError(f"results: {directory.name} {name}: expected {known}, or a network")
+    return tables[name].to_markdown()
+
+
+def _rows_of_model(runs: pd.DataFrame, tables: dict[str, Table], model: str) -> Table:
+    """Select the rows of one model, or of the average, from the main table and the ablation."""
+    rows, ablation = tables["main"].frame, tables["ablation"].frame
+    if len(ablation):
+        rows = pd.concat([rows, ablation.assign(experiment=ablation["experiment"] + ", no decay")])
+    return Table(rows[rows["model"] == model], caption(runs) + missing(runs, PROJECTION))
+
+
+def _analyzed(directory: Path, name: str) -> pd.DataFrame:
+    """Load a published table of the analysis."""
+    return read_rows(directory / "analysis" / f"{name}.csv")
+
+
+def _titled(directory: Path, title: str) -> str:
+    """Return a caption with the scale of a published directory."""
+    whole = caption(read_published(directory))
+    return f"{title}. {whole[: whole.index(', seed')]}."
+
+
+def _costs(directory: Path) -> Table:
+    return Table(read_rows(directory / "costs.csv"), (directory / "costs.txt").read_text(encoding="utf-8").strip())
 
 
 def claims_to_markdown(claims: pd.DataFrame) -> str:
@@ -163,3 +231,26 @@ def _extrapolated(row: pd.Series) -> str:
 def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
     selected = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
     return "".join(with_interval(row["value"], row["low"], row["high"]) for row in selected.to_dict("records"))
+
+
+MADE: dict[str, Callable[[Path], str]] = {  # tables from other files than runs.csv
+    "costs": lambda path: costs_to_markdown(_costs(path)),
+    "claims": lambda path: claims_to_markdown(_analyzed(path, "claims")),
+    "curves": lambda path: extrapolated_to_markdown(_analyzed(path, "extrapolated")),
+    "methods": lambda path: methods_to_markdown(
+        _analyzed(path, "intervals"),
+        _titled(path, "Networks, other inputs, baselines and the upper bound, with 95 % intervals"),
+    ),
+    "bounds": lambda path: bounds_to_markdown(
+        _analyzed(path, "intervals"),
+        _analyzed(path, "recency"),
+        _titled(path, "The upper bound with more and less knowledge, with 95 % intervals"),
+    ),
+    "networks": lambda path: networks_to_markdown(
+        _analyzed(path, "intervals"),
+        _analyzed(path, "calibration"),
+        _costs(path).frame,
+        _titled(path, "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two"),
+        ("3", "4"),
+    ),
+}

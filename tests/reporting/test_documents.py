@@ -1,12 +1,14 @@
 import pandas as pd
+import pytest
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
-from repro.reporting.summaries import (
+from repro.reporting.documents import (
     bounds_to_markdown,
     claims_to_markdown,
     extrapolated_to_markdown,
     methods_to_markdown,
     networks_to_markdown,
+    with_results,
 )
 
 
@@ -130,3 +132,10 @@ def test_extrapolated_metrics_are_beside_those_of_the_paper_and_the_measured_one
     cell = "0.900 [0.800, 0.950]"
     assert lines[5] == f"| 3 | {cell} (0.948) | {cell} | 0.900, 0.910 | 0.900, 0.910 |"
     assert lines[6].startswith("| 3, no decay |")
+
+
+def test_a_published_table_without_a_column_is_named(tmp_path):
+    (path := tmp_path / "laptop" / "analysis").mkdir(parents=True)
+    (path / "claims.csv").write_text("id,quote\na,b\n")
+    with pytest.raises(ValueError, match=r"laptop: claims needs the column 'verdict': restore the CSV files"):
+        with_results("<!-- results: laptop claims -->\n<!-- end -->\n", tmp_path)

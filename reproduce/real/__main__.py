@@ -1,0 +1,187 @@
+"""Compare networks and maps without a network with logs of real lidars.
+
+    python -m reproduce.real LOG [LOG ...] [--target DIRECTORY]
+
+A part of the beams is kept from all maps, see `logs`; at the end of every window, the maps are compared with the pixels
+that these beams hit or passed over. Whatever a map fits or chooses is from the other logs given. The rows go to
+held_out.csv in the target, their origin to provenance.json. Maps of networks are kept in --kept, so that a comparison
+which was stopped goes on, and a changed map without a network takes minutes.
+
+The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
+Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
+https://www.ipb.uni-bonn.de/datasets, and, in people/, of the bags of
+https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted, which
+have the license BSD-3-Clause (Angus Leigh, McGill University).
+"""
+
+import argparse
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from repro.metrics.counts import LEVELS
+from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.output import draw
+from repro.runs.provenance import environment
+from repro.system.devices import one_thread
+from repro.system.files import open_arrays, sha256, write_json, write_text
+from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
+from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
+from reproduce.real.logs import Case, cases_of
+from reproduce.real.measures import MEAN, Measured, count, neighbors, rows_of
+
+RESULTS = Path(__file__).parents[1] / "results"
+TARGET, KEPT = RESULTS / "robot_logs", RESULTS.parents[1] / "outputs" / "real"
+WEIGHTS = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru", "workstation/exp4-unet")
+SAMPLED_WINDOWS, SAMPLED_PIXELS = 100, 100  # of each log, the latter of each window, to which maps are fitted
+DRAWN = ("freiburg-079-corrected.log.gz", 260)  # log and number of the window that is drawn
+
+
+def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: Path) -> np.ndarray:
+    """Return the levels of a network at the compared pixels of all windows, the lowest within one pixel, (P,).
+
+    Args:
+        path: the log.
+        predictor: the network.
+        origin: checksums of log and network.
+        kept: the file from which they are read, or to which they are written.
+    """
+    if kept.is_file():
+        with open_arrays(kept) as content:
+            if all(str(content[name]) == value for name, value in origin.items()):
+                return np.rint((LEVELS - 1) * content["free"]).astype(np.int64)
+    free = []
+    for case in tqdm(cases_of(path, predictor), desc=f"{path.name}, network", disable=None):
+        limited = predictor.with_range(case.range_max_m)
+        image = limited.predict(case.window.scans, allow_empty=True)[0].numpy()
+        free.append(image.ravel()[neighbors(compared(case), len(image))].min(1))
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(kept, free=np.concatenate(free), **origin)  # type: ignore[arg-type]
+    return np.rint((LEVELS - 1) * np.concatenate(free)).astype(np.int64)
+
+
+def compared(case: Case) -> np.ndarray:
+    """Return the flat indices of the pixels that held-out beams show, (P,)."""
+    return np.flatnonzero(case.clear.hits | case.clear.passed)
+
+
+def evidence_at(case: Case, predictor: Predictor, pixels: np.ndarray) -> Evidence:
+    """Return the evidence of pixels, (P,), and of those around them, (P, 9)."""
+    evidence = evidence_of(case.window.scans, predictor.grid, case.range_max_m)
+    return evidence.at(neighbors(pixels, predictor.grid.size_px))
+
+
+def sample(path: Path, predictor: Predictor, network: np.ndarray) -> Sample:
+    """Draw pixels of evenly spaced windows of a log, given the levels of the network at all compared pixels."""
+    rng = np.random.default_rng(0)
+    cases = list(cases_of(path, predictor))
+    first = np.cumsum([0, *(len(compared(case)) for case in cases)])
+    evidence, levels, free = [], [], []
+    for number in np.unique(np.linspace(0, len(cases) - 1, SAMPLED_WINDOWS).astype(int)):
+        pixels = compared(cases[number])
+        chosen = np.sort(rng.permutation(len(pixels))[:SAMPLED_PIXELS])
+        evidence.append(evidence_at(cases[number], predictor, pixels[chosen]))
+        levels.append(network[first[number] + chosen])
+        free.append(cases[number].clear.passed.ravel()[pixels[chosen]])
+    return Sample(join(evidence), np.concatenate(levels), np.concatenate(free))
+
+
+def compare(
+    path: Path, predictor: Predictor, network: np.ndarray, fitted: Fitted
+) -> tuple[tuple[str, ...], dict[str, Measured]]:
+    """Compare all maps of a log with the held-out beams; return the kinds of pixels and what is measured by map."""
+    counts: dict[str, dict[int, np.ndarray]] = defaultdict(dict)
+    first, windows = 0, 0
+    names: tuple[str, ...] = ()
+    for case in tqdm(cases_of(path, predictor), desc=path.name, disable=None):
+        pixels = compared(case)
+        evidence = evidence_at(case, predictor, pixels)
+        of_network = np.broadcast_to(network[first : first + len(pixels), None], (len(pixels), 9))
+        seen = np.zeros(case.clear.hits.size, bool)
+        seen[pixels] = evidence.seen[:, CENTER]
+        groups = case.groups(seen.reshape(case.clear.hits.shape))
+        levels = {NETWORK: of_network, UNCALIBRATED: of_network, **maps_of(evidence, fitted)}
+        for name, each in levels.items():
+            before = counts[name].get(case.block, 0)
+            counts[name][case.block] = before + count(each, list(groups.values()), pixels)
+        first, names, windows = first + len(pixels), tuple(groups), windows + 1
+    assert first == len(network), "the predictions are those of the same windows"
+    measured = {
+        name: Measured(windows, np.stack(list(blocks.values())), fitted.probability[name])
+        for name, blocks in counts.items()
+    }
+    return names, measured
+
+
+def compare_all(paths: list[Path], weights: str, kept: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Compare all maps of all logs; return the rows of the table and the chosen constants by log."""
+    predictor = load_predictor(RESULTS / weights)
+    checksum = sha256(RESULTS / weights / "model.safetensors")
+    networks = {
+        path.name: predictions(
+            path, predictor, {"log": sha256(path), "weights": checksum}, kept / weights / f"{path.name}.npz"
+        )
+        for path in paths
+    }
+    samples = {path.name: sample(path, predictor, networks[path.name]) for path in paths}
+    maps: dict[str, dict[str, Measured]] = defaultdict(dict)
+    constants, groups = {}, tuple[str, ...]()
+    for path in paths:
+        fitted = fit_others(samples, path.name)
+        constants[path.name] = fitted.constants
+        groups, measured = compare(path, predictor, networks[path.name], fitted)
+        for name, each in measured.items():
+            maps[name][path.name] = each
+    return [{"weights": weights, **row} for row in rows_of(maps, groups, NETWORK)], constants
+
+
+def draw_window(paths: list[Path], weights: str, target: Path) -> None:
+    """Draw the window `DRAWN`, if its log is one of those given."""
+    predictor = load_predictor(RESULTS / weights)
+    for path in paths:
+        for case in cases_of(path, predictor) if path.name == DRAWN[0] else ():
+            if case.window.number == DRAWN[1]:
+                limited = predictor.with_range(case.range_max_m)
+                free = limited.predict(case.window.scans, allow_empty=True)[0].numpy()
+                figure = draw(case.window, free, predictor.grid)
+                figure.axes[1].set_title("predicted map")  # its time is a number of scans
+                figure.savefig(target / "window.png", dpi=120)
+
+
+def main() -> None:
+    """Compare all networks with all logs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("logs", nargs="+", type=Path)
+    parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
+    parser.add_argument("--target", type=Path, default=TARGET)
+    parser.add_argument("--kept", type=Path, default=KEPT)
+    options = parser.parse_args()
+    origin = environment()  # before the results change the working tree
+    options.target.mkdir(parents=True, exist_ok=True)
+    rows: list[dict[str, Any]] = []
+    constants: dict[str, Any] = {}
+    with one_thread():
+        for weights in options.weights:
+            of_weights, constants[weights] = compare_all(options.logs, weights, options.kept)
+            rows += of_weights
+            write(rows, constants, options, origin)
+        draw_window(options.logs, options.weights[0], options.target)
+
+
+def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argparse.Namespace, origin: Any) -> None:
+    """Write the rows so far, means first, with their origin, and print the means."""
+    table = pd.DataFrame(rows)
+    table = table.sort_values("log", key=lambda logs: logs != MEAN, kind="stable")
+    write_text(options.target / "held_out.csv", table.to_csv(index=False, float_format="%.4f"))
+    logs = {path.name: sha256(path) for path in options.logs}
+    write_json(options.target / "provenance.json", {"logs": logs, "constants": constants, **origin})
+    shown = table[table["log"] == MEAN]
+    print(shown[["weights", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]].to_string())
+
+
+if __name__ == "__main__":
+    main()
