@@ -180,7 +180,7 @@ def test_an_obstacle_that_is_seen_twice_is_joined():
 
 
 def test_climbing_stops_where_no_step_improves():
-    place = _climb(lambda values: -((values[0] - 7) ** 2) - (values[1] - values[0]) ** 2, [range(10), range(10)])
+    place = _climb(lambda values: -4 * (values[0] - 7) ** 2 - (values[1] - values[0]) ** 2, [range(10), range(10)])
     assert place == (7, 7)
 
 

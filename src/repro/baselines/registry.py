@@ -177,7 +177,8 @@ def _climb(score: Callable[[tuple[float, ...]], float], candidates: list[Sequenc
 
 
 def _iou(found: np.ndarray, occupied: np.ndarray) -> float:
-    return np.count_nonzero(found & occupied) / max(1, np.count_nonzero(found | occupied))
+    union = np.count_nonzero(found | occupied)
+    return float(np.count_nonzero(found & occupied) / union) if union else 0.0
 
 
 def steps_since_free(recorded: Recorded) -> Tensor:
