@@ -144,6 +144,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     outputs = Outputs(options.outputs, options.recordings or options.outputs / "recordings")
+    TARGET.mkdir(parents=True, exist_ok=True)
     both = averages()
     rows = pd.DataFrame(measured(outputs, options.seed), columns=["effect", "level", *CELL, "ssim"])
     effects, left = transferred(rows, both)
