@@ -15,7 +15,9 @@ from hydra._internal.utils import get_args_parser
 
 from repro import world_config
 from repro.baselines.names import BASELINES
-from repro.cli import composition
+from repro.cli import compose, main
+from repro.cli.call import Call
+from repro.cli.errors import Refused
 from repro.config import RECURRENT, Encoding, PairCounts, Training
 from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
@@ -41,11 +43,17 @@ def world_spec(name: str, /, **changes: Any) -> WorldSpec:
     return WorldSpec.parse(raw)
 
 
+def read_calls(*arguments: str) -> list[Call]:
+    """Return the checked jobs of a call of run.py."""
+    parsed = get_args_parser().parse_args([*arguments])
+    with compose.composed(parsed) as jobs:
+        return main.read_calls(parsed, jobs)
+
+
 def refuse(*arguments: str) -> list[str]:
     """Return the reasons for which a call of run.py is refused."""
-    composition.register()
-    with pytest.raises(composition.Refused) as refused:
-        composition.compose_jobs(get_args_parser().parse_args([*arguments]))
+    with pytest.raises(Refused) as refused:
+        read_calls(*arguments)
     return [str(reason) for reason in refused.value.args]
 
 

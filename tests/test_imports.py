@@ -109,9 +109,9 @@ def test_the_module_graph_has_no_cycle():
     TopologicalSorter(GRAPH).prepare()  # raises CycleError
 
 
-def test_only_run_py_and_the_composition_import_hydra():
+def test_only_the_command_line_imports_hydra():
     for name, tree in TREES.items():
-        if name in ("cli.composition", "cli.overrides"):
+        if name in ("cli.compose", "cli.main"):
             continue
         for node, _ in nodes(tree):
             modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -120,9 +120,11 @@ def test_only_run_py_and_the_composition_import_hydra():
 
 
 def test_few_imports_are_inside_functions():
+    """Those of the tasks keep a refusal from waiting for torch."""
     inner = [
         f"{name}: {ast.unparse(node)}"
         for name, tree in TREES.items()
+        if not name.startswith("cli.tasks.")
         for node, depth in nodes(tree, typing=False)
         if depth and isinstance(node, ast.Import | ast.ImportFrom)
     ]
@@ -136,7 +138,7 @@ def test_only_the_command_line_takes_the_whole_configuration():
         for node, _ in nodes(tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-                if any(argument.annotation and ast.unparse(argument.annotation) == "Config" for argument in arguments):
+                if any(argument.annotation and ast.unparse(argument.annotation) == "Call" for argument in arguments):
                     takers.append((name, node.name))
     assert len(takers) <= CONFIG_FUNCTIONS, takers
     assert all(name == "run.py" or package_of(name) == "cli" for name, _ in takers), takers

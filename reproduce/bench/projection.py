@@ -8,9 +8,9 @@ import torch
 from recording import world_of
 from table import head, row
 
-from repro.maps.encodings import Encoding, ObservedFree, create_encoding
+from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection
+from repro.maps.projection import Inverted, Projection
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -23,7 +23,7 @@ def bench_projection() -> None:
     each = [simulate(sample_world(world_of("4"), seed)).scans for seed in range(100)]
     scans, grid = Scans.stack(each), Grid(256, 50.0)
     images, ours = _encode(Projection(), scans.tensors(), grid, rounds=20)
-    _, with_free = _encode(ObservedFree(), scans.tensors(), grid, rounds=5)
+    _, with_free = _encode(Inverted(second="free"), scans.tensors(), grid, rounds=5)
     began = time.perf_counter()
     slow = plain_projection(scans.ranges[0], scans.angles, scans.poses[0], 256)
     plain = (time.perf_counter() - began) * RUNS

@@ -15,6 +15,7 @@ import lightning as L
 import numpy as np
 import torch
 from table import head, row
+from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
 from torch.utils.flop_counter import FlopCounterMode
 
@@ -24,7 +25,7 @@ from repro.learning.losses import MapLoss
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.bits import pack_bits
 from repro.maps.encodings import Encoding, create_encoding
-from repro.networks.create import Network, create_network
+from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.recordings.datasets import Pairs
 from repro.reporting.names import model_title
@@ -117,7 +118,7 @@ def encoding_of(name: str) -> Encoding:
     return create_encoding("series10", {"frames": 10}) if name == RECURRENT else create_encoding("projection", {})
 
 
-def network_of(name: str) -> Network:
+def network_of(name: str) -> nn.Module:
     """Create a network without pretrained weights."""
     model, encoding = Model(name, None, None) if name == RECURRENT else paper_model(name), encoding_of(name)
     return create_network(model, encoding.channels, encoding.frames)

@@ -3,28 +3,19 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, cpu_seconds
-from hydra import compose, initialize_config_dir
+from conftest import ROOT, cpu_seconds, read_calls, refuse
 
-from repro.cli import composition
-from repro.cli.config import Config, to_typed
+from repro.cli.call import Call
 from repro.cli.jobs import RESULTS, resolve
-from repro.cli.tasks import run_task
-from repro.cli.validation import all_errors
+from repro.config import PairCounts
 from repro.fields import OLDEST_GRAY
 from repro.networks.model import NETWORKS, PAPER_ENCODER, paper_model
-from repro.world_config import plain, world_spec
-
-composition.register()
+from repro.world_config import world_spec
 
 
-def composed(*overrides):
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
-
-
-def typed(config) -> Config:
-    return to_typed(plain(config))
+def read_call(*overrides) -> Call:
+    (call,) = read_calls(*overrides)
+    return call
 
 
 def call(*arguments):
@@ -35,19 +26,19 @@ def call(*arguments):
 
 
 def test_defaults_are_the_papers():
-    config = composed("scale=paper")
-    assert dict(config.scale.pairs) == {"train": 10000, "val": 128, "test": 500}
+    config = read_call("task=record", "scale=paper")
+    assert config.scale.pairs == PairCounts(train=10000, val=128, test=500)
     assert (config.train.learning_rate, config.train.min_delta, config.train.patience) == (1e-4, 1e-3, 5)
-    lidar = config.world.robot.sensors[0]
-    assert (lidar.number, lidar.range_max) == (100, 30)
-    assert lidar.angle_range == pytest.approx(3.14159265 / 2)
-    assert (config.world.world.width, config.world.world.height) == (50, 50)
+    lidar = config.world["robot"]["sensors"][0]
+    assert (lidar["number"], lidar["range_max"]) == (100, 30)
+    assert lidar["angle_range"] == pytest.approx(3.14159265 / 2)
+    assert (config.world["world"]["width"], config.world["world"]["height"]) == (50, 50)
     assert config.model.encoder_weights is None
 
 
 @pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
 def test_every_experiment_has_the_papers_motion_obstacles_and_100_steps(experiment):
-    spec = world_spec(typed(composed(f"exp={experiment}")).world, experiment)
+    spec = world_spec(read_call(f"exp={experiment}").world, experiment)
     assert spec.motion.name == ("rotate" if experiment in "13" else "square")
     assert bool(spec.behaviors) == (experiment in "34")
     assert spec.steps == 100
@@ -55,48 +46,51 @@ def test_every_experiment_has_the_papers_motion_obstacles_and_100_steps(experime
 
 @pytest.mark.parametrize("model", NETWORKS)
 def test_every_model_has_the_papers_encoder(model):
-    assert typed(composed(f"model={model}")).model == paper_model(model)
+    assert read_call(f"model={model}").model == paper_model(model)
     assert PAPER_ENCODER == "mit_b0"
 
 
 def test_a_job_has_the_directories_of_its_run():
-    job = resolve(typed(composed("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop")))
+    job = resolve(read_call("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop"))
     assert job.run.path == Path("outputs/laptop/runs/exp4/fpn/projection-no-decay/seed2")
     assert job.recordings == Path("outputs/laptop/recordings/exp4")
     assert job.published == ROOT / "reproduce" / "results" / "laptop"
 
 
 def test_decay_belongs_to_the_encoding():
-    assert typed(composed("decay=false", "oldest_gray=0.5")).encoding.parameters == {"decay": False, "oldest_gray": 0.5}
+    assert read_call("decay=false", "oldest_gray=0.5").encoding.parameters == {"decay": False, "oldest_gray": 0.5}
 
 
 def test_the_home_directory_is_expanded_in_every_path(monkeypatch):
     monkeypatch.setenv("HOME", "/home/robot")
-    keys = ("outputs", "recordings", "scans", "prediction.weights", "demo.runtime")
-    config = typed(composed("task=predict", *(f"{key}='~/x'" for key in keys), "demo.networks=['~/x']"))
-    paths = (config.outputs, config.recordings, config.scans, config.prediction.weights, config.demo.runtime)
-    assert (*paths, *config.demo.networks) == ("/home/robot/x",) * 6
+    keys = ("outputs", "prediction.weights")
+    call = read_call("task=predict", "scans=README.md", *(f"{key}='~/x'" for key in keys))
+    assert (call.outputs, call.prediction.weights) == ("/home/robot/x",) * 2
+    demo = read_call("task=demo", "demo.runtime='~/x'", "demo.networks=['~/x']").demo
+    assert (demo.runtime, *demo.networks) == ("/home/robot/x",) * 2
 
 
 def test_the_default_gray_is_known_without_the_configuration():
-    assert typed(composed()).oldest_gray == OLDEST_GRAY
+    assert read_call().oldest_gray == OLDEST_GRAY
 
 
 def test_the_grid_has_the_size_of_the_world():
-    config = typed(composed("world.world.width=100", "world.world.height=100"))
+    config = read_call("world.world.width=100", "world.world.height=100")
     assert resolve(config).config.data.size_m == 100
 
 
 @pytest.mark.parametrize(("task", "refused"), [("all", True), ("train", True), ("plan", True), ("record", False)])
 def test_only_a_training_needs_as_many_pairs_as_its_batches(task, refused):
-    values = plain(composed("scale=laptop", "scale.pairs.train=2", f"task={task}"))
-    found = [str(error) for error in all_errors(values)]
-    assert found == (["train.batch_size=8: must be at most the 2 training pairs"] if refused else [])
+    call = ("scale=laptop", "scale.pairs.train=2", f"task={task}")
+    if refused:
+        assert refuse(*call) == ["train.batch_size=8: must be at most the 2 training pairs"]
+    else:
+        assert read_call(*call)
 
 
 def test_runtime_settings_do_not_change_the_run():
     def run_config(*overrides):
-        return resolve(typed(composed("exp=3", *overrides))).config
+        return resolve(read_call("exp=3", *overrides)).config
 
     assert run_config() == run_config("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
     assert run_config() != run_config("train.batch_size=4")
@@ -104,8 +98,10 @@ def test_runtime_settings_do_not_change_the_run():
 
 
 def test_validation_imports_no_heavy_library():
-    code = "import sys, run; print([m for m in ('torch', 'irsim', 'segmentation_models_pytorch') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    heavy = ("torch", "irsim", "segmentation_models_pytorch")
+    code = f"import sys, run; run.main(); print([name for name in {heavy} if name in sys.modules])"
+    command = [sys.executable, "-c", code, "exp=9"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
@@ -134,7 +130,7 @@ def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
 
 def test_published_results_are_those_of_the_name_of_the_outputs(monkeypatch):
     def job(outputs):
-        return resolve(typed(composed("scale=laptop", f"outputs={outputs}")))
+        return resolve(read_call("scale=laptop", f"outputs={outputs}"))
 
     monkeypatch.chdir(ROOT / "src")
     assert job(".").published == job("outputs/src").published == RESULTS / "src"
@@ -144,7 +140,7 @@ def test_published_results_are_those_of_the_name_of_the_outputs(monkeypatch):
 
 def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     """A run that is there fixes the settings of later calls."""
-    job = resolve(typed(composed("scale=smoke", f"outputs={tmp_path}")))
+    job = resolve(read_call("task=evaluate", "scale=smoke", f"outputs={tmp_path}"))
     with pytest.raises(ValueError, match=r"task=(train|record) first"):
-        run_task(job, "evaluate")
+        job.call.facts.run(job)
     assert not list(job.outputs.runs())

@@ -3,8 +3,8 @@ from typing import Any
 
 import pytest
 
-from repro.cli.tasks import plan
-from repro.cli.tasks.plan import plan_study
+from repro.cli import plan
+from repro.cli.plan import plan_study
 from repro.config import Encoding, PairCounts, Training
 from repro.learning import cost
 from repro.networks.model import NETWORKS, paper_model

@@ -1,22 +1,15 @@
-from conftest import ROOT
-from hydra import compose, initialize_config_dir
+from conftest import read_calls
 
-from repro.cli import composition, cost
-from repro.cli.config import to_typed
-from repro.cli.cost import print_cost
 from repro.cli.jobs import Job, resolve
+from repro.cli.notes import print_cost
+from repro.learning import cost
 from repro.runs.provenance import Status
-from repro.world_config import plain
-
-composition.register()
 
 
 def jobs_of(outputs, seeds, *overrides) -> list[Job]:
     """Return trainings at paper scale."""
-    overrides = ["scale=paper", f"outputs={outputs}", *overrides]
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        configs = [to_typed(plain(compose("config", overrides=[*overrides, f"seed={seed}"]))) for seed in seeds]
-    return [resolve(config) for config in configs]
+    overrides = ["task=train", "scale=paper", f"outputs={outputs}", *overrides]
+    return [resolve(call) for seed in seeds for call in read_calls(*overrides, f"seed={seed}")]
 
 
 def test_without_gpu_the_cost_of_paper_scale_and_an_alternative_are_printed(tmp_path, monkeypatch, capsys):

@@ -214,16 +214,21 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
 )
 def test_the_published_rows_are_those_of_the_published_weights(weights, published, experiment, tmp_path, monkeypatch):
     changes = {"scans skipped": (generalization.skipped_scans, (4.0,))}
-    for name, amounts in (("CHANGES", changes), ("FIELDS_OF_VIEW", ()), ("RANGES_M", (15,)), ("SPEEDS", (2,))):
+    amounts_of = {"CHANGES": changes, "FIELDS_OF_VIEW": (), "RANGES_M": (15,), "SPEEDS": (2,), "START_HEADINGS": (180,)}
+    for name, amounts in amounts_of.items():
         monkeypatch.setattr(generalization, name, amounts)
     results = ROOT / "reproduce" / "results"
     world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
     spec = world_config.world_spec(world_config.read_world(world), experiment)
     predictor = load_predictor(results / weights)
-    table = generalization.under_changes(predictor, experiment, spec, tmp_path, 200, workers=2)
+    tables = [generalization.under_changes(predictor, experiment, spec, tmp_path, 200, workers=2)]
+    if experiment == "4":
+        record_experiment(tmp_path / "test", spec, {"test": 500}, workers=2)
+        tables.append(generalization.across_start_headings(predictor, experiment, tmp_path / "test"))
 
     rows = read_rows(results / published / "analysis" / "generalization.csv")
     rows = rows[rows["model"] == weights.rpartition("-")[2]]
-    both = table.merge(rows, on=["shift", "tested", "metric"], suffixes=("", "_published"))
-    assert set(both["shift"]) == {"scans skipped", "maximum range [m]", "obstacles' speed [times]"}
+    both = pd.concat(tables).merge(rows, on=["shift", "trained", "tested", "metric"], suffixes=("", "_published"))
+    of_all = {"scans skipped", "maximum range [m]", "obstacles' speed [times]"}
+    assert set(both["shift"]) == (of_all | {"start heading [deg]"} if experiment == "4" else of_all)
     assert both["value"].to_numpy() == pytest.approx(both["value_published"].to_numpy(), abs=2e-3)

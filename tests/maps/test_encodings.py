@@ -6,9 +6,9 @@ import torch
 from conftest import ROOT
 from omegaconf import OmegaConf
 
-from repro.maps.encodings import ENCODINGS, Ages, Encoding, Exponential, Negative, ObservedFree, create_encoding
+from repro.maps.encodings import ENCODINGS, Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection, newest_hits
+from repro.maps.projection import Inverted, Projection, newest_hits
 from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
@@ -35,11 +35,17 @@ def scans(recorded):
 
 
 def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding():
-    assert set(ENCODINGS) == {path.stem for path in CONFIGURED}
+    assert set(ENCODINGS) == {path.stem for path in CONFIGURED} | {"series4"}
     assert [encoding.name for encoding in ALL] == [path.stem for path in CONFIGURED]
-    assert {Projection(), Negative(), Exponential(), Ages(), ObservedFree(), Stack(4), Stack(10), Series(10)} <= set(
-        ALL
-    )
+    variants = {Projection(half_life=15), Inverted(), Inverted(second="hits"), Inverted(second="free")}
+    assert {Projection(), *variants, Stack(4), Stack(10), Series(10)} <= set(ALL)
+
+
+@pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
+def test_an_encoding_is_created_again_from_its_parameters_and_follows_the_range_of_the_lidar(encoding):
+    assert create_encoding(encoding.name, encoding.parameters) == encoding
+    shorter = encoding.with_range(7.0)
+    assert (shorter.name, shorter.reach_m) == (encoding.name, 7.0 if encoding.reach_m else 0.0)
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
@@ -58,7 +64,7 @@ def test_a_window_is_encoded_alone_as_in_a_batch(scans, encoding):
 
 
 def test_an_exponential_gray_is_halfway_after_its_half_life():
-    law = Exponential(half_life=10, oldest_gray=0.8)._law(100)
+    law = Projection(half_life=10, oldest_gray=0.8)._law(100)
     assert law[-1] == 0
     assert law[-11].item() == pytest.approx(0.4)
     assert law[-21].item() == pytest.approx(0.6)
@@ -66,20 +72,20 @@ def test_an_exponential_gray_is_halfway_after_its_half_life():
 
 
 def test_a_negative_is_the_projection_with_inverted_inputs(scans):
-    plain, negative = Projection(), Negative()
+    plain, negative = Projection(), Inverted()
     images = negative.encode(scans, GRID)
     assert torch.equal(images, plain.encode(scans, GRID))
     assert torch.allclose(negative.to_input(images), 1 - plain.to_input(images))
 
 
 def test_ages_are_the_projections_without_and_with_decay(scans):
-    images = Ages(oldest_gray=0.5).encode(scans, GRID)
+    images = Inverted(oldest_gray=0.5, second="hits").encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection(decay=False).encode(scans, GRID))
     assert torch.equal(images[:, 1:], Projection(oldest_gray=0.5).encode(scans, GRID))
 
 
 def test_the_second_image_of_observed_free_is_where_beams_passed_last(scans):
-    images = ObservedFree().encode(scans, GRID)
+    images = Inverted(second="free").encode(scans, GRID)
     assert torch.equal(images[:, :1], Projection().encode(scans, GRID))
     passed = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
     assert torch.equal(images[:, 1] < 255, passed > 0)
@@ -117,7 +123,7 @@ def test_a_series_encodes_the_hits_and_the_free_pixels_of_each_part_of_the_windo
     for part in range(4):
         window = slice(25 * part, 25 * part + 25)
         alone = Scans(scans.ranges[:, window], scans.angles, scans.poses[:, window])
-        assert torch.equal(images[:, 4 + part] == 0, ObservedFree().encode(alone, GRID)[:, 1] < 255)
+        assert torch.equal(images[:, 4 + part] == 0, Inverted(second="free").encode(alone, GRID)[:, 1] < 255)
     assert 0.02 < (images[:, 4:] == 0).float().mean() < 0.5
 
 
@@ -125,7 +131,7 @@ def test_an_encoding_is_created_from_its_name_and_parameters():
     assert create_encoding("projection", {"decay": False, "oldest_gray": 0.5}) == Projection(False, 0.5)
     with pytest.raises(ValueError, match=r"encoding must be one of .*projection.*got 'stack'"):
         create_encoding("stack", {})
-    with pytest.raises(ValueError, match="encoding projection takes decay, oldest_gray, got dark"):
+    with pytest.raises(ValueError, match="encoding projection takes decay, oldest_gray, half_life, got dark"):
         create_encoding("projection", {"dark": 1})
     assert create_encoding("stack4", {"frames": 4}) == Stack(4)
     with pytest.raises(ValueError, match=r"stack4 does not match its parameters .* describe stack5"):

@@ -8,8 +8,9 @@ import pytest
 import torch
 from onnx import TensorProto, helper, numpy_helper
 
-from repro.maps.encodings import ObservedFree, create_encoding
+from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
+from repro.maps.projection import Inverted
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
 from repro.networks.convlstm import ConvLSTM
@@ -17,7 +18,6 @@ from repro.networks.deeptracking import DeepTracking
 from repro.networks.light_convgru import LightConvGRU
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
-from repro.scans import Scans
 
 pytestmark = pytest.mark.slow
 STATISTICS = Statistics(4, {"hit_share": (0.1, 0.2, 0.3, 0.4, 0.5)})
@@ -29,7 +29,7 @@ def exported(tmp_path_factory):
     torch.manual_seed(0)
     network = torch.nn.Sequential(torch.nn.Conv2d(2, 4, 3, padding=1), torch.nn.ReLU(), torch.nn.Conv2d(4, 1, 1))
     network.save_pretrained = None
-    predictor = Predictor(network.eval(), ObservedFree(range_max_m=20.0), Grid(32, 40.0), STATISTICS)
+    predictor = Predictor(network.eval(), Inverted(second="free", range_max_m=20.0), Grid(32, 40.0), STATISTICS)
     path = tmp_path_factory.mktemp("onnx") / "any name"
     assert predictor.save_onnx(path, "# Card") <= onnx_files.TOLERANCE
     return predictor, path
@@ -58,26 +58,6 @@ def test_a_file_holds_the_whole_predictor(exported):
     assert properties["repro.model_card"] == "# Card"
     with pytest.raises(ValueError, match="the network is in ONNX Runtime"):
         again.save_onnx(path)
-
-
-def test_one_window_is_predicted_without_further_threads_of_torch_and_several_with_all(exported, monkeypatch):
-    predictor, run, threads = load_predictor(exported[1]), onnx_files.OnnxNetwork.forward, []
-
-    def forward(self, images):
-        threads.append(torch.get_num_threads())
-        return run(self, images)
-
-    monkeypatch.setattr(onnx_files.OnnxNetwork, "forward", forward)
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        for windows in (1, 2):
-            ranges, poses = np.full((windows, 5, 3), 4.0), np.full((windows, 5, 3), 20.0)
-            predictor.predict(Scans(ranges, np.array([-0.1, 0.0, 0.1]), poses))
-        assert threads == [1, 2]
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)
 
 
 @pytest.mark.parametrize(

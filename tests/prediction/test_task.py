@@ -12,7 +12,7 @@ import pytest
 import torch
 from conftest import ROOT
 
-from repro.cli.tasks import predict
+from repro.cli import prediction
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
@@ -27,7 +27,7 @@ def run(tmp_path, monkeypatch):
     """Return a function that predicts a log to `tmp_path`."""
     torch.manual_seed(0)
     predictor = Predictor(create_network(paper_model("fpn")).eval(), Projection(), Grid(32, 50.0))
-    monkeypatch.setattr(predict, "load_predictor", lambda path: predictor)
+    monkeypatch.setattr(prediction, "load_predictor", lambda path: predictor)
 
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
@@ -36,7 +36,7 @@ def run(tmp_path, monkeypatch):
         job = SimpleNamespace(
             call=SimpleNamespace(prediction=chosen, scans=str(scans)), outputs=SimpleNamespace(path=tmp_path)
         )
-        predict.run(job)  # type: ignore[arg-type]
+        prediction.predict_log(job)  # type: ignore[arg-type]
 
     return call
 

@@ -10,7 +10,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
-from repro.cli.tasks.publish import changes, overrides_of, usual_settings
+from repro.cli.publishing import changes, overrides_of, usual_settings
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -335,7 +335,7 @@ def test_the_ssim_in_the_calibration_is_the_published_one():
 
 def test_a_call_with_other_pairs_than_those_of_the_runs_is_refused(tmp_path, monkeypatch):
     run = fake_run(tmp_path / "smoke", "3", "unet", 0.4)
-    monkeypatch.setattr("repro.cli.tasks.publish.world_files", lambda used: ["paper"])
+    monkeypatch.setattr("repro.cli.publishing.world_files", lambda used: ["paper"])
     data = run.config().data
     scale = Scale("smoke", "", data.size_px, data.pairs, 1e-3, 8, 2, True, 0.99)
     job = SimpleNamespace(outputs=Outputs(tmp_path / "smoke"), call=SimpleNamespace(scale=scale))

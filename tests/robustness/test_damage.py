@@ -5,21 +5,14 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
-from hydra import compose, initialize_config_dir
+from conftest import read_calls
 
 from repro.baselines.names import QUICK_BASELINES
-from repro.cli import composition
-from repro.cli.config import to_typed
 from repro.cli.errors import explain
 from repro.cli.jobs import resolve
-from repro.cli.tasks import run_task
 from repro.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
-from repro.world_config import plain
-
-composition.register()
 
 pytestmark = pytest.mark.slow
 
@@ -30,15 +23,16 @@ OVERRIDES = (
 )
 
 
-def config(outputs, *overrides):
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return to_typed(plain(compose("config", overrides=[*OVERRIDES, f"outputs={outputs}", *overrides])))
+def read_call(outputs, *overrides):
+    (call,) = read_calls(*OVERRIDES, f"outputs={outputs}", *overrides)
+    return call
 
 
 def call(outputs, task, *overrides):
     """Run a task; return None, or the message that the command line would print."""
     try:
-        run_task(resolve(config(outputs, f"task={task}", *overrides)))
+        job = resolve(read_call(outputs, f"task={task}", *overrides))
+        job.call.facts.run(job)
     except Exception as error:
         message = explain(error)
         if message is None:  # it would show a traceback

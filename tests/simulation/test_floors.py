@@ -2,23 +2,20 @@
 
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shapely
 import yaml
-from conftest import ROOT
-from hydra import compose, initialize_config_dir
+from conftest import ROOT, read_calls
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from PIL import Image
 
-from repro.cli.composition import register
-from repro.cli.tasks import floor as task
+from repro.cli import floors
 from repro.simulation.floors import read_floor
 from repro.simulation.schema import world_errors
 from repro.simulation.worlds import sample_world
-from repro.world_config import plain, read_world, world_spec
+from repro.world_config import read_world, world_spec
 
 OCCUPIED, UNKNOWN, FREE = 0, 205, 254
 CELL = 0.25
@@ -79,16 +76,13 @@ def test_negated_and_probabilistic_maps_have_the_same_floor(tmp_path):
 
 
 def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(task, "CONF", tmp_path)
+    monkeypatch.setattr(floors, "conf_directory", lambda: tmp_path)
     source = write(tmp_path, rooms())
     (tmp_path / "world").mkdir()
-    job = SimpleNamespace(call=SimpleNamespace(floor_map=str(source)))
-    task.run(job)
+    run_task(source)
     assert "prediction.center=[7,12]" in capsys.readouterr().out
-    register()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values = plain(compose("config", ["world=my_map", "exp=people", f"hydra.searchpath=[file://{tmp_path}]"]))
-    world = values["world"]
+    (call,) = read_calls("--config-dir", str(tmp_path), "task=world", "world=my_map", "exp=people")
+    world = call.world
     assert world_errors(world) == []
     assert world["robot"]["sensors"][0]["range_max"] == 10
     experiment = world["experiments"]["people"]
@@ -96,7 +90,7 @@ def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
     start = sample_world(world_spec(world, "people"), 0)["robot"]["state"]
     assert not covered(experiment["fixed"], 80)[int(start[1] / CELL), int(start[0] / CELL)]
     with pytest.raises(ValueError, match=r"my_map.yaml exists: rename"):
-        task.run(job)
+        run_task(source)
     shutil.copy(ROOT / "conf" / "world" / "office.yaml", tmp_path / "world")
     assert read_world(tmp_path / "world" / "my_map.yaml") == world  # exports and publications read all worlds
 
@@ -164,13 +158,13 @@ def test_cells_that_are_not_opaque_are_not_free(tmp_path, kind, mode):
 
 
 def run_task(source: Path) -> None:
-    task.run(SimpleNamespace(call=SimpleNamespace(floor_map=str(source))))
+    floors.write_floor(str(source))
 
 
 @pytest.fixture
 def worlds(tmp_path, monkeypatch) -> Path:
     """Return an empty directory of worlds."""
-    monkeypatch.setattr(task, "CONF", tmp_path)
+    monkeypatch.setattr(floors, "conf_directory", lambda: tmp_path)
     (tmp_path / "world").mkdir()
     return tmp_path / "world"
 
@@ -211,6 +205,6 @@ STRINGS = ("2024-05-13", "map", "1st floor", "-a", "_5", "e5", "on", "yes", "a.b
 
 @pytest.mark.parametrize("stem", [*NUMBERS, *STRINGS])
 def test_the_name_of_a_world_is_read_as_a_string(stem):
-    name = task.world_name(stem)
+    name = floors.world_name(stem)
     assert OverridesParser.create().parse_override(f"world={name}").value() == name
     assert name.startswith("floor_") == (stem in NUMBERS)

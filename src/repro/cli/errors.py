@@ -5,14 +5,19 @@ import os
 
 from repro.system.errors import InputError
 
+
+class Refused(InputError):
+    """A call that cannot be run; its arguments are the reasons, one line each."""
+
+
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
-_ROOM = "free some space and repeat the command; complete files stay complete"
+_FREE_SPACE = "free some space and repeat the command; complete files stay complete"
 _PERMITTED = "check its permissions; results are written to outputs="
 _WRITABLE = "choose a directory that can be written with outputs="
 _FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choose another outputs="
 _FIXES = {
-    errno.ENOSPC: _ROOM,
-    errno.EDQUOT: _ROOM,
+    errno.ENOSPC: _FREE_SPACE,
+    errno.EDQUOT: _FREE_SPACE,
     errno.EFBIG: "raise the limit on the size of files (ulimit -f) and repeat the command",
     errno.EROFS: _WRITABLE,
     errno.EACCES: _PERMITTED,

@@ -4,16 +4,17 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from repro.cli.config import Config
+from repro.cli.call import Call
 from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
 from repro.runs.config import Data, RunConfig
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
+from repro.system.places import project_directory
 from repro.world_config import WorldSpec, world_spec
 
-ROOT = Path(__file__).parents[3]
+ROOT = project_directory()
 RESULTS = ROOT / "reproduce" / "results"
 
 
@@ -28,7 +29,7 @@ class Job:
         spec: what decides the worlds of the experiment.
     """
 
-    call: Config
+    call: Call
     config: RunConfig
     outputs: Outputs
     spec: WorldSpec
@@ -60,12 +61,12 @@ class Job:
         return self.published if (self.published / "runs.csv").is_file() else RESULTS / self.call.scale.name
 
 
-def resolve(config: Config) -> Job:
-    """Resolve a checked configuration."""
-    spec = world_spec(config.world, config.exp)
-    data = Data(config.scale.name, config.scale.size_px, spec.world.width, config.scale.pairs, spec_fingerprint(spec))
-    run = RunConfig(config.exp, config.seed, config.model, config.encoding, data, config.train)
-    return Job(config, run, Outputs(Path(config.outputs), Path(config.recordings)), spec)
+def resolve(call: Call) -> Job:
+    """Resolve a call."""
+    spec = world_spec(call.world, call.exp)
+    data = Data(call.scale.name, call.scale.size_px, spec.world.width, call.scale.pairs, spec_fingerprint(spec))
+    run = RunConfig(call.exp, call.seed, call.model, call.encoding, data, call.train)
+    return Job(call, run, Outputs(Path(call.outputs), Path(call.recordings)), spec)
 
 
 @cache

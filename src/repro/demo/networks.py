@@ -2,7 +2,7 @@
 
 import re
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from onnx import TensorProto, helper, numpy_helper
 from repro.config import NO_DECAY
 from repro.maps.grid import Grid
 from repro.networks.create import architecture_of
-from repro.networks.onnx_files import OnnxNetwork
+from repro.networks.onnx_files import TOLERANCE, OnnxNetwork
 from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.reporting.names import model_title, predictor_title
 from repro.runs.keys import RunKey
@@ -22,7 +22,6 @@ from repro.system.errors import InputError
 
 # the encodings that assets/encodings.js draws, with a number or without
 DRAWN_ENCODINGS = ("projection", "negative", "stack", "series")
-TOLERANCE = 1e-3  # largest difference of a probability to PyTorch
 SMALLEST = 256  # values of a tensor that is stored as float16
 
 
@@ -61,20 +60,19 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     predictor = load_predictor(directory)
     if predictor.has_fixed:
         raise InputError(f"{directory} was trained with fixed obstacles, which the demo does not have")
-    encoding = {"name": predictor.encoding.name, "parameters": asdict(predictor.encoding)}  # type: ignore[call-overload]
-    if encoding["name"].rstrip("0123456789") not in DRAWN_ENCODINGS:
+    name = predictor.encoding.name
+    if name.rstrip("0123456789") not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
-        raise InputError(
-            f"{directory} has the encoding {encoding['name']}, expected {expected}: the page draws no other"
-        )
+        raise InputError(f"{directory} has the encoding {name}, expected {expected}: the page draws no other")
     whole = _onnx_of(directory, predictor)
     content = with_float16_weights(whole)
     _check(content, predictor, directory)
     title, experiment = _names(directory, predictor)
     trained = f"trained in experiment {experiment}, " if experiment else ""
     count = _count(onnx.load_from_string(whole))
-    note = f"{count} parameters, {trained}input {encoding['name']}, {predictor.grid.size_px} px."
+    note = f"{count} parameters, {trained}input {name}, {predictor.grid.size_px} px."
     note = note[0].upper() + note[1:]
+    encoding = {"name": name, "parameters": predictor.encoding.parameters}
     return DemoNetwork(title, note, experiment, encoding, predictor.grid, *predictor.window(), content)
 
 
@@ -133,7 +131,7 @@ def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
 def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:
     """Return the title of a network and its experiment, from the path of an exported folder or a run directory."""
     parts = (directory.parent if directory.is_file() else directory).resolve().parts
-    label = predictor.encoding.name + ("" if getattr(predictor.encoding, "decay", True) else NO_DECAY)
+    label = predictor.encoding.name + ("" if predictor.encoding.parameters.get("decay", True) else NO_DECAY)
     exported = re.fullmatch(rf"exp(.+?)-([^-]+?)(?:-{label})?(?:-seed\d+)?", parts[-1])
     if exported:
         experiment, model = exported.groups()

@@ -4,12 +4,12 @@ import copy
 
 import torch
 from lightning.pytorch.plugins import Precision
+from torch import nn
 
-from repro.networks.create import Network
 from repro.system.devices import compiles
 
 
-def compile_network(network: Network, batch: tuple[int, ...], device: str, precision: Precision) -> bool:
+def compile_network(network: nn.Module, batch: tuple[int, ...], device: str, precision: Precision) -> bool:
     """Compile a network in place, after a copy of it has been compiled and run forward and backward as in training.
 
     Args:

@@ -20,7 +20,7 @@ from typing import Any
 import lightning as L
 import torch
 from lightning.pytorch.callbacks import ModelCheckpoint
-from torch import Tensor
+from torch import Tensor, nn
 
 from repro.config import Training
 from repro.learning.budget import Budget
@@ -30,7 +30,7 @@ from repro.learning.compilation import compile_network
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import create_loss
 from repro.maps.statistics import Statistics
-from repro.networks.create import Network, check_interface, create_network
+from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
@@ -47,7 +47,7 @@ Facts = dict[str, Any]  # of a training, for its provenance
 class TrainingModule(L.LightningModule):
     """A network with its data, loss and optimizer."""
 
-    def __init__(self, network: Network, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
+    def __init__(self, network: nn.Module, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
         super().__init__()
         self.network = network
         self.loss = create_loss(settings.loss, settings.dice_eps)

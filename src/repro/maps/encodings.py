@@ -6,19 +6,16 @@ network. The paper's encoding is `projection.Projection`. A new encoding needs a
 file in conf/encoding.
 """
 
-import dataclasses
-from typing import Any, ClassVar, Protocol
+from inspect import signature
+from typing import Any, Protocol
 
-import torch
 from pydantic import ValidationError
-from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.fields import STRICT, Positive, config_errors_of
+from repro.fields import config_errors_of
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection, inverted
+from repro.maps.projection import Inverted, Projection
 from repro.maps.series import Series, Stack
-from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 from repro.system.errors import InputError
 
@@ -42,6 +39,17 @@ class Encoding(Protocol):
     def is_binary(self) -> bool:
         """Whether the images have no other values than 0 and 255, so that a bit per pixel is stored."""
 
+    @property
+    def reach_m(self) -> float:
+        """How far the images show the pixels on the way of a miss as free [m], 0 if they do not."""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters from which `create_encoding` creates it."""
+
+    def with_range(self, range_max_m: float) -> "Encoding":
+        """Return the encoding for a lidar of another maximum range [m]."""
+
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draw the images of a batch of scans, uint8, (B, C, H, W)."""
 
@@ -49,87 +57,22 @@ class Encoding(Protocol):
         """Convert images to the input of a network, float32 in [0, 1], of the same shape."""
 
 
-@dataclass(frozen=True, config=STRICT)
-class Negative(Projection):
-    """The projection with inverted intensities as the input: hits are bright and the background is zero."""
-
-    name: ClassVar[str] = "negative"
-
-    def to_input(self, images: Tensor) -> Tensor:
-        return inverted(images)
-
-
-@dataclass(frozen=True, config=STRICT)
-class Exponential(Projection):
-    """The projection with an exponential decay: a hit of age `half_life` is halfway from black to `oldest_gray`.
-
-    Args:
-        half_life: age at which half of the decay is reached [steps].
-
-    Raises:
-        ValueError: a parameter has another type, `half_life` is not positive, or `oldest_gray` is not in [0, 254/255].
-    """
-
-    name: ClassVar[str] = "exponential"
-
-    half_life: Positive = 15.0
-
-    def _law(self, steps: int) -> Tensor:
-        return self.oldest_gray * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
-
-
-@dataclass(frozen=True, config=STRICT)
-class Ages(Negative):
-    """The position of the hits and their age as separate images.
-
-    The projection encodes both in one gray value, so an old hit is almost as white as the background. Here the first
-    image is the projection without decay and the second is the projection. Both are input with inverted intensities.
-    """
-
-    name: ClassVar[str] = "ages"
-    channels: ClassVar[int] = 2
-
-    def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        faded = super().encode(scans, grid)
-        return torch.cat([torch.where(faded < 255, 0, 255).to(torch.uint8), faded], dim=1)
-
-
-@dataclass(frozen=True, config=STRICT)
-class ObservedFree(Negative):
-    """The projection, and a second image of when each pixel was last observed to be free.
-
-    A beam that passes over a pixel shows that it is free at that step, which the projection discards. The second image
-    has the gray of the last such step, by the decay law of the projection, and is white without one. Both are input
-    with inverted intensities.
-
-    Args:
-        range_max_m: maximum range of the lidar [m].
-
-    Raises:
-        ValueError: a parameter has another type, `range_max_m` is not positive, or `oldest_gray` not in [0, 254/255].
-    """
-
-    name: ClassVar[str] = "observed_free"
-    channels: ClassVar[int] = 2
-
-    range_max_m: Positive = 30.0
-
-    def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        passed = newest_passed(scans, grid, self.range_max_m)
-        return torch.cat([super().encode(scans, grid), self._shade(passed.int(), scans.ranges.shape[1])], dim=1)
-
-
 ENCODINGS: dict[str, type[Encoding]] = {
     "projection": Projection,
-    "negative": Negative,
-    "exponential": Exponential,
-    "ages": Ages,
-    "observed_free": ObservedFree,
+    "exponential": Projection,
+    "negative": Inverted,
+    "ages": Inverted,
+    "observed_free": Inverted,
     "stack4": Stack,
     "stack10": Stack,
     "series4": Series,
     "series10": Series,
     "series100": Series,
+}
+IMPLIED: dict[str, dict[str, Any]] = {  # parameters that follow from the name, unless they are given
+    "exponential": {"half_life": 15.0},
+    "ages": {"second": "hits"},
+    "observed_free": {"second": "free"},
 }
 
 
@@ -141,12 +84,12 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
     """
     if name not in ENCODINGS:
         raise InputError(f"encoding must be one of {', '.join(ENCODINGS)}, got {name!r}")
-    known = [field.name for field in dataclasses.fields(ENCODINGS[name])]  # type: ignore[arg-type]
+    known = list(signature(ENCODINGS[name]).parameters)
     unknown = sorted(set(parameters) - set(known))
     if unknown:
         raise InputError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
     try:
-        encoding = ENCODINGS[name](**parameters)
+        encoding = ENCODINGS[name](**IMPLIED.get(name, {}) | parameters)
     except ValidationError as error:
         raise InputError("; ".join(str(each) for each in config_errors_of(error))) from error
     if encoding.name != name:

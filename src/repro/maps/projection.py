@@ -1,13 +1,15 @@
-"""The paper's encoding: the cumulative dynamic sensor projection."""
+"""The paper's encoding, the cumulative dynamic sensor projection, and its variants with one or two inverted images."""
 
-from typing import ClassVar
+import dataclasses
+from typing import Any, ClassVar, Literal
 
 import torch
 from pydantic.dataclasses import dataclass
 from torch import Tensor
 
-from repro.fields import OLDEST_GRAY, STRICT, Gray
+from repro.fields import OLDEST_GRAY, STRICT, Gray, Positive
 from repro.maps.grid import Grid
+from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 
 
@@ -17,7 +19,7 @@ class Projection:
 
     Every hit is placed in the global frame by pose and beam angle. The newest hit of a pixel
     determines its gray: of T steps, the last is black (0), the first has the gray `oldest_gray`, and the steps between
-    are interpolated linearly. The background is white.
+    are interpolated linearly, or approach `oldest_gray` exponentially. The background is white.
 
     Paper: "Cumulative Dynamic Sensor Projection" and, for `decay=False`, "Ablation Study". The decay law is not
     stated: DEVIATIONS D7.
@@ -25,18 +27,37 @@ class Projection:
     Args:
         decay: False draws all hits black.
         oldest_gray: gray of the oldest hit, in [0, 254/255]; 1 is the white background.
+        half_life: age at which a hit is halfway from black to `oldest_gray` [steps]; None for the linear law.
 
     Raises:
-        ValueError: a parameter has another type, or `oldest_gray` is not in [0, 254/255].
+        ValueError: a parameter has another type or is out of its range.
     """
 
-    name: ClassVar[str] = "projection"
-    channels: ClassVar[int] = 1
     frames: ClassVar[int] = 1
     is_binary: ClassVar[bool] = False
 
     decay: bool = True
     oldest_gray: Gray = OLDEST_GRAY
+    half_life: Positive | None = None
+
+    @property
+    def name(self) -> str:
+        return "projection" if self.half_life is None else "exponential"
+
+    @property
+    def channels(self) -> int:
+        return 1
+
+    @property
+    def reach_m(self) -> float:
+        return 0.0
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        return dataclasses.asdict(self)
+
+    def with_range(self, range_max_m: float) -> "Projection":
+        return self
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         """Draw the projection of each window.
@@ -64,7 +85,54 @@ class Projection:
 
     def _law(self, steps: int) -> Tensor:
         """Return the gray of each step in [0, 1], from the oldest to the newest, (T,)."""
-        return torch.linspace(0, self.oldest_gray, steps).flip(0)
+        if self.half_life is None:
+            return torch.linspace(0, self.oldest_gray, steps).flip(0)
+        return self.oldest_gray * (1 - 0.5 ** (torch.arange(steps - 1, -1, -1) / self.half_life))
+
+
+@dataclass(frozen=True, config=STRICT)
+class Inverted(Projection):
+    """The projection with inverted intensities as the input, alone or with a second image; ours, not the paper's.
+
+    The projection encodes position and age of a hit in one gray value, so that an old hit is almost as white as the
+    background, and it discards that a beam passed over a pixel. A second image holds one of the two separately. Hits
+    are bright in the input, and the background is zero.
+
+    Args:
+        second: `hits` adds the projection without decay before the other image, `free` adds an image of when each
+            pixel was last observed to be free after it, with the decay of the projection; None adds none.
+        range_max_m: maximum range of the lidar [m], up to which a miss shows free pixels.
+    """
+
+    second: Literal["hits", "free"] | None = None
+    range_max_m: Positive = 30.0
+
+    @property
+    def name(self) -> str:
+        return {None: "negative", "hits": "ages", "free": "observed_free"}[self.second]
+
+    @property
+    def channels(self) -> int:
+        return 2 if self.second else 1
+
+    @property
+    def reach_m(self) -> float:
+        return self.range_max_m if self.second == "free" else 0.0
+
+    def with_range(self, range_max_m: float) -> "Inverted":
+        return dataclasses.replace(self, range_max_m=range_max_m)
+
+    def encode(self, scans: Scans, grid: Grid) -> Tensor:
+        faded = super().encode(scans, grid)
+        if self.second == "hits":
+            return torch.cat([torch.where(faded < 255, 0, 255).to(torch.uint8), faded], dim=1)
+        if self.second == "free":
+            passed = newest_passed(scans, grid, self.range_max_m)
+            return torch.cat([faded, self._shade(passed.int(), scans.ranges.shape[1])], dim=1)
+        return faded
+
+    def to_input(self, images: Tensor) -> Tensor:
+        return inverted(images)
 
 
 def inverted(images: Tensor) -> Tensor:

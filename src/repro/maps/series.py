@@ -1,6 +1,7 @@
 """Encodings with a series of images: one image per part of the window instead of one image of the whole window."""
 
-from typing import ClassVar
+import dataclasses
+from typing import Any, ClassVar
 
 import torch
 from pydantic.dataclasses import dataclass
@@ -40,6 +41,17 @@ class Stack:
     @property
     def channels(self) -> int:
         return self.frames
+
+    @property
+    def reach_m(self) -> float:
+        return 0.0
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        return dataclasses.asdict(self)
+
+    def with_range(self, range_max_m: float) -> "Stack":
+        return self
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         return _draw_hits(self._parts(scans), grid).unflatten(0, (-1, self.frames))
@@ -82,6 +94,13 @@ class Series(Stack):
     @property
     def channels(self) -> int:
         return 2 * self.frames
+
+    @property
+    def reach_m(self) -> float:
+        return self.range_max_m
+
+    def with_range(self, range_max_m: float) -> "Series":
+        return dataclasses.replace(self, range_max_m=range_max_m)
 
     def encode(self, scans: Scans, grid: Grid) -> Tensor:
         parts = self._parts(scans)

@@ -5,13 +5,15 @@ smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in 
 """
 
 import copy
+from collections.abc import Iterator
 from inspect import signature
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, Protocol
 
 import torch
-from torch import Tensor
+from huggingface_hub import PyTorchModelHubMixin
+from torch import Tensor, nn
 
 from repro.fields import ConfigError
 from repro.networks.convgru import ConvGRU
@@ -21,7 +23,6 @@ from repro.networks.light_convgru import LightConvGRU
 from repro.networks.model import Model
 from repro.system.errors import InputError
 
-Network: TypeAlias = Any  # a torch.nn.Module with `save_pretrained`
 OWN_ARCHITECTURES: dict[str, Any] = {
     "convgru": ConvGRU,
     "convlstm": ConvLSTM,
@@ -31,7 +32,23 @@ OWN_ARCHITECTURES: dict[str, Any] = {
 SERIES = ("in_channels", "frames")  # parameters that follow from the encoding
 
 
-def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Network:
+class Network(Protocol):
+    """A network from encoded scans to logits: what a `Predictor` needs of a `torch.nn.Module`."""
+
+    def __call__(self, images: Tensor, /) -> Tensor:
+        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W), in [0, 1]."""
+
+    def eval(self) -> Any:
+        """Leave the training mode."""
+
+    def to(self, device: str, /) -> Any:
+        """Move the network to a device, in place."""
+
+    def parameters(self) -> Iterator[nn.Parameter]:
+        """Yield the weights, none if they are not those of torch."""
+
+
+def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> nn.Module:
     """Create a network that maps encoded scans (B, C, H, W) to logits (B, 1, H, W).
 
     Paper: "Prediction Models". Encoder weights and channels are not stated: DEVIATIONS D9.
@@ -58,7 +75,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> Netwo
     return smp_networks.create_smp_network(architecture, model, in_channels)
 
 
-def check_interface(network: Network, in_channels: int, size_px: int = 64) -> None:
+def check_interface(network: nn.Module, in_channels: int, size_px: int = 64) -> None:
     """Check that a network on the CPU can be saved and maps images (B, C, H, W) to logits (B, 1, H, W).
 
     Args:
@@ -69,7 +86,7 @@ def check_interface(network: Network, in_channels: int, size_px: int = 64) -> No
     Raises:
         ValueError: it has no `save_pretrained`, or its output is of another kind or shape.
     """
-    if not hasattr(network, "save_pretrained"):
+    if not isinstance(network, PyTorchModelHubMixin):
         name = type(network).__name__
         raise InputError(f"the network {name} must save itself: make it a subclass of PyTorchModelHubMixin, too")
     images = torch.zeros(2, in_channels, size_px, size_px)
@@ -84,12 +101,12 @@ def check_interface(network: Network, in_channels: int, size_px: int = 64) -> No
         )
 
 
-def architecture_of(network: Network) -> str:
+def architecture_of(network: object) -> str:
     """Return the name of the architecture of an own network, `smp` for a network of segmentation-models-pytorch."""
     return next((name for name, kind in OWN_ARCHITECTURES.items() if type(network) is kind), "smp")
 
 
-def load_network(directory: Path, architecture: str) -> Network:
+def load_network(directory: Path, architecture: str) -> nn.Module:
     """Load a network that `save_pretrained` wrote, with weights in float32.
 
     Args:
@@ -106,7 +123,7 @@ def load_network(directory: Path, architecture: str) -> Network:
     return OWN_ARCHITECTURES[architecture].from_pretrained(directory, strict=True).float()
 
 
-def replace_slow_modules(network: Network) -> None:
+def replace_slow_modules(network: nn.Module) -> None:
     """Replace modules of smp in place by those that compute the same in less time."""
     if architecture_of(network) == "smp":
         _smp_networks().replace_slow_modules(network)

@@ -19,6 +19,7 @@ from onnx import AttributeProto, ModelProto, NodeProto, TensorProto
 from torch import Tensor, nn
 
 from repro.networks.description import Description, checked
+from repro.system.devices import chosen_threads
 from repro.system.errors import InputError
 from repro.system.files import first_line, replacing
 
@@ -35,7 +36,7 @@ FLOAT, EXTERNAL = TensorProto.FLOAT, TensorProto.EXTERNAL
 
 
 class OnnxNetwork(nn.Module):
-    """A network in ONNX Runtime on the CPU, with as many threads as torch.
+    """A network in ONNX Runtime on the CPU, with `chosen_threads`.
 
     Args:
         content: the ONNX file.
@@ -44,12 +45,10 @@ class OnnxNetwork(nn.Module):
         ValueError: ONNX Runtime cannot run the file.
     """
 
-    has_own_threads = True
-
     def __init__(self, content: bytes) -> None:
         super().__init__()
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = torch.get_num_threads()
+        options.intra_op_num_threads = chosen_threads()
         options.log_severity_level = 3  # errors
         try:
             self.session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])

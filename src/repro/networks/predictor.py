@@ -8,7 +8,6 @@ architecture) and one additional file, predictor.json, with the encoding of the 
 statistics and the window of the training scans, see `torch_files`. The other form is an ONNX file, see `onnx_files`.
 """
 
-import contextlib
 import copy
 import dataclasses
 import math
@@ -19,7 +18,8 @@ from types import ModuleType
 from typing import Any
 
 import torch
-from torch import Tensor
+from huggingface_hub import PyTorchModelHubMixin
+from torch import Tensor, nn
 from tqdm import tqdm
 
 from repro.maps.encodings import Encoding, create_encoding
@@ -31,7 +31,7 @@ from repro.networks.description import Description
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
 from repro.networks.weights import locate
 from repro.scans import Scans
-from repro.system.devices import one_thread
+from repro.system.devices import few_threads
 from repro.system.errors import InputError
 
 ONNX = "model.onnx"
@@ -63,7 +63,7 @@ class Predictor:
     @property
     def reach_m(self) -> float:
         """Return how far the encoding takes the pixels on the way of a miss as free [m], 0 if it does not."""
-        return getattr(self.encoding, "range_max_m", 0.0)
+        return self.encoding.reach_m
 
     def with_range(self, range_max_m: float) -> "Predictor":
         """Return a predictor for a lidar that may reach less far than that of the training.
@@ -78,8 +78,7 @@ class Predictor:
             raise InputError(f"range_max_m: expected a positive range [m], got {range_max_m}")
         if range_max_m >= self.reach_m:
             return self
-        encoding = dataclasses.replace(self.encoding, range_max_m=range_max_m)  # type: ignore[type-var, call-arg]
-        return dataclasses.replace(self, encoding=encoding)
+        return dataclasses.replace(self, encoding=self.encoding.with_range(range_max_m))
 
     def window(self, steps: int | None = None, step_s: float | None = None) -> tuple[int, float]:
         """Return the steps of a window and the time of a step [s], those of the training where None is given.
@@ -120,6 +119,8 @@ class Predictor:
             batch: windows per forward pass.
             allow_empty: accept windows without a hit on the map, or of a robot outside it.
 
+        On the CPU, one thread computes unless the user has chosen more, see `devices.chosen_threads`.
+
         Returns:
             probability of free, (B, H, W), on the CPU; row 0 is the top of the map, and below 0.5 is an obstacle.
 
@@ -132,13 +133,11 @@ class Predictor:
             raise TypeError(f"expected Scans(ranges, angles, poses), got {type(scans).__name__}")
         if batch < 1:
             raise InputError(f"batch: expected 1 window or more, got {batch}")
-        device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
-        windows = scans.tensors(device)
-        check_windows(windows, self.grid, allow_empty=allow_empty)
-        parts = [windows[first : first + batch] for first in range(0, len(windows), batch)]
-        # the encoding of a single window gains little from threads of torch, which slow down those of ONNX Runtime
-        single = len(windows) == 1 and getattr(self.network, "has_own_threads", False)
-        with one_thread() if single else contextlib.nullcontext():
+        with few_threads():
+            device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
+            windows = scans.tensors(device)
+            check_windows(windows, self.grid, allow_empty=allow_empty)
+            parts = (windows[first : first + batch] for first in range(0, len(windows), batch))
             return self.predict_images(self.encoding.encode(part, self.grid) for part in parts)[:, 0]
 
     @torch.inference_mode()
@@ -172,8 +171,7 @@ class Predictor:
         Raises:
             ValueError: the network was loaded from an ONNX file, or the directory holds something else.
         """
-        self._check_torch()
-        return write_torch(Path(directory), copy.deepcopy(self.network).to(dtype), self._description())
+        return write_torch(Path(directory), self._copied_network().to(dtype), self._description())
 
     def save_onnx(self, path: Path | str, card: str = "") -> float:
         """Write the network with its encoding and grid to an ONNX file, see `onnx_files.write_onnx`.
@@ -188,18 +186,17 @@ class Predictor:
         Raises:
             ValueError: the network was loaded from an ONNX file, or ONNX Runtime gives other maps than torch.
         """
-        self._check_torch()
         description = self._description() | {"channels": self.encoding.channels}
-        return _onnx_files().write_onnx(Path(path), copy.deepcopy(self.network), description, card)
+        return _onnx_files().write_onnx(Path(path), self._copied_network(), description, card)
 
-    def _check_torch(self) -> None:
-        if not hasattr(self.network, "save_pretrained"):
+    def _copied_network(self) -> nn.Module:
+        if not isinstance(self.network, nn.Module) or not isinstance(self.network, PyTorchModelHubMixin):
             raise InputError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
+        return copy.deepcopy(self.network)
 
     def _description(self) -> dict[str, Any]:
-        parameters = dataclasses.asdict(self.encoding)  # type: ignore[call-overload]
         content = {
-            "encoding": {"name": self.encoding.name, "parameters": parameters},
+            "encoding": {"name": self.encoding.name, "parameters": self.encoding.parameters},
             "grid": dataclasses.asdict(self.grid),
             "window": {"steps": self.steps, "step_s": self.step_s, "has_fixed": self.has_fixed},
         }
@@ -217,7 +214,11 @@ def load_predictor(weights: str | Path) -> Predictor:
         InputError: there are no such weights, their files differ from the saved checksum, or the network is not one
             from encoded scans to one map of finite logits.
     """
-    path = locate(weights)
+    with few_threads():
+        return _load(locate(weights))
+
+
+def _load(path: Path) -> Predictor:
     if path.is_file():
         return _load_onnx(path)
     if not (path / DESCRIPTION).is_file():

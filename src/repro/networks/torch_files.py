@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from huggingface_hub import PyTorchModelHubMixin
+from torch import nn
 
-from repro.networks.create import Network, architecture_of, check_interface, load_network
+from repro.networks.create import architecture_of, check_interface, load_network
 from repro.networks.description import Description, checked
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
@@ -20,7 +22,7 @@ from repro.system.files import read_mapping, replacing_directory, sha256, write_
 DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
 
 
-def write_torch(directory: Path, network: Network, description: dict[str, Any]) -> str:
+def write_torch(directory: Path, network: nn.Module, description: dict[str, Any]) -> str:
     """Write a network and its description to a directory, atomically.
 
     Args:
@@ -38,13 +40,14 @@ def write_torch(directory: Path, network: Network, description: dict[str, Any]) 
     if is_other and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"{directory} exists and is no predictor: expected a new or an empty directory")
     with replacing_directory(directory) as new:
+        assert isinstance(network, PyTorchModelHubMixin), "see `create.check_interface`"
         network.save_pretrained(new)
         content = {"architecture": architecture_of(network), **description}
         write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
         return sha256(new / WEIGHTS)
 
 
-def read_torch(directory: Path) -> tuple[Network, Description]:
+def read_torch(directory: Path) -> tuple[nn.Module, Description]:
     """Read the network and the description that `write_torch` wrote.
 
     Raises:
@@ -64,7 +67,7 @@ def read_torch(directory: Path) -> tuple[Network, Description]:
         raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
 
 
-def check_network(network: Network, channels: int, size_px: int) -> None:
+def check_network(network: nn.Module, channels: int, size_px: int) -> None:
     """Check that a network has finite weights and maps images of some channels and pixels to one map.
 
     Raises:

@@ -21,7 +21,7 @@ from repro.reporting.plots import DataFrames
 from repro.reporting.render import interval, with_interval
 from repro.reporting.results import audits, read_origins, read_published
 from repro.reporting.rows import read_rows
-from repro.reporting.sections import sections
+from repro.reporting.sections import embedded, tables_of_sections
 from repro.reporting.tables import HEADS, Table, caption, make_tables, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
@@ -71,11 +71,9 @@ def render(report: Report) -> str:
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     is_smoke = report.scale == "smoke"
     has_claims = not is_smoke and not report.claims.empty
-    parts = sections(report.frames, report.figures, report.origins)
     navigation = [("summary", "Summary"), ("tables", "Tables")]
     navigation += [("claims", "Claims")] if has_claims else []
     navigation += [("samples", "Samples")] if report.samples else []
-    navigation += [(part["id"], part["nav"]) for part in parts]
     audit = report.frames["audit"].query("model == 'average'")
     intervals = report.frames["intervals"].set_index([*CELL, "metric"])
     counted = Counter(report.claims["verdict"])
@@ -95,7 +93,9 @@ def render(report: Report) -> str:
         audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
         claims=[_claim(row) for row in report.claims.to_dict("records")],
         browser=report.samples,
-        parts=parts,
+        figures=report.figures,
+        embedded=embedded,
+        tables_of=tables_of_sections(report.frames, report.origins),
     )
 
 

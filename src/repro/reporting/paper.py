@@ -19,11 +19,12 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.runs.keys import CELL
+from repro.system.places import conf_directory
 from repro.world_config import read_world, world_spec
 
 Row = dict[str, float]
 TABLES = files("repro.reporting") / "paper_tables"
-WORLDS = Path(__file__).parents[3] / "conf" / "world" / "paper.yaml"
+WORLDS = conf_directory() / "world" / "paper.yaml"
 
 
 def world_files(used: set[str]) -> list[str]:

@@ -16,6 +16,10 @@ from repro.reporting.tables import caption
 from repro.runs.provenance import Provenance
 
 
+def _no_settings(model: str, encoding: str) -> Settings:
+    return {}
+
+
 @dataclass(frozen=True)
 class Recipe:
     """What the commands that repeat published trainings share.
@@ -29,7 +33,7 @@ class Recipe:
 
     scale: str
     overrides: str = ""
-    usual: Callable[[str, str], Settings] = lambda model, encoding: {}
+    usual: Callable[[str, str], Settings] = _no_settings
 
     def options(self, name: str, model: str, encoding: str, settings: Settings) -> str:
         """Return the options that repeat a training that is published in the directory of this name."""

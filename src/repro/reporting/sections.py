@@ -1,4 +1,4 @@
-"""The sections of the HTML report after tables and claims: figures and small tables with their text."""
+"""Figures and small tables of the sections of the HTML report; its template has their texts."""
 
 import base64
 from pathlib import Path
@@ -15,91 +15,13 @@ from repro.reporting.render import Cells, cells_of, number
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
-CAPTIONS = {
-    "results": "Sensor input, prediction and ground truth of U-Net in the experiments and the ablations.",
-    "data_representation": "The cumulative dynamic sensor projection of one recording per experiment.",
-    "recency": "Obstacle recall and Brier score of U-Net by recency (time since last seen). Occluded pixels were in "
-    "the field of view but always hidden. Intervals of 95 % over test worlds.",
-    "ages": "Obstacle recall and entropy of U-Net by time since last seen, in bins of five steps. The lidar never sees "
-    "the inside of an obstacle, so these pixels are edges of obstacles and obstacles that moved in later.",
-    "obstacles": "Recall of single obstacles by time since the last hit; intervals of 95 % over test worlds.",
-    "reliability": "Predicted probability of an obstacle against the observed frequency, uncalibrated.",
-    "baselines": "Obstacle IoU of the networks (filled) and the classical baselines (open), with intervals of 95 %.",
-    "generalization": "Networks under changed sensors, poses and obstacle speeds; intervals of 95 % over worlds.",
-    "curves": "U-Net on the paper's input against the number of training pairs, averaged over seeds; at 10,000 pairs "
-    "the value extrapolated by the fitted law with its interval of 95 %, and the paper's value.",
-    "pairs": "Obstacle IoU of the networks that have a learning curve against the number of training pairs, averaged "
-    "over seeds, at the lowest resolution that all of them have; dashed: the upper bound and the inference from scans.",
-    "encodings": "Obstacle IoU of U-Net with other inputs and of recurrent networks, with the same training budget and "
-    "intervals of 95 %. All encodings except projection and exponential have inverted intensities; their reference is "
-    "the encoding negative, the inverted projection.",
-}
-SECTIONS: list[dict[str, Any]] = [
-    {
-        "id": "figures",
-        "nav": "Examples",
-        "title": "Inputs and predictions",
-        "text": "Recordings of the test set, which was not used for training or tuning.",
-        "images": ("results", "data_representation"),
-    },
-    {
-        "id": "where",
-        "nav": "Recency",
-        "title": "Prediction quality by recency",
-        "text": "The recording determines the time since each pixel was last seen and each obstacle was last hit. "
-        "Pixels that were hidden throughout are occluded; pixels outside the field of view throughout are never in "
-        "view. The ablation has no time decay: the projection shows all hits in the same gray.",
-        "images": ("recency", "ages", "obstacles"),
-    },
-    {
-        "id": "calibration",
-        "nav": "Calibration",
-        "title": "Calibration of the probabilities",
-        "text": "The paper describes the blurry predictions as probabilistic. The expected calibration error is the "
-        "mean gap between predicted probability and observed frequency; the Brier score equals reliability - "
-        "resolution + uncertainty. Uncalibrated: the probabilities of the network. Temperature-scaled: the logits are "
-        "divided by a temperature fitted on validation data.",
-        "images": ("reliability",),
-    },
-    {
-        "id": "baselines",
-        "nav": "Baselines",
-        "title": "Classical baselines and other inputs",
-        "text": "The classical baselines are tuned on validation data: last seen (a disc around every hit), an "
-        "occupancy grid with forgetting, a grid of static and dynamic occupancy, and a tracker of clusters with "
-        "constant velocity.",
-        "images": ("baselines", "encodings"),
-    },
-    {
-        "id": "generalization",
-        "nav": "Generalization",
-        "title": "Generalization under distribution shift",
-        "text": "Networks trained on one experiment and tested on the others, and on sensors, poses and speeds outside "
-        "their training distribution. The threshold stays at 0.5, so accuracy and IoU may disagree.",
-        "images": ("generalization",),
-    },
-    {
-        "id": "curves",
-        "nav": "Learning curves",
-        "title": "Extrapolation to paper scale",
-        "text": "A saturating power law in training pairs and resolution, fitted to smaller trainings; with fewer than "
-        "three resolutions it is fitted in pairs alone, at the measured resolution. Held-out point: the largest "
-        "training, extrapolated from the smaller ones and then measured.",
-        "images": ("curves", "pairs"),
-    },
-    {
-        "id": "provenance",
-        "nav": "Provenance",
-        "title": "Provenance of the runs",
-        "text": "The last step of each run; its provenance.json lists all steps.",
-    },
-]
 CALIBRATION = {
     "brier": ("Brier", 4),
     "reliability": ("reliability", 4),
     "resolution": ("resolution", 4),
     "log_loss": ("log-loss", 4),
     "calibration_error": ("calibration error", 4),
+    "uncertain_error": ("where uncertain", 4),
     "temperature": ("temperature", 3),
 }
 COST = {
@@ -122,21 +44,16 @@ EXTRAPOLATED_BY = ["experiment", "encoding", "target", "metric"]
 PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 
 
-def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins: dict[str, Provenance]) -> list[dict]:
-    """Return the sections that have images or rows.
+def tables_of_sections(frames: dict[str, pd.DataFrame], origins: dict[str, Provenance]) -> dict[str, list[Cells]]:
+    """Return the tables of each section, by its id; some may have no rows.
 
     Args:
         frames: see `evaluation.analysis.gather`.
-        figures: PNG files by name.
         origins: provenance of each run by its path.
-
-    Returns:
-        for each section: id, nav (its name in the navigation), title, text, images (caption, width, data) and tables
-        (caption, heads, rows, and text_columns, the number of leading columns with text).
     """
     calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
-    tables = {
+    return {
         "calibration": [
             cells_of(_sorted(calibration), [*CELL, "method"], CALIBRATION, "Calibration of the paper's networks")
         ],
@@ -153,22 +70,13 @@ def sections(frames: dict[str, pd.DataFrame], figures: dict[str, Path], origins:
         "curves": [_extrapolated(frames.get("extrapolated"))],
         "provenance": [_origins(origins)],
     }
-    filled = [
-        {
-            **section,
-            "images": [_image(CAPTIONS[name], figures[name]) for name in section.get("images", ()) if name in figures],
-            "tables": tables.get(section["id"], []),
-        }
-        for section in SECTIONS
-    ]
-    return [section for section in filled if section["images"] or any(table.rows for table in section["tables"])]
 
 
-def _image(caption: str, path: Path) -> dict[str, Any]:
-    png = path.read_bytes()
+def embedded(path: Path) -> dict[str, Any]:
+    """Return a PNG file for the page: its width on the page [px], and its data in base 64."""
     with Image.open(path) as image:
         inches = image.width / image.info["dpi"][0]
-    return {"caption": caption, "width": round(PX_PER_INCH * inches), "data": base64.b64encode(png).decode()}
+    return {"width": round(PX_PER_INCH * inches), "data": base64.b64encode(path.read_bytes()).decode()}
 
 
 def _sorted(frame: pd.DataFrame) -> pd.DataFrame:

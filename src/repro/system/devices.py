@@ -1,11 +1,12 @@
 """Device, precision, compiler, clock, memory and hardware of a computation."""
 
+import logging
 import os
 import platform
 import resource
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,10 @@ import torch
 
 from repro.system.errors import InputError
 from repro.system.files import first_line
+
+log = logging.getLogger(__name__)
+_AT_IMPORT = torch.get_num_threads()
+_IN_ENVIRONMENT = "OMP_NUM_THREADS" in os.environ  # where torch has read it
 
 
 def resolve_device(accelerator: str = "auto") -> str:
@@ -38,7 +43,9 @@ def resolve_precision(precision: str, device: str) -> str:
     """Return the precision for a device; `auto` is bf16-mixed if the device has native bfloat16, else 32-true."""
     if precision != "auto":
         if "bf16" in precision and not has_bfloat16(device):
-            print(f"warning: runtime.precision={precision} is emulated on this device, many times slower than 32-true")
+            log.warning(
+                "warning: runtime.precision=%s is emulated on this device, many times slower than 32-true", precision
+            )
         return precision
     return "bf16-mixed" if has_bfloat16(device) else "32-true"
 
@@ -51,15 +58,37 @@ def has_bfloat16(device: str) -> bool:
     return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))
 
 
+def chosen_threads() -> int:
+    """Return the threads of a prediction on the CPU: one, unless the user has chosen their number.
+
+    The threads of torch wait for one another: beside other work on the same cores, two were 40 times as slow as one.
+    OMP_NUM_THREADS or a call of `torch.set_num_threads` after the import of this package chooses another number.
+    """
+    is_chosen = _IN_ENVIRONMENT or torch.get_num_threads() != _AT_IMPORT
+    return torch.get_num_threads() if is_chosen else 1
+
+
 @contextmanager
-def one_thread() -> Iterator[None]:
+def few_threads() -> Iterator[None]:
+    """Compute on `chosen_threads`, and restore the threads of the caller."""
+    with threads(chosen_threads()):
+        yield
+
+
+def one_thread() -> AbstractContextManager[None]:
     """Compute on one CPU thread, as the trainings of a sweep do."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
+    return threads(1)
+
+
+@contextmanager
+def threads(number: int) -> Iterator[None]:
+    """Compute on a number of CPU threads, and restore that of the caller."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(number)
     try:
         yield
     finally:
-        torch.set_num_threads(threads)
+        torch.set_num_threads(before)
 
 
 def clock(device: str) -> float:
@@ -70,12 +99,12 @@ def clock(device: str) -> float:
 
 
 def compiles(network: torch.nn.Module, image: torch.Tensor) -> bool:
-    """Try torch.compile on a spare network, forward and backward, and print the reason if it fails."""
+    """Try torch.compile on a spare network, forward and backward, and log the reason if it fails."""
     network.compile()
     try:
         network(image).sum().backward()
     except Exception as error:  # the compiler may raise anything, and the network works without it
-        print(f"torch.compile failed ({type(error).__name__}: {first_line(error)}), continuing without it")
+        log.warning("torch.compile failed (%s: %s), continuing without it", type(error).__name__, first_line(error))
         return False
     return True
 

@@ -1,12 +1,13 @@
 """task=all: record what is missing, train, evaluate."""
 
-from repro.baselines.names import QUICK_BASELINES
 from repro.cli.jobs import Job
-from repro.cli.tasks import run_task
+from repro.cli.tasks import Task, evaluate, record, train
 
 
 def run(job: Job) -> None:
     """Run the three tasks, unless the run and its baselines are evaluated already."""
+    from repro.baselines.names import QUICK_BASELINES
+
     baselines = [job.config.of_baseline(name) for name in QUICK_BASELINES]
     is_validated = (job.run.path / "validation.csv").is_file()
     runs = [job.run, *(job.outputs.run(baseline.key) for baseline in baselines)]
@@ -18,7 +19,10 @@ def run(job: Job) -> None:
     if not job.run.is_evaluated:
         job.run.check(job.config)
         job.outputs.check_data(job.config)
-        run_task(job, "record")
-    run_task(job, "train")
+        record.run(job)
+    train.run(job)
     if job.run.is_trained:
-        run_task(job, "evaluate")
+        evaluate.run(job)
+
+
+TASK = Task(run, "run", trains=True, needs_batches=True, has_windows=True)

@@ -6,21 +6,23 @@ The world is that of task=world, on which no network is trained.
 from dataclasses import replace
 
 from repro.cli.jobs import Job
-from repro.cli.tasks.export import suffix_of
-from repro.networks.predictor import load_predictor
-from repro.recordings.format import SHOWN_SEED
-from repro.reporting.animation import make_frames, write_animation
-from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
-from repro.system.errors import InputError
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Write the animation.
 
     Raises:
-        ValueError: the network is not trained.
+        InputError: the network is not trained.
     """
+    from repro.cli.tasks.export import suffix_of
+    from repro.networks.predictor import load_predictor
+    from repro.recordings.format import SHOWN_SEED
+    from repro.reporting.animation import make_frames, write_animation
+    from repro.simulation.simulator import simulate
+    from repro.simulation.worlds import sample_world
+    from repro.system.errors import InputError
+
     key = replace(job.key, seed=0)  # the seed of the call is that of the world
     trained = job.outputs.run(key)
     if not trained.is_trained:
@@ -35,3 +37,6 @@ def run(job: Job) -> None:
     size_m, range_max_m = job.spec.world.width, job.spec.lidar.range_max
     write_animation(recording, frames, path, size_m=size_m, range_max_m=range_max_m)
     print(path)
+
+
+TASK = Task(run)

@@ -4,21 +4,33 @@ from pathlib import Path
 
 from repro.cli.inputs import find
 from repro.cli.jobs import Job
-from repro.demo.networks import load_demo_network
-from repro.demo.page import render
-from repro.demo.runtime import load_runtime
-from repro.system.files import write_text
+from repro.cli.tasks import NETWORK_KEYS, Task
 
 
 def run(job: Job) -> None:
     """Write the page.
 
     Raises:
-        ValueError: a network or the runtime cannot be used, or the page would be too large.
+        InputError: a network or the runtime cannot be used, or the page would be too large.
     """
+    from repro.demo.networks import load_demo_network
+    from repro.demo.page import render
+    from repro.demo.runtime import load_runtime
+    from repro.system.files import write_text
+
     runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
     networks = [load_demo_network(find("demo.networks", name)) for name in job.call.demo.networks]
     page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
     path = job.outputs.path / "demo.html"
     write_text(path, page)
     print(f"{path} ({len(page) / 1e6:.1f} MB)")
+
+
+TASK = Task(
+    run,
+    once=True,
+    names_scale=False,
+    own=("demo",),
+    ignores=(*NETWORK_KEYS, "recordings", "runtime"),
+    instead="demo.networks chooses the network",
+)

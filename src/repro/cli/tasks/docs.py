@@ -1,34 +1,14 @@
-"""task=docs: write verdicts, generated tables, and published reports from reproduce/results."""
+"""task=docs: write the tables of README.md and docs/ and the published reports from reproduce/results."""
 
-from pathlib import Path
-
-from repro.cli.jobs import RESULTS, ROOT, Job
-from repro.reporting.documents import with_results
-from repro.reporting.page import render_published
-from repro.reporting.papers_claims import verdicts
-from repro.reporting.results import read_published
-from repro.reporting.rows import read_rows
-from repro.system.files import write_text
+from repro.cli.jobs import Job
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
-    """Judge the claims on the published analyses, and update the generated tables and reports."""
+    """Update the generated tables and reports."""
+    from repro.cli.documents import update_docs
+
     update_docs()
 
 
-def update_docs() -> None:
-    """Write the verdicts of the published analyses, the tables between the markers of documents, and the reports."""
-    for path in sorted(RESULTS.glob("*/analysis/claims.csv")):
-        frames = {each.stem: read_rows(each) for each in path.parent.glob("*.csv")}
-        judged = verdicts(frames, read_published(path.parents[1]))
-        _update(path, judged.to_csv(index=False, float_format="%.6g"))
-    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(RESULTS.glob("*/tables.md"))):
-        _update(path, with_results(path.read_text(encoding="utf-8"), RESULTS))
-    for path in sorted(RESULTS.glob("*/report.html")):
-        _update(path, render_published(path.parent))
-
-
-def _update(path: Path, text: str) -> None:
-    if text != path.read_text(encoding="utf-8"):
-        write_text(path, text)
-        print(f"updated {path.relative_to(ROOT)}")
+TASK = Task(run, once=True, names_scale=False)

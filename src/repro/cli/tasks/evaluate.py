@@ -1,17 +1,19 @@
 """task=evaluate: evaluate a trained network, and the quick baselines beside it."""
 
-from repro.baselines.names import QUICK_BASELINES
 from repro.cli.jobs import Job
-from repro.cli.output import summary_line
-from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Evaluate a run on the test set, unless it is evaluated.
 
     Raises:
-        ValueError: the run is not trained, of another configuration, or damaged.
+        InputError: the run is not trained, of another configuration, or damaged.
     """
+    from repro.baselines.names import QUICK_BASELINES
+    from repro.cli.output import summary_line
+    from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
+
     job.run.check(job.config)
     check_trained(job.run)
     if job.run.is_evaluated:
@@ -23,3 +25,6 @@ def run(job: Job) -> None:
         print(f"{job.run}, test: {summary_line(row)}", flush=True)
     for name in QUICK_BASELINES:
         evaluate_baseline(job.outputs, job.config, name)
+
+
+TASK = Task(run, "run", has_windows=True)

@@ -1,8 +1,8 @@
 """task=export: write the network of one run with a model card, as published weights or as an ONNX file."""
 
 from repro.cli.jobs import Job
+from repro.cli.tasks import Task
 from repro.config import PROJECTION
-from repro.reporting.export import export_onnx, export_weights
 from repro.runs.keys import RunKey
 
 
@@ -17,6 +17,8 @@ def _seed_suffix(key: RunKey) -> str:
 
 def run(job: Job) -> None:
     """Write the weights as float16 into reproduce/results, or with format=onnx an ONNX file into the outputs."""
+    from repro.reporting.export import export_onnx, export_weights
+
     name = f"exp{job.key.experiment}-{job.key.model}"
     if job.call.format == "onnx":
         target = job.outputs.path / "exports" / f"{name}{suffix_of(job.key)}"
@@ -26,3 +28,6 @@ def run(job: Job) -> None:
     target = job.published / f"{name}{_seed_suffix(job.key)}"
     export_weights(job.run, target, force=job.call.publish.force)
     print(target)
+
+
+TASK = Task(run, own=("format", "publish"))

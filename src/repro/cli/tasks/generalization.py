@@ -1,25 +1,27 @@
 """task=generalization: test a network on other experiments, start headings, sensors, poses and speeds."""
 
-import pandas as pd
-
-from repro.cli.inputs import GENERALIZATION
 from repro.cli.jobs import Job
-from repro.evaluation.generalization import across_experiments, across_start_headings, under_changes, updated
-from repro.networks.predictor import load_predictor
-from repro.recordings.reader import read_manifest
-from repro.reporting.names import predictor_title
-from repro.reporting.rows import read_rows
-from repro.runs.keys import RunKey
-from repro.system.errors import InputError
-from repro.system.files import lock, write_text
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Write the rows of a network to generalization.csv; those of other networks and experiments are kept.
 
     Raises:
-        ValueError: the network has been trained in no experiment with this seed.
+        InputError: the network has been trained in no experiment with this seed.
     """
+    import pandas as pd
+
+    from repro.cli.inputs import GENERALIZATION
+    from repro.evaluation.generalization import across_experiments, across_start_headings, under_changes, updated
+    from repro.networks.predictor import load_predictor
+    from repro.recordings.reader import read_manifest
+    from repro.reporting.names import predictor_title
+    from repro.reporting.rows import read_rows
+    from repro.runs.keys import RunKey
+    from repro.system.errors import InputError
+    from repro.system.files import lock, write_text
+
     outputs, key = job.outputs, job.key
     experiment, title = key.experiment, predictor_title(key.model, key.encoding)
     runs = {
@@ -49,3 +51,6 @@ def run(job: Job) -> None:
             table = updated(read_rows(path), table)
         write_text(path, table.to_csv(index=False, float_format="%.6g"))
     print(f"{path}: task=analysis shows it")
+
+
+TASK = Task(run)

@@ -1,75 +1,14 @@
 """task=plan: what is left of the study at a scale, and how long it takes on this machine."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
-
-from repro.cli.config import Runtime
 from repro.cli.jobs import Job
-from repro.cli.limits import recording_seconds
-from repro.learning.cost import training_seconds, trainings_at_once, usual_epochs
-from repro.networks.model import NETWORKS, paper_model
-from repro.parallel import count_cores
-from repro.recordings.format import recordings_in
-from repro.reporting.names import duration
-from repro.reporting.study import Study
-from repro.runs.config import RunConfig
-from repro.world_config import world_spec
-
-EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
-ANALYSIS_SECONDS = 3.0  # per evaluated run
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Print what is left, measuring the networks that are still to be trained."""
-    print(f"Left to do in {job.outputs.path}:", flush=True)
-    experiments, wanted = job.call.world["experiments"], job.pairs
-    missing = {name: sum(wanted.values()) - recordings_in(job.outputs.recordings(name), wanted) for name in experiments}
-    seconds = sum(recording_seconds(world_spec(job.call.world, name), count) for name, count in missing.items())
-    seconds /= min(job.call.runtime.workers, count_cores())
-    runs = Study(job.outputs, experiments, job.call.seed).runs()
-    trainings = {name: sum(k.model == name and not run.is_trained for k, run in runs.items()) for name in NETWORKS}
-    evaluations = sum(not run.is_evaluated for run in runs.values())
-    recordings, runtime = sum(missing.values()), job.call.runtime
-    for line in plan_study(job.config, runtime, recordings, seconds, trainings, evaluations):
-        print(line, flush=True)
+    from repro.cli.plan import print_plan
+
+    print_plan(job)
 
 
-def plan_study(
-    config: RunConfig,
-    runtime: Runtime,
-    recordings: int,
-    recording_seconds: float,
-    trainings: Mapping[str, int],
-    evaluations: int,
-) -> Iterator[str]:
-    """Yield the remaining work of the study and its estimated duration, line by line as it is measured.
-
-    Args:
-        config: a run of the study.
-        runtime: accelerator and precision of the trainings.
-        recordings: number of remaining recordings.
-        recording_seconds: time to record them [s].
-        trainings: number of remaining trainings of each of the paper's networks.
-        evaluations: number of remaining runs to evaluate.
-    """
-    total, left = recording_seconds, sum(trainings.values())
-    at_once = min(left, trainings_at_once(config, runtime.accelerator))
-    yield f"  {recordings} recordings: {duration(total)}" if recordings else "  recordings: done"
-    for name, count in trainings.items():
-        if count:
-            run = replace(config, model=paper_model(name))
-            seconds = count * training_seconds(run, runtime.precision, runtime.accelerator)
-            total += seconds / at_once
-            yield f"  {count} x {name}: {duration(seconds)}"
-        else:
-            yield f"  {name}: done"
-    if at_once > 1:
-        yield f"  {at_once} trainings run at the same time, one per core"
-    if evaluations:
-        per_run = EVALUATION_SECONDS[min(EVALUATION_SECONDS, key=lambda px: abs(px - config.data.size_px))]
-        seconds = evaluations * (per_run * config.data.pairs.test / 500 + ANALYSIS_SECONDS)
-        total += seconds
-        yield f"  evaluation and analysis of {evaluations} runs: {duration(seconds)}"
-    if total:
-        yield f"About {duration(total)} in total, at {usual_epochs(config)} epochs per training. It can be interrupted:"
-        yield "the same command resumes."
+TASK = Task(run, once=True, needs_batches=True)

@@ -1,75 +1,14 @@
 """task=publish: copy the results of an outputs directory into reproduce/results, and its tables into the docs."""
 
-from collections.abc import Iterator
-from dataclasses import asdict
-from functools import partial
-from typing import Any
-
-from omegaconf import OmegaConf
-
-from repro.cli.composition import CONF
-from repro.cli.jobs import RESULTS, Job
-from repro.cli.tasks.docs import update_docs
-from repro.config import Encoding, Scale, Training
-from repro.fields import OLDEST_GRAY
-from repro.networks.model import Model
-from repro.reporting.paper import world_files
-from repro.reporting.publish import publish
-from repro.reporting.published_readme import Recipe, overrides
-from repro.reporting.rows import changed
-from repro.runs.config import flatten, settings_of
-from repro.runs.provenance import Status
-from repro.system.errors import InputError
-from repro.world_config import plain
+from repro.cli.jobs import Job
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
-    usual = partial(usual_settings, job.call.scale, job.call.world)
-    recipe = Recipe(job.call.scale.name, overrides_of(job), usual)
-    target = publish(job.outputs, RESULTS, recipe, force=job.call.publish.force)
-    print(f"published {target}")
-    update_docs()
+    from repro.cli.publishing import publish_results
+
+    publish_results(job)
 
 
-def overrides_of(job: Job) -> str:
-    """Return the overrides of world and scale that the runs of a job need, each after a space.
-
-    Raises:
-        ValueError: no file of conf/world has the worlds of all runs, or the call has another number of pairs or pixels.
-    """
-    scale = job.call.scale
-    data = [run.config().data for run in job.outputs.runs() if run.status is Status.evaluated]
-    names = world_files({each.worlds for each in data})
-    if data and not names:
-        raise InputError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
-    for each in data:
-        of_run = flatten({"size_px": each.size_px, "pairs": asdict(each.pairs)}, "scale.")
-        of_call = flatten({"size_px": scale.size_px, "pairs": asdict(scale.pairs)}, "scale.")
-        if missing := list(overrides(changed(of_run, of_call))):
-            raise InputError(f"the runs in {job.outputs.path} have other data than this call: add{''.join(missing)}")
-    usual = plain(OmegaConf.load(CONF / "scale" / f"{scale.name}.yaml"))  # type: ignore[arg-type]
-    world = [f" world={name}" for name in names[:1] if "paper" not in names]
-    return "".join([*world, *changes("scale", asdict(scale), usual)])
-
-
-def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: str) -> dict[str, Any]:
-    """Return the settings of a network and an encoding at a scale without overrides, see `reporting.rows`.
-
-    Raises:
-        ValueError: conf/ has no file of the network or the encoding, which the published command would need.
-    """
-    names = {"model": model, "encoding": encoding, "train": "paper"}
-    files = {group: CONF / group / f"{name}.yaml" for group, name in names.items()}
-    for group, path in files.items():
-        if not path.is_file():
-            raise InputError(f"the published command needs a file of {group} {names[group]}: add {path}")
-    parts = {group: OmegaConf.load(path) for group, path in files.items()}
-    shared = {"scale": asdict(scale), "world": world, "decay": True, "oldest_gray": OLDEST_GRAY}
-    values = plain(OmegaConf.create({**shared, **parts}))
-    return settings_of(Model(**values["model"]), Encoding(**values["encoding"]), Training(**values["train"]))
-
-
-def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:
-    """Yield the overrides of the values that differ from the usual ones, also in nested groups."""
-    return overrides(changed(flatten(values, f"{path}."), flatten(usual, f"{path}.")))
+TASK = Task(run, once=True, own=("publish",))

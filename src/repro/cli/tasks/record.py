@@ -1,16 +1,13 @@
 """task=record: record what is missing of an experiment."""
 
 from repro.cli.jobs import Job
-from repro.evaluation.coverage import coverage_and_visibility
-from repro.maps.grid import Grid
-from repro.recordings.reader import recordings_hash
-from repro.reporting.paper import are_papers, targets
-from repro.reporting.results import read_origins, recordings_of
-from repro.simulation.recorder import record_experiment, record_part
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Record an experiment or a part; compare it with what the paper's tables imply and with the published one."""
+    from repro.simulation.recorder import record_experiment, record_part
+
     directory, runtime = job.recordings, job.call.runtime
     is_new = not (directory / "manifest.json").is_file()
     print(f"{'recording' if is_new else 'checking'} {directory}", flush=True)
@@ -25,6 +22,12 @@ def run(job: Job) -> None:
 
 
 def _describe(job: Job) -> None:
+    from repro.evaluation.coverage import coverage_and_visibility
+    from repro.maps.grid import Grid
+    from repro.recordings.reader import recordings_hash
+    from repro.reporting.paper import are_papers, targets
+    from repro.reporting.results import read_origins, recordings_of
+
     data, experiment = job.config.data, job.key.experiment
     found = coverage_and_visibility(job.recordings, "test", Grid(data.size_px, data.size_m))
     target = targets(experiment) if are_papers(data.worlds) else {}
@@ -37,3 +40,6 @@ def _describe(job: Job) -> None:
         same = recordings_hash(job.recordings, job.pairs) in published
         equal = "equal to" if same else "different in worlds, rounding or number of pairs from"
         print(f"  {equal} the recordings of {job.reference}")
+
+
+TASK = Task(run, "recordings", own=("runtime.part", "runtime.parts"))

@@ -2,18 +2,20 @@
 
 import sys
 
-from repro.cli.inputs import inputs_hash, is_up_to_date, mark_up_to_date
 from repro.cli.jobs import Job
-from repro.cli.output import print_tables
-from repro.system.errors import InputError
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Write the tables, and the figures unless they are up to date.
 
     Raises:
-        ValueError: there is nothing to report, or some runs are damaged; everything else is written.
+        InputError: there is nothing to report, or some runs are damaged; everything else is written.
     """
+    from repro.cli.inputs import inputs_hash, is_up_to_date, mark_up_to_date
+    from repro.cli.output import print_tables
+    from repro.system.errors import InputError
+
     outputs = job.outputs
     if not any(outputs.runs()) and not outputs.recorded():
         raise InputError(f"{outputs.path} holds no recordings and no runs: make some first, or set outputs=")
@@ -31,3 +33,6 @@ def run(job: Job) -> None:
     if errors or left_out:
         raise InputError(f"{len(errors + left_out)} runs are left out of the tables or figures, see above")
     mark_up_to_date(outputs.figures, inputs)
+
+
+TASK = Task(run, once=True)

@@ -1,17 +1,19 @@
 """task=train: train one network and measure it on the validation set."""
 
 from repro.cli.jobs import Job, process_budget
-from repro.cli.output import summary_line
-from repro.evaluation.evaluate import validate
-from repro.learning.training import train
-from repro.parallel import use_idle_cores
-from repro.reporting.study import Study
-from repro.runs.provenance import Status
-from repro.system.devices import resolve_device
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Train the network of a run from where it was left, unless it is trained."""
+    from repro.cli.output import summary_line
+    from repro.evaluation.evaluate import validate
+    from repro.learning.training import train
+    from repro.parallel import use_idle_cores
+    from repro.reporting.study import Study
+    from repro.runs.provenance import Status
+    from repro.system.devices import resolve_device
+
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
@@ -33,3 +35,6 @@ def run(job: Job) -> None:
     elif not (job.run.path / "validation.csv").is_file():
         row = validate(job.run, job.recordings, accelerator=runtime.accelerator)
         print(f"{job.run}, validation: {summary_line(row)}", flush=True)
+
+
+TASK = Task(run, "run", trains=True, needs_batches=True, has_windows=True)

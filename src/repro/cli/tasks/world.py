@@ -1,21 +1,34 @@
-"""task=world: write the world of one seed, in both directions, as plain IR-SIM YAML, and a figure of it.
+"""task=world: one world and its twin as plain IR-SIM YAML, with a figure; or a world that has a floor.
 
-No network is trained on these worlds, see `recordings.format.SHOWN_SEED`.
+With `floor_map`, the floor of a map of map_server becomes a file of conf/world.
+
+No network is trained on the worlds of this task, see `recordings.format.SHOWN_SEED`.
 """
 
 from repro.cli.jobs import Job
-from repro.recordings.format import SHOWN_SEED
-from repro.reporting.figures import write_world_figure
-from repro.simulation.worlds import reverse_direction, sample_world, write_world
+from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
-    """Write the world, its twin and the figure, and print their paths."""
+    """Write the world of the seed, its twin and the figure, or the world that has the floor of a map."""
+    if job.call.floor_map:
+        from repro.cli.floors import write_floor
+
+        write_floor(job.call.floor_map)
+        return
+    from repro.recordings.format import SHOWN_SEED
+    from repro.reporting.figures import write_world_figure
+    from repro.simulation.worlds import reverse_direction, sample_world, write_world
+
     world = sample_world(job.spec, SHOWN_SEED + job.call.seed)
-    figure = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.call.seed}.png"
+    stem = f"exp{job.key.experiment}-seed{job.call.seed}"
+    figure = job.outputs.worlds / f"{stem}.png"
     for name, item in (("ccw", world), ("cw", reverse_direction(world))):
-        path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.call.seed}-{name}.yaml"
+        path = job.outputs.worlds / f"{stem}-{name}.yaml"
         write_world(item, path)
         print(path)
     write_world_figure(world, job.key.experiment, figure)
     print(figure)
+
+
+TASK = Task(run, names_scale=False, own=("floor_map",))

@@ -1,4 +1,4 @@
-"""task=floor: a world like the office with the floor of a map of map_server, in conf/world.
+"""A world like the office with the floor of a map of map_server, as a file of conf/world.
 
 The world has the robot, the populations and the experiments of the office, for the user to edit.
 """
@@ -10,28 +10,29 @@ from typing import Any
 import yaml
 from omegaconf import OmegaConf
 
-from repro.cli.composition import CONF
-from repro.cli.jobs import Job
 from repro.simulation.floors import Floor, read_floor
 from repro.simulation.schema import world_errors
 from repro.system.errors import InputError
 from repro.system.files import write_text
+from repro.system.places import conf_directory
 from repro.world_config import plain
 
-OFFICE = CONF / "world" / "office.yaml"
+OFFICE = conf_directory() / "world" / "office.yaml"
 NO_STRING = re.compile(r"[+-]?(\d[\d_]*(e[+-]?\d[\d_]*)?|inf|nan)|null|true|false", re.IGNORECASE)  # as world=...
 
 
-def run(job: Job) -> None:
+def write_floor(floor_map: str) -> None:
     """Write the world and print its path, and the center of the map for predictions.
 
+    Args:
+        floor_map: the YAML of a map of map_server.
+
     Raises:
-        ValueError: the map cannot be converted, no world has its floor, or a world of this name exists.
+        InputError: the map cannot be converted, no world has its floor, or a world of this name exists.
     """
-    assert job.call.floor_map is not None
-    source = Path(job.call.floor_map)
+    source = Path(floor_map)
     name = world_name(source.stem)
-    path = CONF / "world" / f"{name}.yaml"
+    path = conf_directory() / "world" / f"{name}.yaml"
     if path.exists():
         raise InputError(f"{path} exists: rename {source}, or delete that world")
     floor = read_floor(source)

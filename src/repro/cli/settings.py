@@ -1,30 +1,60 @@
-"""The configuration of a call, as Hydra composes it from conf/."""
+"""Settings of a call that do not decide the result of a run: how it is computed, and what single tasks take."""
 
-import dataclasses
 import math
 import os
-from dataclasses import MISSING as NO_DEFAULT
+import stat
 from dataclasses import dataclass
-from typing import Annotated, Any, get_type_hints
+from pathlib import Path
+from typing import Annotated, Any
 
-from omegaconf import MISSING
-from pydantic import AfterValidator, Field, TypeAdapter
+from pydantic import AfterValidator, Field, model_validator
 
-from repro.config import Encoding, Scale, Training
-from repro.fields import KNOWN_KEYS, Gray, NotNegative, choice
-from repro.networks.model import Model
+from repro.cli.errors import Refused
+from repro.fields import KNOWN_KEYS, NotNegative, choice
+from repro.parallel import has_gpu
 from repro.system.errors import InputError
 
-RUN_TASKS = (
-    *("all", "record", "train", "evaluate", "world", "animate"),
-    *("generalization", "export", "predict"),
-)
-TRAINING_TASKS = ("all", "train")
-# once for all runs:
-STUDY_TASKS = ("report", "analysis", "curves", "plan", "status", "publish", "verify", "docs", "demo", "floor")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
-Directory = Annotated[str, Field(min_length=1), AfterValidator(os.path.expanduser)]
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
+
+
+def _can_be_made(directory: str) -> str:
+    """Check that a directory exists or can be created; whether it can be written shows when it is."""
+    path = Path(directory).absolute()
+    try:
+        if os.path.lexists(path) and not stat.S_ISDIR(os.stat(path).st_mode):
+            raise InputError("is a file, a directory is needed")
+        os.stat(path)
+    except FileNotFoundError:
+        pass
+    except OSError as error:  # a loop of links, a name that is too long, a file on the way
+        raise InputError(str(error.strerror)) from error
+    if path.is_relative_to("/proc") or path.is_relative_to("/sys"):
+        raise InputError("holds no files of users")
+    return directory
+
+
+def _is_there(name: str) -> str:
+    """Check that a file or directory exists, without opening it: a pipe would wait, a device never end."""
+    try:
+        mode = os.stat(name).st_mode
+    except OSError as error:
+        raise InputError(str(error.strerror)) from error
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError("is neither a file nor a directory")
+    return name
+
+
+Text = Annotated[str, Field(min_length=1)]
+UserPath = Annotated[Text, AfterValidator(os.path.expanduser)]
+Source = Annotated[UserPath, AfterValidator(_is_there)]
+Directory = Annotated[UserPath, AfterValidator(_can_be_made)]
+
+
+def _has_device(accelerator: str) -> str:
+    if accelerator == "gpu" and not has_gpu():
+        raise InputError("no CUDA GPU is visible; use auto or cpu")
+    return accelerator
 
 
 @dataclass(frozen=True)
@@ -34,12 +64,18 @@ class Runtime:
     __pydantic_config__ = KNOWN_KEYS
 
     workers: Annotated[int, Field(ge=1, le=MAX_WORKERS)]
-    accelerator: Annotated[str, choice("auto", "cpu", "gpu")]
+    accelerator: Annotated[str, choice("auto", "cpu", "gpu"), AfterValidator(_has_device)]
     precision: Annotated[str, choice("auto", *PRECISIONS)]
     compile: bool
     max_minutes: NotNegative | None
     part: Annotated[int, Field(ge=0)]
     parts: Annotated[int, Field(ge=1, le=10_000)]
+
+    @model_validator(mode="after")
+    def _is_one_of_the_parts(self) -> "Runtime":
+        if self.part >= self.parts:
+            raise Refused(f"runtime.part={self.part}: must be below runtime.parts={self.parts}")
+        return self
 
 
 def _is_center(value: Any) -> Any:
@@ -69,7 +105,7 @@ class Prediction:
 
     __pydantic_config__ = KNOWN_KEYS
 
-    weights: Directory
+    weights: UserPath
     steps: Annotated[int, Field(ge=1, le=10_000)] | None
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
@@ -93,8 +129,8 @@ class Demo:
 
     __pydantic_config__ = KNOWN_KEYS
 
-    networks: Annotated[list[Directory], Field(min_length=1)]
-    runtime: Directory | None
+    networks: Annotated[list[UserPath], Field(min_length=1)]
+    runtime: UserPath | None
 
 
 @dataclass(frozen=True)
@@ -108,53 +144,3 @@ class Publish:
     __pydantic_config__ = KNOWN_KEYS
 
     force: bool
-
-
-@dataclass(frozen=True)
-class Config:
-    """The whole configuration of a call."""
-
-    __pydantic_config__ = KNOWN_KEYS
-
-    task: Annotated[str, choice(*RUN_TASKS, *STUDY_TASKS)]
-    exp: str
-    decay: bool
-    oldest_gray: Gray
-    seed: Annotated[int, Field(ge=0, lt=2**32)]
-    outputs: Directory
-    recordings: Directory
-    world: dict[str, Any]
-    encoding: Encoding
-    model: Model
-    scale: Scale
-    train: Training
-    runtime: Runtime
-    format: Annotated[str, choice("torch", "onnx")]
-    scans: Directory | None
-    floor_map: Directory | None
-    prediction: Prediction
-    demo: Demo
-    publish: Publish
-
-
-def schema(cls: type = Config) -> Any:
-    """Create the dataclass that Hydra composes into: the same fields, not frozen, required unless they have a default.
-
-    The training settings have none, since conf/train states all of them.
-    """
-    fields: list[Any] = []
-    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
-    for name, kind in get_type_hints(cls).items():
-        is_part = isinstance(kind, type) and dataclasses.is_dataclass(kind)
-        default = defaults[name] if cls is Model and defaults[name] is not NO_DEFAULT else MISSING
-        fields.append((name, schema(kind) if is_part else kind, dataclasses.field(default=default)))
-    return dataclasses.make_dataclass(cls.__name__, fields)
-
-
-def to_typed(values: dict[str, Any]) -> Config:
-    """Convert plain values to the typed configuration.
-
-    Raises:
-        pydantic.ValidationError: a value is not allowed.
-    """
-    return TypeAdapter(Config).validate_python(values)

@@ -1,0 +1,266 @@
+"""Composition of a call by Hydra: every job of it, before one of them runs or a file is written."""
+
+import argparse
+import itertools
+import math
+import os
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra._internal.callbacks import Callbacks
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.core.plugins import Plugins
+from hydra.core.utils import run_job
+from hydra.errors import HydraException, OverrideParseException
+from hydra.types import HydraContext
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from repro.cli.call import did_you_mean, suggestion
+from repro.cli.errors import WANTS_TRACEBACKS, Refused
+from repro.cli.tasks import summaries, tasks
+from repro.config import NO_DECAY, most_channels
+from repro.parallel import has_gpu, parallel_trainings
+from repro.runs.keys import RunKey
+from repro.system.places import conf_directory
+from repro.world_config import plain
+
+GROUPS = ("world", "encoding", "model", "scale", "train")
+MANY_JOBS, MOST_JOBS = 40, 1000  # composing them takes some seconds, a minute
+
+
+def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, seed: int) -> str:
+    """Return where Hydra writes its files of a job, below the outputs directory: the job's own directory."""
+    place = tasks()[task].place if task in tasks() else "outputs"
+    if place == "run":
+        return str(RunKey(exp, model, encoding if decay else f"{encoding}{NO_DECAY}", seed).path)
+    return f"recordings/exp{exp}" if place == "recordings" else "hydra"
+
+
+def list_tasks() -> str:
+    """Return the tasks and what they do, a line each, for --help."""
+    return "\n".join(f"  {name:<15} {summary}" for name, summary in summaries().items())
+
+
+def register() -> None:
+    """Register the resolvers that conf/ uses."""
+    resolvers: dict[str, Any] = {
+        "job_directory": job_directory,
+        "default_scale": lambda: "paper" if has_gpu() else "laptop",
+        "default_launcher": lambda: "basic" if has_gpu() else "cores",
+        "home": os.path.expanduser,  # Hydra does not expand ~
+        "parallel_trainings": lambda size_px, batch_size, pairs, channels, loss: parallel_trainings(
+            size_px, batch_size, pairs.train + pairs.val, channels, loss
+        ),
+        "most_channels": most_channels,
+        "first_key": lambda mapping: next(iter(mapping or {}), ""),
+        "tasks": list_tasks,
+    }
+    for name, resolver in resolvers.items():
+        OmegaConf.register_new_resolver(name, resolver, replace=True)
+
+
+register()
+
+
+@dataclass(frozen=True)
+class Composed:
+    """A composed job.
+
+    Args:
+        overrides: the overrides of the command line for this job.
+        config: its configuration, with that of Hydra.
+        values: the configuration without that of Hydra as plain values.
+    """
+
+    overrides: list[str]
+    config: DictConfig
+    values: dict[str, Any]
+
+    @classmethod
+    def of(cls, overrides: list[str]) -> "Composed":
+        """Compose a job."""
+        config = hydra.compose("config", overrides, return_hydra_config=True)
+        return cls(
+            overrides, config, plain(OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"]))
+        )
+
+    def run(self, function: Any) -> Any:
+        """Run a function of the configuration as a job of Hydra, and return what it returns."""
+        keys = {"job_dir_key": "hydra.run.dir", "job_subdir_key": None}
+        return run_job(function, self.config, **keys, hydra_context=_context(self.config)).return_value  # type: ignore
+
+
+def launch(jobs: list[Composed], function: Any) -> list[Any]:
+    """Run a function of the configuration for every job by Hydra's launcher, and return what they return."""
+    config = jobs[0].config
+    launcher = Plugins.instance().instantiate_launcher(_context(config), function, config)
+    overrides = [[each for each in job.overrides if not _is_of_hydra(each)] for job in jobs]
+    return [result.return_value for result in launcher.launch(overrides, initial_job_idx=0)]
+
+
+def _context(config: DictConfig) -> HydraContext:
+    return HydraContext(GlobalHydra.instance().config_loader(), Callbacks(config))
+
+
+def _is_of_hydra(override: str) -> bool:
+    return override.lstrip("+~").startswith(("hydra.", "hydra/"))
+
+
+@contextmanager
+def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
+    """Compose every job of a call, in a context in which Hydra can run them.
+
+    Raises:
+        Refused: a job cannot be composed.
+    """
+    _check_options(arguments)
+    overrides = list(arguments.overrides)
+    if arguments.config_dir:
+        overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
+    with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
+        try:
+            jobs = _jobs(overrides, arguments.multirun)
+            if len(jobs) > MANY_JOBS:
+                print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
+            found = [Composed.of(job) for job in jobs]
+            _check_hydra(found)
+        except (HydraException, OmegaConfBaseException, YAMLError, RecursionError, TypeError, ValueError) as error:
+            if isinstance(error, Refused) or WANTS_TRACEBACKS:
+                raise
+            raise Refused(_reason(error, arguments.config_dir)) from error
+        yield found
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Check the options of Hydra that would choose another configuration."""
+    if arguments.config_name or arguments.config_path:
+        raise Refused("--config-name and --config-path are not supported: use overrides, or --config-dir for groups")
+    if arguments.experimental_rerun:  # what argparse makes of --exp
+        raise Refused(
+            f"--exp={arguments.experimental_rerun}: overrides have no dashes: exp={arguments.experimental_rerun}"
+        )
+    if arguments.config_dir and not os.path.isdir(arguments.config_dir):
+        raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
+    if arguments.resolve and not arguments.cfg:
+        raise Refused("--resolve is for --cfg only: run.py --cfg job --resolve")
+    if arguments.multirun and arguments.cfg:
+        raise Refused("--cfg prints the configuration of one job: leave out -m")
+
+
+def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
+    """Return the overrides of every job.
+
+    Raises:
+        Refused: an override contradicts another, or there are no jobs, or too many.
+    """
+    parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
+    if errors := [error for each in parsed for error in _override_errors(each, multirun)]:
+        raise Refused(*errors)
+    written: dict[str, str] = {}
+    for each in parsed:
+        before = written.setdefault(each.get_key_element().lstrip("+~"), str(each.input_line))
+        if before != each.input_line:
+            raise Refused(f"{before} and {each.input_line}: {each.key_or_group} is given twice, keep one")
+    if not multirun:
+        return [overrides]
+    sweeps = [each for each in parsed if each.is_sweep_override()]
+    counts = [sum(1 for _ in itertools.islice(each.sweep_iterator(), MOST_JOBS + 1)) for each in sweeps]
+    if math.prod(counts) > MOST_JOBS:
+        raise Refused(f"the sweep has more than {MOST_JOBS} jobs: divide it")
+    if not math.prod(counts):
+        raise Refused("the sweep has no jobs: a pattern matches nothing")
+    return BasicSweeper.split_arguments(parsed, None)[0]
+
+
+def _override_errors(override: Override, multirun: bool) -> Iterator[str]:
+    """Yield what is wrong with an override that Hydra would accept, or refuse later than the first job."""
+    key, written = override.key_or_group, override.input_line
+    if not key:
+        yield f"{written}: an override is key=value"
+    elif override.is_delete() and "." not in key:
+        yield f"{written}: {key} cannot be left out"
+    elif override.is_sweep_override() and not multirun:
+        name, _, value = str(written).partition("=")
+        yield f"{written}: takes one value; for a sweep, add -m; for a comma in it, quote it: '{name}=\"{value}\"'"
+    elif key in GROUPS and not (override.is_sweep_override() or isinstance(override._value, str)):
+        if not hasattr(override._value, "text"):  # of a quoted string
+            yield f"{written}: takes one name; for a sweep over several, use -m {key}=a,b; a number is quoted"
+    elif key == "hydra/launcher" and "slurm" in str(written) and not shutil.which("srun"):
+        yield f"{written}: no Slurm on this machine: srun is not found"
+    elif key == "hydra.launcher.n_jobs" and not _is_number_of_jobs(override.value()):
+        yield f"{written}: expected the number of trainings at the same time, 1 or more, or -1 for that of the cores"
+
+
+def _is_number_of_jobs(value: Any) -> bool:
+    return type(value) is int and (value >= 1 or value == -1)
+
+
+def _check_hydra(jobs: list[Composed]) -> None:
+    """Check that no file of a group changes the configuration of Hydra.
+
+    Hydra calls what its configuration names, and a file of conf/world, for example, may come from somebody else.
+
+    Raises:
+        Refused: one does.
+    """
+    own = [each for each in jobs[0].overrides if _is_of_hydra(each)]
+    expected = _hydra_part(hydra.compose("config", own, return_hydra_config=True))
+    for job in jobs:
+        found = _hydra_part(job.config)
+        for key in found | expected:
+            if found.get(key) != expected.get(key):
+                chosen = ", ".join(each for each in job.overrides if each.partition("=")[0] in GROUPS)
+                raise Refused(f"{chosen}: a file sets hydra.{key}; only the command line configures Hydra")
+
+
+def _hydra_part(config: DictConfig) -> dict[str, Any]:
+    """Return the configuration of Hydra itself without what names the job, interpolations not resolved."""
+    part: Any = OmegaConf.to_container(config.hydra, resolve=False)
+    part["job"] = {key: value for key, value in part["job"].items() if key.startswith("env_")}
+    return {key: value for key, value in part.items() if key not in ("overrides", "runtime")}
+
+
+def _reason(error: Exception, config_dir: str | None) -> str:
+    """Return in one line why a call cannot be composed: Hydra's words, and what may have been meant."""
+    if isinstance(error, UnicodeDecodeError):  # which does not name its file
+        folders = [conf_directory(), *([Path(config_dir)] if config_dir else [])]
+        return "; ".join(f"{path}: is not UTF-8" for folder in folders for path in _not_utf8(folder))
+    if isinstance(error, OverrideParseException):
+        key, equals, value = error.override.partition("=")
+        if not (key and equals):
+            return f"{error.override}: an override is key=value"
+        return f"{error.override}: cannot be read; quote the value for Hydra and for the shell: '{key}=\"{value}\"'"
+    text = str(error).split("\nConfig search path")[0] or "a configuration file has a key that is no text"
+    words = " ".join(line.strip() for line in text.splitlines() if not line.strip().startswith(_DETAILS))
+    if isinstance(error, YAMLError | RecursionError):
+        return f"a configuration file cannot be read: {words}"
+    if words.startswith("Index '"):
+        return f"{words}: an entry of a list is named by its number, as in world.robot.sensors.0"
+    cause = f": {str(error.__cause__).splitlines()[0]}" if error.__cause__ else ""
+    if text.startswith("Could not override '") and not text.startswith("Could not override 'hydra"):
+        return f"{words.strip('.')}{cause}{suggestion(text.split(chr(39))[1], plain(hydra.compose('config')))}"
+    name = re.search(r"Could not find '(?:.*/)?([^/']*)'", text)
+    return f"{words}{cause}{did_you_mean(name[1], text.split()) if name else ''}"
+
+
+_DETAILS = ("full_key", "object_type", "reference_type", "To append")  # lines that say nothing to a user, or too much
+
+
+def _not_utf8(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.rglob("*.yaml")):
+        try:
+            path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            yield path

@@ -1,0 +1,163 @@
+"""The command line: a call is composed by Hydra, checked as a whole, and its jobs are run."""
+
+import argparse
+import os
+import re
+import signal
+import sys
+import traceback
+import warnings
+from pathlib import Path
+
+import hydra
+from hydra._internal.utils import get_args_parser
+from omegaconf import DictConfig
+
+from repro.cli.call import Call, read_call
+from repro.cli.compose import Composed, composed, launch
+from repro.cli.errors import WANTS_TRACEBACKS, Refused, explain
+from repro.cli.jobs import resolve
+from repro.cli.logs import name_of
+from repro.cli.notes import print_notes
+from repro.cli.streams import complete_standard_streams, discard_output
+from repro.cli.tasks import keys_without_effect
+from repro.parallel import THREADS, has_gpu, use_one_thread
+from repro.runs.outputs import Outputs
+from repro.system.places import conf_directory
+from repro.world_config import plain
+
+
+def main() -> int:
+    """Run the call of the command line.
+
+    Returns:
+        0, 1 when a job failed, 2 when the call is refused, 130 when it is interrupted.
+    """
+    _prepare_process()
+    try:
+        return _run_call()
+    except Refused as refused:
+        print("error: this cannot be run", *(f"  {reason}" for reason in refused.args), sep="\n", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # such as | head
+        discard_output()
+        print("the output is not read any more: stopped; the same command resumes", file=sys.stderr)
+        return 1
+    except OSError as error:
+        if WANTS_TRACEBACKS or explain(error) is None:
+            raise
+        print(f"error: {explain(error)}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ninterrupted: the same command resumes", file=sys.stderr)
+        return 130
+
+
+def _prepare_process() -> None:
+    complete_standard_streams()
+    os.environ["MPLBACKEND"] = "agg"  # figures are files; Jupyter names a backend that others cannot import
+    # after Ctrl-C, joblib's helper process frees what its workers held, with warnings that say nothing to a user
+    quiet = "ignore:resource_tracker:UserWarning"
+    # and joblib replaces a worker whose memory has grown by 300 MB, as between two trainings
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), quiet]))
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: the workers of a sweep end with it
+
+
+def _run_call() -> int:
+    arguments, unknown = get_args_parser().parse_known_args()
+    if unknown:
+        raise Refused(f"{' '.join(unknown)}: not understood; options come first: run.py -m exp=3,4")
+    if any((arguments.help, arguments.hydra_help, arguments.cfg, arguments.info, arguments.shell_completion)):
+        if arguments.cfg or arguments.info:
+            with composed(arguments):  # refuses what cannot be composed
+                pass
+        hydra.main(version_base="1.3", config_path=str(conf_directory()), config_name="config")(run_composed)()
+        return 0
+    with composed(arguments) as jobs:
+        calls = read_calls(arguments, jobs)
+        print_notes(calls, arguments.overrides)
+        return _run_sweep(calls, jobs) if arguments.multirun else int(_run_one(calls[0], jobs[0]) is not None)
+
+
+def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call]:
+    """Return the typed calls of all jobs.
+
+    Raises:
+        Refused: a job cannot be run, or not beside the others.
+    """
+    _check_environment()
+    calls: list[Call] = []
+    errors: dict[str, None] = {}
+    for job in jobs:
+        try:
+            calls.append(read_call(job.values))
+        except Refused as refused:
+            errors |= dict.fromkeys(refused.args)
+    if errors:
+        raise Refused(*errors)
+    task, names = calls[0].task, dict.fromkeys(call.task for call in calls)
+    if len(names) > 1:
+        raise Refused(f"task={','.join(names)}: a sweep has one task; its jobs may run at the same time")
+    if unused := keys_without_effect(task, arguments.overrides):
+        raise Refused(*unused)
+    if len({call.outputs for call in calls}) < len(calls) and calls[0].facts.once:
+        raise Refused(f"task={task}: is done once for all runs; leave out the sweep")
+    targets = [(call.outputs, name_of(Path(call.scans))) for call in calls if call.scans]
+    if len(set(targets)) < len(targets):
+        name = next(name for outputs, name in targets if targets.count((outputs, name)) > 1)
+        raise Refused(f"several predictions would write to predictions/{name}: make a call with outputs= for each")
+    return calls
+
+
+def _check_environment() -> None:
+    """Check what the libraries would ignore or end with a traceback for."""
+    threads = os.environ.get(THREADS, "1")
+    if not re.fullmatch(r"[1-9]\d{0,3}(,[1-9]\d{0,3})*", threads):
+        raise Refused(f"{THREADS}={threads}: expected a number of threads, such as 1")
+
+
+def _run_one(call: Call, job: Composed) -> str | None:
+    if call.facts.place == "outputs":  # the task writes what it writes, and Hydra nothing beside it
+        return perform(call)
+    return job.run(lambda _: perform(call))
+
+
+def _run_sweep(calls: list[Call], jobs: list[Composed]) -> int:
+    """Run the jobs of a sweep by Hydra's launcher, then print its tables and failures; return the exit status."""
+    if not has_gpu():
+        use_one_thread()
+    results = launch(jobs, run_composed)
+    left_out: list[str] = []
+    if calls[0].task in ("all", "evaluate"):
+        from repro.cli.output import print_tables  # imports pandas
+
+        tables = tuple({call.decay: "main" if call.decay else "ablation" for call in calls}.values())
+        outputs = sorted({Path(call.outputs) for call in calls})
+        left_out = [error for path in outputs for error in print_tables(Outputs(path), tables)]
+    failed = [f"  {' '.join(job.overrides)}: {line}" for job, line in zip(jobs, results, strict=True) if line]
+    if failed:
+        print("failed:", *failed, sep="\n", file=sys.stderr)
+    return int(bool(failed or left_out))
+
+
+def run_composed(config: DictConfig) -> str | None:
+    """Run a job of a sweep, in whatever process the launcher starts it."""
+    return perform(read_call(plain(config)))
+
+
+def perform(call: Call) -> str | None:
+    """Run the task of a call; print and return why it failed, None if it did not."""
+    try:
+        call.facts.run(resolve(call))
+    except BrokenPipeError:
+        raise
+    except Exception as error:
+        message = explain(error)
+        if message is None or WANTS_TRACEBACKS:
+            traceback.print_exception(error)
+        line = (message or f"{type(error).__name__}: {error}").split("\n")[0]
+        print(f"error: {message or line}", file=sys.stderr, flush=True)
+        return line
+    return None
