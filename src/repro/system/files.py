@@ -202,6 +202,17 @@ def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
         guard.release()
 
 
+def is_locked(directory: Path, name: str = ".lock") -> bool:
+    """Return whether a process holds the lock of a directory, see `lock`; true if that cannot be seen."""
+    guard = FileLock(directory / name)
+    try:
+        guard.acquire(timeout=0)
+    except (Timeout, OSError):
+        return True
+    guard.release()
+    return False
+
+
 def first_line(error: Exception) -> str:
     """Return the first line of the message of an error, or its type if it has none."""
     return str(error).strip().split("\n")[0] or type(error).__name__
