@@ -19,6 +19,7 @@ from tf2_msgs.msg import TFMessage
 from repro.networks.predictor import load_predictor
 from repro.prediction.live import MAX_WAITING, LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
+from repro.prediction.times import window_of
 
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
 
@@ -31,18 +32,18 @@ def main() -> None:
     publisher = rospy.Publisher("predicted_map", OccupancyGrid, queue_size=10, latch=True)
 
     def publish(header, frame, predicted) -> None:
-        data = occupancy(predicted.free, undecided)
+        data = occupancy(predicted.free, undecided, predicted.unknown)
         publisher.publish(grid_message(TYPES, data, predicted, header.stamp, frame))
 
-    mapper = LiveMapper(
-        load_predictor(rospy.get_param("~weights", "rooms")),
-        publish,
-        rospy.logwarn,
+    predictor = load_predictor(rospy.get_param("~weights", "rooms"))
+    settings = window_of(
+        predictor,
         center="robot" if center == "robot" else two_numbers(center),
         steps=rospy.get_param("~steps", None),
         step_s=rospy.get_param("~step_s", None),
         range_max_m=rospy.get_param("~range_max_m", None),
     )
+    mapper = LiveMapper(predictor, publish, rospy.logwarn, settings)
     if rospy.get_param("~odometry", False):
         rospy.Subscriber("odom", Odometry, mapper.add_odometry)
     else:

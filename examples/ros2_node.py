@@ -23,6 +23,7 @@ from tf2_msgs.msg import TFMessage
 from repro.networks.predictor import load_predictor
 from repro.prediction.live import LiveMapper, two_numbers
 from repro.prediction.ros import grid_message, occupancy
+from repro.prediction.times import window_of
 
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # what map_server and nav2 use for maps
@@ -37,15 +38,15 @@ class MapPrediction(Node):
         center = self.value("center", "robot")
         self.undecided = two_numbers(self.value("undecided", ""))
         self.publisher = self.create_publisher(OccupancyGrid, "predicted_map", LATCHED)
-        mapper = LiveMapper(
-            load_predictor(self.value("weights", "rooms")),
-            self.publish,
-            self.get_logger().warning,
+        predictor = load_predictor(self.value("weights", "rooms"))
+        settings = window_of(
+            predictor,
             center="robot" if center == "robot" else two_numbers(center),
             steps=self.value("steps", 0) or None,
             step_s=self.value("step_s", 0.0) or None,
             range_max_m=self.value("range_max_m", 0.0) or None,
         )
+        mapper = LiveMapper(predictor, self.publish, self.get_logger().warning, settings)
         if self.value("odometry", False):
             self.create_subscription(Odometry, "odom", mapper.add_odometry, 100)
         else:
@@ -61,7 +62,7 @@ class MapPrediction(Node):
         return self.declare_parameter(name, default).value
 
     def publish(self, header, frame, predicted) -> None:
-        data = array.array("b", occupancy(predicted.free, self.undecided).tobytes())
+        data = array.array("b", occupancy(predicted.free, self.undecided, predicted.unknown).tobytes())
         self.publisher.publish(grid_message(TYPES, data, predicted, header.stamp, frame))
 
 

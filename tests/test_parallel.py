@@ -63,27 +63,29 @@ def test_the_memory_of_a_training_is_estimated_within_a_third(size_px, batch, pa
 
 
 @pytest.mark.parametrize(
-    ("idle", "printed", "threads"), [(True, "using 4 threads", None), (False, "using one thread", "1")]
+    ("idle", "logged", "threads"), [(True, "using 4 threads", None), (False, "using one thread", "1")]
 )
-def test_a_single_training_uses_several_threads_on_idle_cores_only(idle, printed, threads, monkeypatch, capsys):
+def test_a_single_training_uses_several_threads_on_idle_cores_only(idle, logged, threads, monkeypatch, caplog):
     monkeypatch.setattr(parallel, "count_cores", lambda: 4)
     monkeypatch.setattr(parallel, "cores_are_idle", lambda: idle)
     loaded = SimpleNamespace(set_num_threads=lambda number: taken.append(number))
     monkeypatch.setitem(sys.modules, "torch", loaded)
     taken: list[int] = []
+    caplog.set_level("INFO")
     use_idle_cores()
-    assert printed in capsys.readouterr().out
+    assert logged in caplog.text
     assert os.environ.get("OMP_NUM_THREADS") == threads
     assert taken == [int(threads or 4)]
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
 
 
-def test_threads_that_the_user_has_set_are_kept(monkeypatch, capsys):
+def test_threads_that_the_user_has_set_are_kept(monkeypatch, caplog):
+    caplog.set_level("INFO")
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     use_idle_cores()
     parallel.use_one_thread()
     assert os.environ["OMP_NUM_THREADS"] == "3"
-    assert capsys.readouterr().out == ""
+    assert caplog.text == ""
 
 
 def test_parallel_does_not_import_torch():

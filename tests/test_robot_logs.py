@@ -209,7 +209,7 @@ def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
 
 def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
     predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
-    monkeypatch.setattr(real_logs, "collect", lambda scans, path, spacing: standing_lidar(people=True))
+    monkeypatch.setattr(real_logs, "read_log", lambda path, settings, options: standing_lidar(people=True))
     cases = list(real_logs.standing(Path("people.bag"), predictor))
     for case in cases:
         x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2

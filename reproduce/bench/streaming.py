@@ -21,6 +21,7 @@ from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
 from repro.prediction.stream import PredictionStream
+from repro.prediction.times import WindowSettings
 from repro.prediction.windows import on_map
 from repro.reporting.names import predictor_title
 from repro.system.devices import one_thread
@@ -32,7 +33,7 @@ STEPS, SCANS = 100, 130  # the first `STEPS` - 1 scans fill the window
 
 def bench_streaming() -> None:
     """Print the median CPU time of an update, and of its encoding and its network alone, at 128 and 256 px."""
-    log = read_log(ROOT / "examples" / "rooms.npz", 0.05)
+    log = read_log(ROOT / "examples" / "rooms.npz", WindowSettings())
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
     predictors = {"U-Net, projection": unet}

@@ -13,26 +13,23 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader
 from scipy.ndimage import maximum_filter
 
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, observed
-from repro.prediction.logs import ScanLog, collect
-from repro.prediction.readers import carmen_scans
-from repro.prediction.readings import LogScan
-from repro.prediction.windows import Window, cut
+from repro.prediction.carmen import carmen_scans
+from repro.prediction.logs import ReadOptions, ScanLog, collect
+from repro.prediction.readers import read_log
+from repro.prediction.times import WindowSettings, window_of
+from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.scans import Scans
 from repro.system.errors import InputError
 
-LASER = "sensor_msgs/msg/LaserScan"
 FOV, REACH_M = math.pi / 2, 30.0
 STRIDE, STANDING_STRIDE = 10, 5  # steps between the ends of windows of a driving robot and of a standing lidar
-SHARED = 10  # steps that may have the same scan, see windows.cut
 SWING, PERIOD_S = math.pi / 4, 10.0  # of the virtual lidar: amplitude and period of its heading
 NEARER_M = 0.4  # than the median of its beam over the log: a reading of something that moves
 BLOCK_S = 10.0  # windows of a bag that are drawn together
@@ -79,12 +76,9 @@ def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
     It drives as far as in ten scans if that is more.
     """
     log = read(path).crop(FOV)
-    assert predictor.statistics, "published weights have them"
-    driven_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum()
-    scans = predictor.statistics.quantiles["path_m"][2] * (len(log) - 1) / driven_m  # in a window
-    step = float(max(scans / predictor.steps, 1 / SHARED))
+    settings = spaced_by_distance(log, window_of(predictor), predictor.statistics)
     reach_m = min(log.range_max_m, REACH_M)
-    for window in windows_of(log, path, predictor, step, STRIDE):
+    for window in windows_of(log, path, predictor, settings, STRIDE):
         assert window.held_out, "the log is cropped"
         yield Case(window, reach_m, clear_of(window.held_out, predictor.grid, reach_m))
 
@@ -92,18 +86,18 @@ def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
 def read(path: Path) -> ScanLog:
     """Read a gzipped CARMEN log; the time of a scan is its number."""
     with gzip.open(path, "rt", encoding="utf-8", errors="replace") as lines:
-        scans = [replace(scan, stamp=float(number)) for number, scan in enumerate(carmen_scans(lines, path))]
-    return collect(scans, path, 0.0)
+        return collect(carmen_scans(lines, path), path, WindowSettings(spacing="distance"))
 
 
 def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
     """Yield the windows of a virtual lidar at the place of a standing one; all other beams are held out."""
-    log = collect(bag_scans(path), path, 0.0)
+    settings = window_of(predictor)
+    log = read_log(path, settings, ReadOptions(pose=(0.0, 0.0, 0.0)))
     virtual, beams = swinging(log)
     is_moving = log.ranges < np.median(np.nan_to_num(log.ranges, nan=np.inf, posinf=np.inf), axis=0) - NEARER_M
     reach_m, grid = min(log.range_max_m, REACH_M), predictor.grid
     first_s = log.stamps[0] + (predictor.steps - 1) * predictor.step_s
-    for window in windows_of(virtual, path, predictor, predictor.step_s, STANDING_STRIDE):
+    for window in windows_of(virtual, path, predictor, settings, STANDING_STRIDE):
         number = int(np.searchsorted(log.stamps, window.stamp))
         ranges = log.ranges[number].copy()
         ranges[beams[number]] = np.nan
@@ -114,22 +108,6 @@ def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
         clear = clear_of(held_out, grid, reach_m)
         block = int((window.stamp - first_s) / BLOCK_S)
         yield Case(replace(window, held_out=held_out), reach_m, clear, observed(moving, grid, reach_m).hits, block)
-
-
-def bag_scans(path: Path) -> Iterator[LogScan]:
-    """Yield the scans of a bag of a standing lidar, which is at the origin."""
-    with AnyReader([path]) as bag:
-        for connection, _, raw in bag.messages([each for each in bag.connections if each.msgtype == LASER]):
-            message: Any = bag.deserialize(raw, connection.msgtype)
-            yield LogScan(
-                stamp=message.header.stamp.sec + message.header.stamp.nanosec / 1e9,
-                ranges=np.asarray(message.ranges),
-                first_angle=float(message.angle_min),
-                spacing=float(message.angle_increment),
-                range_min_m=float(message.range_min),
-                range_max_m=float(message.range_max),
-                pose=(0.0, 0.0, 0.0),
-            )
 
 
 def swinging(log: ScanLog) -> tuple[ScanLog, np.ndarray]:
@@ -147,10 +125,11 @@ def swinging(log: ScanLog) -> tuple[ScanLog, np.ndarray]:
     return replace(log, ranges=ranges, angles=log.angles[ahead], poses=poses), beams
 
 
-def windows_of(log: ScanLog, path: Path, predictor: Predictor, step_s: float, stride: int) -> Iterator[Window]:
-    """Yield the windows of a log around their last poses, given the time of a step [s] and the steps between them."""
-    options = {"stride_s": stride * step_s, "center": "robot", "size_m": predictor.grid.size_m}
-    for window in cut(log, steps=predictor.steps, step_s=step_s, **options):  # type: ignore[arg-type]
+def windows_of(
+    log: ScanLog, path: Path, predictor: Predictor, settings: WindowSettings, stride: int
+) -> Iterator[Window]:
+    """Yield the windows of a log around their last poses, given the steps between them."""
+    for window in cut(log, settings, stride * settings.step_s, predictor.grid.size_m):
         if isinstance(window, str):
             raise InputError(f"{path}: {window}")
         yield window

@@ -1,5 +1,6 @@
 """Processes, threads and trainings that run at the same time, without importing torch."""
 
+import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -14,6 +15,7 @@ from joblib.externals.loky import get_reusable_executor
 
 from repro.system.memory import available_memory_gb
 
+log = logging.getLogger(__name__)
 LEAST_IDLE = 0.75  # share of the time of all cores that must be free for them to count as idle
 THREADS = "OMP_NUM_THREADS"
 
@@ -59,15 +61,15 @@ def use_one_thread() -> None:
 
 @cache
 def use_idle_cores() -> None:
-    """Use all cores if they are idle, else one, unless the user or the sweep has set the threads; print which."""
+    """Use all cores if they are idle, else one, unless the user or the sweep has set the threads; log which."""
     if THREADS in os.environ:
         return
     if count_cores() > 1 and cores_are_idle():
-        print(f"using {count_cores()} threads, since the cores are idle; {THREADS}=1 uses one", flush=True)
+        log.info("using %d threads, since the cores are idle; %s=1 uses one", count_cores(), THREADS)
         if "torch" in sys.modules:  # which takes the cores of the machine, not those of a container
             sys.modules["torch"].set_num_threads(count_cores())
     elif count_cores() > 1:
-        print(f"using one thread, since the cores are busy; {THREADS} sets another number", flush=True)
+        log.info("using one thread, since the cores are busy; %s sets another number", THREADS)
         use_one_thread()
 
 

@@ -23,14 +23,14 @@ def test_plan_lists_recordings_trainings_evaluations_and_the_total():
     assert "1000 recordings: 12 s" in text
     assert all(part in text for part in ("6 x unet: ", "fpn: done", "1 x upernet: ", "2 x segformer: "))
     assert "evaluation and analysis of 9 runs: 45 s" in text
-    assert "in total, at 20 epochs per training" in text
+    assert "and the baselines, on idle cores, at 20 epochs a training" in text
 
 
 def test_one_training_is_not_divided_among_cores(monkeypatch):
     monkeypatch.setattr(plan, "training_seconds", lambda *_: 36000.0)
     monkeypatch.setattr(plan, "trainings_at_once", lambda *_: 8)
     text = "\n".join(plan_study(PAPER, RUNTIME, 0, 0.0, dict.fromkeys(NETWORKS, 0) | {"unet": 1}, 0))
-    assert "About 10 h in total" in text
+    assert "About 10 h and the baselines" in text
     assert "at the same time" not in text
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from repro.prediction.readers import read_log
+from repro.prediction.times import WindowSettings
 
 SCANS, BEAMS = 30, 181
 STAMPS = 100 + 0.1 * np.arange(SCANS)
@@ -43,7 +44,7 @@ def test_arrays_that_are_no_log_are_refused(change, message, tmp_path):
     arrays = ARRAYS | change
     np.savez(tmp_path / "log.npz", **{name: array for name, array in arrays.items() if array is not None})
     with pytest.raises(ValueError, match=message):
-        read_log(tmp_path / "log.npz", 0.05)
+        read_log(tmp_path / "log.npz", WindowSettings())
 
 
 def write(path: Path, shape: str, data: bytes, method: int = zipfile.ZIP_DEFLATED) -> None:
@@ -68,7 +69,7 @@ def test_npz_files_with_damaged_headers_are_refused(shape, message, tmp_path):
     path = tmp_path / "log.npz"
     write(path, shape, bytes(999))
     with pytest.raises(ValueError, match=message) as refused:
-        read_log(path, 0.05)
+        read_log(path, WindowSettings())
     assert str(path) in str(refused.value)
 
 
@@ -81,22 +82,22 @@ def test_npz_files_with_damaged_data_are_refused(method, tmp_path):
         member = archive.getinfo("ranges.npy")
     begin, end = member.header_offset + 40, member.header_offset + member.compress_size
     data = path.read_bytes()
-    assert len(read_log(path, 0.05)) == SCANS
+    assert len(read_log(path, WindowSettings())) == SCANS
     for place in range(begin, end, (end - begin) // 40):
         path.write_bytes(data[:place] + b"\xff" * 20 + data[place + 20 :])
         with pytest.raises(ValueError, match=r"cannot be read|is damaged|expected real numbers"):
-            read_log(path, 0.05)
+            read_log(path, WindowSettings())
 
 
 def test_an_npz_that_does_not_fit_in_the_memory_is_refused(tmp_path, monkeypatch):
     np.savez(tmp_path / "log.npz", **ARRAYS)
     monkeypatch.setattr("repro.prediction.arrays.available_memory_gb", lambda: 1e-6)
-    with pytest.raises(ValueError, match=r"ranges: needs 4.34e-05 GB of memory, 1e-06 GB are"):
-        read_log(tmp_path / "log.npz", 0.05)
+    with pytest.raises(ValueError, match=r"ranges: needs 0.000136 GB of memory, 1e-06 GB are"):
+        read_log(tmp_path / "log.npz", WindowSettings())
 
 
 def test_a_maximum_range_may_be_an_array_of_one_number(tmp_path):
     np.savez(tmp_path / "log.npz", **ARRAYS, range_max_m=np.array([81.83]))
-    log = read_log(tmp_path / "log.npz", 0.05)
+    log = read_log(tmp_path / "log.npz", WindowSettings())
     assert log.range_max_m == 81.83
     assert len(log) == SCANS

@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import yaml
@@ -8,6 +7,7 @@ from PIL import Image
 
 from repro.maps.grid import Grid
 from repro.prediction.output import draw, write_map, write_probabilities
+from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
 from repro.scans import Scans
 
@@ -19,15 +19,16 @@ def window() -> Window:
     return Window(1, 12.5, scans, (-3.0, 7.0), None)
 
 
+def predicted(free: np.ndarray, unknown: np.ndarray | None = None) -> StreamMap:
+    return StreamMap(free, (-3.0, 7.0), 0.5, 12.5, np.zeros(free.shape, bool) if unknown is None else unknown)
+
+
 def load_as_map_server(path) -> tuple[np.ndarray, dict]:
-    """Read a map as loadMapFromFile of nav2_map_server does, in mode scale: -1 to 100, row 0 at the bottom."""
+    """Read a map as loadMapFromFile of nav2_map_server does, in mode raw: -1 to 100, row 0 at the bottom."""
     facts = yaml.safe_load(path.read_text())
-    image = np.asarray(Image.open(path.with_name(facts["image"])), dtype=float)
-    shade = image / 255
-    occupied = shade if facts["negate"] else 1 - shade
-    scaled = np.rint((occupied - facts["free_thresh"]) / (facts["occupied_thresh"] - facts["free_thresh"]) * 100)
-    grid = np.where(occupied > facts["occupied_thresh"], 100, np.where(occupied < facts["free_thresh"], 0, scaled))
-    return grid[::-1], facts
+    assert facts["mode"] == "raw"
+    image = np.asarray(Image.open(path.with_name(facts["image"])), dtype=int)
+    return np.where(image <= 100, image, -1)[::-1], facts
 
 
 def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
@@ -35,7 +36,9 @@ def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
     row, column = 10, 70  # from the top left
     free[row, column] = 0
     free[50, 50] = 0.55
-    write_map(tmp_path / "map", free, window(), GRID)
+    unknown = np.zeros(free.shape, bool)
+    unknown[row, column], unknown[20, :30] = True, True
+    write_map(tmp_path / "map", predicted(free, unknown))
     cells, facts = load_as_map_server(tmp_path / "map.yaml")
     assert (tmp_path / "map.pgm").read_bytes().startswith(b"P5\n100 100\n255\n")
     (y,), (x,) = np.nonzero(cells == 100)
@@ -43,8 +46,10 @@ def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
     corner = (left + x * facts["resolution"], bottom + y * facts["resolution"])
     centers = GRID.centers().reshape(100, 100, 2)
     assert corner == pytest.approx(tuple(centers[row, column].numpy() - 0.25 + window().origin), abs=1e-4)
-    assert cells[49, 50] == 67  # (0.45 - 0.05) / (0.65 - 0.05), to a gray of 255
-    assert (cells == 0).sum() == 100 * 100 - 2
+    assert cells[49, 50] == 67  # (0.45 - 0.05) / (0.65 - 0.05)
+    assert (cells[79, :30] == -1).all()
+    assert (cells == -1).sum() == 30
+    assert (cells == 0).sum() == 100 * 100 - 2 - 30
 
 
 def test_the_figure_shows_the_hits_the_map_and_the_last_scan():
@@ -55,14 +60,15 @@ def test_the_figure_shows_the_hits_the_map_and_the_last_scan():
     assert np.array_equal(predicted, 255 * free)
     assert (last == 255).all()
     assert len(figure.axes[2].lines[0].get_xdata()) == 3
-    plt.close(figure)
 
 
 def test_probabilities_are_stored_with_their_place_and_time(tmp_path):
     free = np.random.default_rng(0).random((100, 100))
-    write_probabilities(tmp_path / "a.npz", free, window(), GRID)
+    unknown = free > 0.5
+    write_probabilities(tmp_path / "a.npz", predicted(free, unknown))
     with np.load(tmp_path / "a.npz") as content:
         assert content["free"] == pytest.approx(free, abs=1e-6)
+        assert np.array_equal(content["unknown"], unknown)
         assert content["origin"].tolist() == [-3, 7]
         assert (float(content["resolution"]), float(content["stamp"])) == (0.5, 12.5)
 
@@ -74,4 +80,3 @@ def test_the_figure_shows_the_beams_that_were_held_out():
     others, last, *_ = figure.axes[2].lines
     assert (len(others.get_xdata()), len(last.get_xdata())) == (2, 3)
     assert figure.axes[2].get_title() == "last scan, orange: held out"
-    plt.close(figure)

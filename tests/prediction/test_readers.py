@@ -13,11 +13,14 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from repro.prediction.logs import ScanLog, collect
+from repro.prediction.intake import LogScan, valid_ranges
+from repro.prediction.logs import ReadOptions, ScanLog, collect
 from repro.prediction.readers import read_log
-from repro.prediction.readings import LogScan, valid_ranges
+from repro.prediction.times import TimesLost, WindowSettings, parts_of
 
 SCANS, BEAMS = 30, 181
+WINDOWS = WindowSettings(steps=10)
+COUNTS = "101, 180, 181, 201, 360, 361, 401, 540, 541"  # of readings of FLASER
 STAMPS = 100 + 0.1 * np.arange(SCANS)
 POSES = np.stack([0.05 * np.arange(SCANS), -0.02 * np.arange(SCANS), 0.03 * np.arange(SCANS)], axis=-1)
 RANGES = 2 + np.random.default_rng(0).random((SCANS, BEAMS)).round(2)
@@ -62,26 +65,26 @@ def write_lines(path: Path, lines: list[str]) -> Path:
 @pytest.mark.parametrize("line", [flaser, robotlaser])
 def test_carmen(line, tmp_path):
     path = write_lines(tmp_path / "log.txt", [line(number) for number in range(SCANS)])
-    expect(read_log(path, 0.05))
+    expect(read_log(path, WINDOWS))
     packed = tmp_path / "any name"
     packed.write_bytes(gzip.compress(path.read_bytes()))
-    expect(read_log(packed, 0.05))
+    expect(read_log(packed, WINDOWS))
 
 
 def test_a_log_that_begins_with_a_byte_order_mark_loses_no_line(tmp_path):
     lines = ["PARAM robot_front_laser_max 81.83", *(flaser(number) for number in range(SCANS))]
     path = tmp_path / "log.txt"
     path.write_text("\n".join([*lines, ""]), encoding="utf-8-sig")
-    expect(read_log(path, 0.05))
+    expect(read_log(path, WINDOWS))
 
 
 def test_npz(tmp_path):
     angles = np.radians(np.arange(-90, 91))
     np.savez(tmp_path / "a.npz", ranges=RANGES, angles=angles, poses=POSES, stamps=STAMPS, range_max_m=81.83)
-    expect(read_log(tmp_path / "a.npz", 0.05))
+    expect(read_log(tmp_path / "a.npz", WINDOWS))
     reverse = {"ranges": RANGES[:, ::-1], "angles": angles[::-1]}
     np.savez(tmp_path / "b.npz", **reverse, poses=POSES, stamps=STAMPS, range_max_m=81.83)
-    expect(read_log(tmp_path / "b.npz", 0.05))
+    expect(read_log(tmp_path / "b.npz", WINDOWS))
 
 
 def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, scans: int = SCANS) -> Path:
@@ -152,48 +155,47 @@ def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, sca
 
 @pytest.mark.parametrize("poses", ["tf", "odometry"])
 def test_ros1_bags(poses, tmp_path):
-    expect(read_log(bag(tmp_path / "log.bag", 1, poses=poses), 0.05), atol=2e-3)
+    expect(read_log(bag(tmp_path / "log.bag", 1, poses=poses), WINDOWS), atol=2e-3)
 
 
-def test_odometry_of_a_frame_with_a_static_transform_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"no poses: odometry of base_link is left out: a static transform .* \['/"):
-        read_log(bag(tmp_path / "log.bag", 1, poses="conflict"), 0.05)
+def test_odometry_of_base_link_below_base_footprint_places_both(tmp_path):
+    expect(read_log(bag(tmp_path / "log.bag", 1, poses="conflict"), WINDOWS), atol=2e-3)
 
 
 @pytest.mark.parametrize("poses", ["tf", "odometry"])
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
 def test_ros2_bags(poses, storage, tmp_path):
     directory = bag(tmp_path / "log", 2, poses=poses, storage=storage)
-    expect(read_log(directory, 0.05), atol=2e-3)
+    expect(read_log(directory, WINDOWS), atol=2e-3)
     (file,) = (path for path in directory.iterdir() if path.suffix != ".yaml")
     if storage is StoragePlugin.MCAP:
         renamed = tmp_path / "recorded yesterday"
         file.rename(renamed)
-        expect(read_log(renamed, 0.05), atol=2e-3)
+        expect(read_log(renamed, WINDOWS), atol=2e-3)
 
 
 def test_named_odometry_replaces_the_transforms_but_not_the_mounting_of_the_lidar(tmp_path):
-    expect(read_log(bag(tmp_path / "log.bag", 1, poses="both"), 0.05, (None, "/odom")), atol=2e-3)
+    expect(read_log(bag(tmp_path / "log.bag", 1, poses="both"), WINDOWS, ReadOptions(None, "/odom")), atol=2e-3)
 
 
-def test_a_lidar_whose_mounting_is_not_known_is_reported_once(tmp_path, capsys):
-    read_log(bag(tmp_path / "log.bag", 1, poses="odometry"), 0.05)
-    assert capsys.readouterr().out.count("no transform of laser") == 1
-    read_log(bag(tmp_path / "other.bag", 1, poses="tf"), 0.05)
-    assert "no transform" not in capsys.readouterr().out
+def test_a_lidar_whose_mounting_is_not_known_is_reported_once(tmp_path, caplog):
+    read_log(bag(tmp_path / "log.bag", 1, poses="odometry"), WINDOWS)
+    assert caplog.text.count("no transform of laser") == 1
+    read_log(bag(tmp_path / "other.bag", 1, poses="tf"), WINDOWS)
+    assert caplog.text.count("no transform") == 1
 
 
 def test_the_pose_of_a_scan_is_that_of_its_middle(tmp_path):
-    log = read_log(bag(tmp_path / "log.bag", 1, poses="odometry"), 0.05)
+    log = read_log(bag(tmp_path / "log.bag", 1, poses="odometry"), WINDOWS)
     assert log.poses[:, 0] == pytest.approx(POSES[:, 0], abs=1e-6)
 
 
 def test_topics_are_named_when_they_are_missing(tmp_path):
     path = bag(tmp_path / "log.bag", 1, poses="tf")
     with pytest.raises(ValueError, match=r"no messages on /front .*there are /scan"):
-        read_log(path, 0.05, ("/front", None))
+        read_log(path, WINDOWS, ReadOptions("/front", None))
     with pytest.raises(ValueError, match=r"no messages on /odom .*there are none"):
-        read_log(path, 0.05, (None, "/odom"))
+        read_log(path, WINDOWS, ReadOptions(None, "/odom"))
 
 
 def lines_with(change) -> list[str]:
@@ -207,7 +209,8 @@ def lines_with(change) -> list[str]:
     [
         (5, flaser(4), "not later than the one before"),
         (5, flaser(2), "not later than the one before"),
-        (5, flaser(5, np.full(90, 2.0)), "with another number of beams than 181"),
+        (5, flaser(5, np.full(361, 2.0)), "with another number of beams than 181"),
+        (5, flaser(5, np.full(402, 2.0)), f"of 402 readings, which do not tell their angles as {COUNTS} do"),
         (5, flaser(5, np.full(BEAMS, np.nan)), "without a valid reading"),
         (5, flaser(5).replace("100.500000", "nan"), "without a time"),
         (5, flaser(5).replace("0.250000", "inf"), "without a pose"),
@@ -216,7 +219,7 @@ def lines_with(change) -> list[str]:
 def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason, tmp_path):
     lines = [flaser(each) for each in range(SCANS)]
     lines[number] = line
-    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
     assert log.skipped == {reason: 1}
     assert len(log) == SCANS - 1
 
@@ -227,7 +230,7 @@ def test_a_scan_without_a_valid_maximum_range_is_skipped_and_counted(number, wro
     """Its hits must not become misses, which are free space."""
     lines = [robotlaser(each) for each in range(SCANS)]
     lines[number] = lines[number].replace("81.83", wrong, 1)
-    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
     assert log.skipped == {"without a valid maximum range": 1}
     assert np.isfinite(np.delete(log.ranges, 40, axis=1)).all()
     assert log.range_max_m == 81.83
@@ -236,21 +239,21 @@ def test_a_scan_without_a_valid_maximum_range_is_skipped_and_counted(number, wro
 def test_a_parameter_in_the_log_that_makes_the_maximum_range_invalid_skips_the_scans_after_it(tmp_path):
     lines = [flaser(each) for each in range(SCANS)]
     lines.insert(20, "PARAM robot_front_laser_max 0")
-    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
     assert log.skipped == {"without a valid maximum range": SCANS - 20}
 
 
 def test_a_log_without_any_valid_maximum_range_is_refused(tmp_path):
     lines = [robotlaser(each).replace("81.83", "0", 1) for each in range(SCANS)]
     with pytest.raises(ValueError, match="expected a positive maximum range, got 0"):
-        read_log(write_lines(tmp_path / "log", lines), 0.05)
+        read_log(write_lines(tmp_path / "log", lines), WINDOWS)
 
 
-def test_a_maximum_range_that_changes_is_reported_and_the_smallest_holds_for_misses(tmp_path, capsys):
+def test_a_maximum_range_that_changes_is_reported_and_the_smallest_holds_for_misses(tmp_path, caplog):
     lines = [robotlaser(each) for each in range(SCANS)]
     lines[7] = lines[7].replace("81.83", "2.5", 1)
-    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
-    printed = capsys.readouterr().out
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
+    printed = caplog.text
     assert "the maximum range changes, 2.5 m in 1 scans, 81.83 m in 29 scans: misses show" in printed
     assert "up to the smallest, 2.5 m" in printed
     assert log.range_max_m == 2.5
@@ -262,36 +265,25 @@ def test_headings_in_degrees_are_refused_with_the_largest(tmp_path):
     arrays = {"ranges": RANGES, "angles": np.radians(np.arange(-90, 91)), "stamps": STAMPS}
     np.savez(tmp_path / "log.npz", **arrays, poses=POSES + np.array([0, 0, 180]))
     with pytest.raises(ValueError, match=r"the headings look like degrees, the largest is 180.9: expected radians"):
-        read_log(tmp_path / "log.npz", 0.05)
+        read_log(tmp_path / "log.npz", WINDOWS)
 
 
 def test_an_odd_first_scan_does_not_decide_the_beams(tmp_path):
     lines = [flaser(each) for each in range(SCANS)]
-    lines[0] = flaser(0, np.full(90, 2.0))
-    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    lines[0] = flaser(0, np.full(361, 2.0))
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
     assert log.skipped == {"with another number of beams than 181": 1}
     assert len(log) == SCANS - 1
 
 
-@pytest.mark.parametrize(
-    ("shifts", "kept"),
-    [
-        ({(20, SCANS): -500.0}, 20),
-        ({(0, 3): 3600.0}, SCANS - 3),
-    ],
-    ids=["set back", "set after the first scans"],
-)
-def test_the_longest_part_of_a_log_whose_clock_was_set_back_is_kept(shifts, kept, tmp_path):
-    count = SCANS
-    stamps = 1000.0 + 0.1 * np.arange(count)
-    for (begin, end), shift in shifts.items():
-        stamps[begin:end] += shift
-    arrays = {"ranges": np.full((count, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((count, 3))}
+@pytest.mark.parametrize("begin", [3, 20])
+def test_a_clock_that_is_set_begins_a_new_part(begin, tmp_path):
+    stamps = 1000.0 + 0.1 * np.arange(SCANS) - 500.0 * (np.arange(SCANS) >= begin)
+    arrays = {"ranges": np.full((SCANS, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((SCANS, 3))}
     np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
-    log = read_log(tmp_path / "log.npz", 0.05)
-    assert len(log) == kept
-    assert (np.diff(log.stamps) > 0).all()
-    assert log.skipped == {"before or after the clock was set back": count - kept}
+    log = read_log(tmp_path / "log.npz", WINDOWS)
+    assert log.stamps == pytest.approx(stamps)
+    assert parts_of(log.stamps, WINDOWS) == [(0, begin), (begin, SCANS)]
 
 
 @pytest.mark.parametrize("wrong", [0.0, 2000.0, 1e9])
@@ -300,9 +292,9 @@ def test_single_wrong_times_are_skipped(wrong, tmp_path):
     stamps[[4, 11, SCANS - 3]] = wrong
     arrays = {"ranges": np.full((SCANS, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((SCANS, 3))}
     np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
-    log = read_log(tmp_path / "log.npz", 0.05)
+    log = read_log(tmp_path / "log.npz", WINDOWS)
     assert log.stamps == pytest.approx(np.delete(stamps, [4, 11, SCANS - 3]))
-    assert log.skipped == {"more than 10 s away from the scans before and after": 3}
+    assert log.skipped == {"far in time from those before and after": 3}
 
 
 def test_times_that_go_back_again_and_again_are_refused(tmp_path):
@@ -310,8 +302,8 @@ def test_times_that_go_back_again_and_again_are_refused(tmp_path):
     stamps = 1000.0 + np.random.default_rng(0).permutation(count)
     arrays = {"ranges": np.full((count, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((count, 3))}
     np.savez(tmp_path / "log.npz", **arrays, stamps=stamps)
-    with pytest.raises(ValueError, match=r"time goes back by more than 10 s \d+ times: its times are lost"):
-        read_log(tmp_path / "log.npz", 0.05)
+    with pytest.raises(TimesLost, match=r"time goes back by more than a window \d+ times: its times are lost"):
+        read_log(tmp_path / "log.npz", WINDOWS)
 
 
 def test_headings_in_degrees_below_one_turn_are_refused(tmp_path):
@@ -319,16 +311,16 @@ def test_headings_in_degrees_below_one_turn_are_refused(tmp_path):
     poses = np.stack([np.ones(200), np.ones(200), 50 * np.sin(np.arange(200) / 8)], axis=1)
     np.savez(tmp_path / "log.npz", **arrays, poses=poses)
     with pytest.raises(ValueError, match="the headings look like degrees, they jump from scan to scan"):
-        read_log(tmp_path / "log.npz", 0.05)
+        read_log(tmp_path / "log.npz", WINDOWS)
     np.savez(tmp_path / "log.npz", **arrays, poses=poses * [1, 1, np.pi / 180])
-    assert len(read_log(tmp_path / "log.npz", 0.05)) == 200
+    assert len(read_log(tmp_path / "log.npz", WINDOWS)) == 200
 
 
 def test_the_beams_are_those_of_the_scans_with_a_pose():
     """Without a pose it is not known whether a lidar is upside down, so its angles may have the other sign."""
     placed = [LogScan(0.1 * step, np.full(5, 3.0), 0.4, -0.1, 0.1, 30.0, (0.0, 0.0, 0.0)) for step in range(60)]
     scans = [replace(each, first_angle=-0.4, spacing=0.1, pose=None) for each in placed[:40]] + placed[40:]
-    log = collect(scans, Path("log"), 0.05)
+    log = collect(scans, Path("log"), WINDOWS)
     assert len(log) == 20
     assert log.skipped == {"without a pose": 40}
     assert log.angles == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
@@ -338,17 +330,17 @@ def test_scans_without_beams_are_skipped_and_counted(tmp_path):
     """As some drivers send them before the lidar turns."""
     lines = [flaser(each) for each in range(SCANS)]
     lines[0] = flaser(0, [])
-    log = read_log(write_lines(tmp_path / "log", lines), 0.05)
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
     assert log.skipped == {"without beams": 1}
 
 
 def test_scans_without_beams_do_not_decide_the_beams():
     empty = [LogScan(0.1 * step, np.zeros(0), 0.0, 0.1, 0.1, 30.0, (0.0, 0.0, 0.0)) for step in range(30)]
     scans = [LogScan(3 + 0.1 * step, np.full(5, 3.0), 0.0, 0.1, 0.1, 30.0, (0.0, 0.0, 0.0)) for step in range(9)]
-    log = collect([*empty, *scans, replace(scans[-1], stamp=9.0, ranges=np.full(4, 3.0))], Path("log"), 0.05)
+    log = collect([*empty, *scans, replace(scans[-1], stamp=9.0, ranges=np.full(2, 3.0))], Path("log"), WINDOWS)
     assert log.skipped == {"without beams": 30, "with another number of beams than 5": 1}
     with pytest.raises(ValueError, match="expected beam angles in radians"):
-        collect([*empty, *(replace(scan, first_angle=-90.0, spacing=45.0) for scan in scans)], Path("log"), 0.05)
+        collect([*empty, *(replace(scan, first_angle=-90.0, spacing=45.0) for scan in scans)], Path("log"), WINDOWS)
 
 
 def test_a_reading_at_the_minimum_is_valid():
@@ -360,8 +352,12 @@ def test_a_reading_at_the_minimum_is_valid():
 def test_times_of_six_digits_are_an_error(tmp_path):
     """As in CARMEN logs written with %g: 1.01893e+09."""
     lines = [flaser(each).replace(f"{STAMPS[each]:.6f}", f"{1e9 + 1e4 * (each > 9):g}") for each in range(SCANS)]
-    with pytest.raises(ValueError, match="28 scans are not later than the one before, 2 are later: its times are lost"):
-        read_log(write_lines(tmp_path / "log", lines), 0.05)
+    path = write_lines(tmp_path / "log", lines)
+    with pytest.raises(TimesLost, match="28 scans are not later than the one before, 2 are later: its times are lost"):
+        read_log(path, WINDOWS)
+    log = read_log(path, replace(WINDOWS, spacing="distance"))
+    assert log.stamps.tolist() == list(range(SCANS))
+    assert log.poses == pytest.approx(POSES, abs=1e-6)
 
 
 def test_readings_at_the_maximum_are_misses_and_nan_and_zero_are_invalid(tmp_path):
@@ -369,7 +365,7 @@ def test_readings_at_the_maximum_are_misses_and_nan_and_zero_are_invalid(tmp_pat
     ranges[:3] = np.nan, 0, 90
     lines = [flaser(each) for each in range(SCANS)]
     lines[3] = flaser(3, ranges)
-    read = read_log(write_lines(tmp_path / "log", lines), 0.05).ranges[3, :3]
+    read = read_log(write_lines(tmp_path / "log", lines), WINDOWS).ranges[3, :3]
     assert np.array_equal(read, [np.nan, np.nan, np.inf], equal_nan=True)
 
 
@@ -377,14 +373,14 @@ def test_a_full_turn_has_no_beam_twice(tmp_path):
     angles = np.radians(np.arange(0, 361.0))
     ranges = np.full((SCANS, 361), 3.0)
     np.savez(tmp_path / "a.npz", ranges=ranges, angles=angles, poses=POSES, stamps=STAMPS)
-    assert len(read_log(tmp_path / "a.npz", 0.05).angles) == 360
+    assert len(read_log(tmp_path / "a.npz", WINDOWS).angles) == 360
 
 
 def test_scans_that_follow_too_soon_are_left_out(tmp_path):
     path = write_lines(tmp_path / "log", [flaser(number) for number in range(SCANS)])
-    log = read_log(path, 0.25)
+    log = read_log(path, replace(WINDOWS, step_s=0.5))
     assert len(log) == SCANS / 3
-    assert log.skipped == {"less than 0.25 s after the one before": SCANS * 2 / 3}
+    assert log.skipped == {"less than half a step after the one before": SCANS * 2 / 3}
 
 
 @pytest.mark.parametrize("first", [0.0, -math.pi])
@@ -416,12 +412,24 @@ def test_a_crop_that_keeps_all_beams_holds_none_out():
     assert log.crop(math.radians(90)).held_out(0) is None
 
 
-def test_the_maximum_range_also_ends_the_beams_outside_of_the_crop():
-    angles = np.radians(np.arange(-90, 91))
-    log = ScanLog(np.arange(2.0), np.full((2, 181), 12.0), angles, np.zeros((2, 3)))
-    for each in (log.crop(1.0).with_range(10.0), log.with_range(10.0).crop(1.0)):
-        held_out, _ = each.held_out(0)
-        assert np.isinf(held_out[~np.isnan(held_out)]).all()
+@pytest.mark.parametrize("stated", ["81.83", "2.5", "0", "nan"])
+def test_a_given_maximum_range_replaces_that_of_the_log(stated, tmp_path):
+    """Also where that of the log is below its readings, which would otherwise be free rays instead of hits."""
+    lines = [robotlaser(each).replace("81.83", stated, 1) for each in range(SCANS)]
+    log = read_log(write_lines(tmp_path / "log", lines), replace(WINDOWS, range_max_m=50.0))
+    expect(log)
+    held_out, _ = log.crop(1.0).held_out(0)
+    assert np.isinf(held_out[0, 40])
+    assert log.range_max_m == 50.0
+
+
+def test_readings_beyond_the_maximum_range_that_vary_are_named(tmp_path, caplog):
+    lines = [robotlaser(each).replace("81.83", "2.5", 1) for each in range(SCANS)]
+    read_log(write_lines(tmp_path / "log", lines), WINDOWS)
+    assert "readings beyond the maximum range, 2.5 m, vary like hits up to" in caplog.text
+    caplog.clear()
+    read_log(write_lines(tmp_path / "log", [robotlaser(each) for each in range(SCANS)]), WINDOWS)
+    assert "vary" not in caplog.text
 
 
 def altered(data: bytes) -> bytes:
@@ -447,7 +455,9 @@ NO_LOGS = {
         lambda path: (path.write_bytes(altered(gzip.compress(flaser(0).encode()))), path)[1],
         "is damaged",
     ),
-    "gzip of nothing": (lambda path: (path.write_bytes(gzip.compress(b"")), path)[1], "0 scans can be used"),
+    "gzip of nothing": (lambda path: (path.write_bytes(gzip.compress(b"")), path)[1], "is packed with gzip: unpack it"),
+    "gzip of a bag": (lambda path: (path.write_bytes(gzip.compress(b"#ROSBAG V2.0")), path)[1], "packed with gzip"),
+    "zstd": (lambda path: (path.write_bytes(b"\x28\xb5\x2f\xfd" + bytes(99)), path)[1], "packed with zstd: unpack it"),
     "bag header only": (lambda path: (path.write_bytes(b"#ROSBAG V2.0\n"), path)[1], "the bag cannot be read"),
     "mcap header only": (lambda path: (path.write_bytes(b"\x89MCAP0\r\n"), path)[1], "the bag cannot be read"),
     "sqlite header only": (lambda path: (path.write_bytes(b"SQLite format 3\0"), path)[1], "the bag cannot be read"),
@@ -455,7 +465,7 @@ NO_LOGS = {
     "bag without poses": (lambda path: bag(path.with_suffix(".bag"), 1, poses="none"), "no poses"),
     "bag without scans": (lambda path: bag(path.with_suffix(".bag"), 1, poses="tf", scans=0), "no messages of sensor"),
     "one scan": (lambda path: write_lines(path, [flaser(0)]), "1 scans can be used"),
-    "no scans": (lambda path: write_lines(path, []), "0 scans can be used"),
+    "no scans": (lambda path: write_lines(path, []), "expected lines FLASER or ROBOTLASER1 .*; its lines are PARAM"),
     "millimeters": (
         lambda path: write_lines(
             path, ["PARAM front_laser_max 90000", *(flaser(n, 1000 * RANGES[n]) for n in range(SCANS))]
@@ -464,7 +474,7 @@ NO_LOGS = {
     ),
     "a million beams": (
         lambda path: write_lines(path, [flaser(n, np.full(1_000_000, 2.0)) for n in range(2)]),
-        "expected scans of 2 to 100000 beams",
+        "0 scans can be used .2 of 1000000 readings, which do not tell their angles",
     ),
     "a short line": (lambda path: write_lines(path, [flaser(0)[:300]]), "line 3 is no FLASER line"),
     "no readings": (
@@ -480,7 +490,7 @@ def test_what_is_no_log_is_refused_with_its_name(name, tmp_path):
     make, message = NO_LOGS[name]
     path = make(tmp_path / "log")
     with pytest.raises(ValueError, match=message) as refused:
-        read_log(path, 0.05)
+        read_log(path, WINDOWS)
     assert str(path) in str(refused.value)
 
 
@@ -492,19 +502,19 @@ def test_a_bag_of_which_messages_are_lost_is_refused(tmp_path):
     middle = len(data) // 2
     path.write_bytes(data[:middle] + bytes(1000) + data[middle + 1000 :])
     with pytest.raises(ValueError, match=r"the bag is damaged: \d+ of 30 messages on /scan can be read; repair it"):
-        read_log(path, 0.05)
+        read_log(path, WINDOWS)
 
 
 def test_a_text_with_comments_is_no_carmen_log(tmp_path):
     with pytest.raises(ValueError, match="is of no known kind"):
-        read_log(write(tmp_path / "poses.txt", "# time x y heading\n0 1 2 3\n"), 0.05)
+        read_log(write(tmp_path / "poses.txt", "# time x y heading\n0 1 2 3\n"), WINDOWS)
 
 
-def test_a_carmen_log_without_a_maximum_range_is_named(tmp_path, capsys):
+def test_a_carmen_log_without_a_maximum_range_is_named(tmp_path, caplog):
     lines = [flaser(each) for each in range(SCANS)]
-    log = read_log(write(tmp_path / "log", "\n".join(lines)), 0.05)
+    log = read_log(write(tmp_path / "log", "\n".join(lines)), WINDOWS)
     assert log.range_max_m == 81.83
-    assert capsys.readouterr().out.count("81.83 m is taken, prediction.range_max_m=... chooses another") == 1
+    assert caplog.text.count("81.83 m is taken, prediction.range_max_m=... chooses another") == 1
 
 
 def write(path: Path, text: str) -> Path:

@@ -10,12 +10,17 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from repro.maps.grid import Grid
-from repro.prediction.ros import add_transforms, grid_message, log_scan, occupancy
+from repro.prediction.ros import LaserScans, add_transforms, grid_message, occupancy
 from repro.prediction.stream import StreamMap
 from repro.prediction.transforms import Transforms
 
 NAME = "nav_msgs/msg/OccupancyGrid"
 ORIGIN, RESOLUTION_M = (-3.0, 7.0), 0.5
+
+
+def converted(message, transforms):
+    scans = LaserScans(pytest.fail)
+    return scans.convert(message, scans.times(message), transforms)
 
 
 def types_of(store) -> dict:
@@ -37,6 +42,10 @@ def test_unknown_is_minus_one_and_the_rest_0_to_100():
     assert occupancy(free).tolist() == [50, 69, 71, 0, 100, -1]
     assert occupancy(free, (0.4, 0.7)).tolist() == [-1, -1, 71, 0, 100, -1]
     assert occupancy(free).dtype == np.int8
+    unknown = np.array([[True, True, False], [True, False, True]])
+    assert occupancy(free, unknown=unknown).tolist() == [-1, 69, 71, -1, 100, -1], "a predicted obstacle stays"
+    with pytest.raises(ValueError, match=r"undecided: expected two increasing probabilities, got 0\.7 and 0\.4"):
+        occupancy(free, (0.7, 0.4))
 
 
 @pytest.mark.parametrize("value", [-0.01, 1.01, np.inf])
@@ -79,7 +88,7 @@ def test_the_beams_of_a_lidar_point_where_its_transform_says(is_upside_down):
         limits = {"angle_min": -0.5, "angle_max": 1.0, "angle_increment": 0.5, "range_min": 0.0, "range_max": 30.0}
         ranges = np.array([1, 2, 3, 4], np.float32)
         rest = {"time_increment": 0.0, "scan_time": 0.1, "ranges": ranges, "intensities": ranges}
-        scan = log_scan(types["LaserScan"](header("laser"), **limits, **rest), transforms)
+        scan = converted(types["LaserScan"](header("laser"), **limits, **rest), transforms)
         angles = scan.pose[2] + scan.first_angle + scan.spacing * np.arange(4)
         found = np.array(scan.pose[:2]) + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         own = -0.5 + 0.5 * np.arange(4)

@@ -19,6 +19,7 @@ from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
 from repro.prediction.stream import PredictionStream
+from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
 from repro.scans import Scans
 
@@ -27,7 +28,7 @@ STEPS, GRID = 10, Grid(64, 50.0)
 
 @pytest.fixture(scope="module")
 def log() -> ScanLog:
-    return read_log(ROOT / "examples" / "rooms.npz", 0.05)
+    return read_log(ROOT / "examples" / "rooms.npz", WindowSettings())
 
 
 @pytest.fixture(
@@ -47,7 +48,7 @@ def small() -> Predictor:
 
 
 def windows(log: ScanLog, center) -> dict[float, Window]:
-    found = cut(log, steps=STEPS, step_s=0.1, stride_s=0.1, center=center, size_m=GRID.size_m)
+    found = cut(log, WindowSettings(center, STEPS), 0.1, GRID.size_m)
     return {round(window.stamp, 3): window for window in found if isinstance(window, Window)}
 
 
@@ -110,7 +111,7 @@ def test_maps_of_a_lidar_of_another_rate_are_those_of_the_log(small, log, rate, 
     stream = PredictionStream(small, log.angles, center=center, steps=STEPS)
     maps = [stream.update(*scan) for scan in zip(log.ranges, log.poses, log.stamps, strict=True)]
     found = {each.stamp: each for each in maps if each}
-    expected = list(cut(log, steps=STEPS, step_s=0.1, stride_s=0.2, center=center, size_m=GRID.size_m))
+    expected = list(cut(log, WindowSettings(center, STEPS), 0.2, GRID.size_m))
     assert len(expected) >= 10
     for window in expected:
         assert np.array_equal(found[window.stamp].free, small.predict(window.scans)[0])
@@ -165,7 +166,7 @@ def test_memory_is_constant(small, log):
         lengths = []
         for number in range(600):
             stream._add(number / rate, log.ranges[0], log.poses[0])
-            lengths.append(len(stream))
+            lengths.append(len(stream._kept))
         assert max(lengths) <= 2 * STEPS
     stream = PredictionStream(small, log.angles, steps=STEPS)
     feed(stream, log, np.arange(0, 3, 0.1))
@@ -199,8 +200,11 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
         ({"ranges": np.ones(7)}, r"expected ranges \(91,\) and a pose \(3,\), got \(7,\)"),
         ({"ranges": np.full(91, np.nan)}, "no valid reading"),
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
-        ({"pose": np.array([0, np.nan, 0])}, "finite pose and time"),
-        ({"stamp": float("nan")}, "finite pose and time"),
+        ({"pose": np.array([0, np.nan, 0])}, "finite pose"),
+        ({"stamp": float("nan")}, "expected finite seconds, got nan"),
+        ({"stamp": 1.7e18}, r"time: expected seconds, got 1.7e\+18, which looks like ns: float64 resolves 2.6e\+02"),
+        ({"stamp": 1.7e15}, "looks like us: float64 resolves 0.25"),
+        ({"stamp": 1.7e12}, "looks like ms"),
     ],
 )
 def test_a_scan_that_cannot_be_is_refused_and_left_out(small, log, change, message):
@@ -231,7 +235,7 @@ def test_a_window_without_information_is_refused(small, log):
 
 @pytest.mark.parametrize("center", ["start", (1,), (0, float("nan")), None])
 def test_an_unknown_center_is_refused(small, log, center):
-    with pytest.raises(ValueError, match="center: expected robot or x, y"):
+    with pytest.raises(ValueError, match="center: expected robot"):
         PredictionStream(small, log.angles, center=center)
 
 
@@ -254,7 +258,7 @@ def test_the_last_beam_of_a_full_turn_is_left_out_as_in_a_log(small, log, tmp_pa
     np.savez(tmp_path / "full.npz", **arrays)
     stream = PredictionStream(small, angles, center=(25.0, 25.0), steps=STEPS, range_max_m=None)
     *_, found = (stream.update(*scan) for scan in zip(ranges, arrays["poses"], arrays["stamps"], strict=True))
-    (window,) = windows(read_log(tmp_path / "full.npz", 0.05), (25.0, 25.0)).values()
+    (window,) = windows(read_log(tmp_path / "full.npz", WindowSettings(steps=STEPS)), (25.0, 25.0)).values()
     assert window.scans.ranges.shape[-1] == 360
     assert torch.equal(torch.as_tensor(found.free), small.predict(window.scans)[0])
 
@@ -263,7 +267,7 @@ def test_a_heading_in_degrees_is_refused(small, log):
     stream = PredictionStream(small, log.angles, steps=STEPS)
     with pytest.raises(ValueError, match="headings look like degrees, the largest is 90: expected radians"):
         stream.update(log.ranges[0], np.array([25, 25, 90.0]), 0.0)
-    assert len(stream) == 0
+    assert not stream._kept
 
 
 @pytest.mark.parametrize(("steps", "step_s"), [(9, 0.1), (0, 0.1), (50.5, 0.1), (100, 0.0), (100, float("inf"))])
@@ -276,8 +280,8 @@ def test_an_impossible_window_is_refused_at_once(small, log, steps, step_s):
 def test_the_window_is_that_of_the_training_unless_another_is_chosen(small, log):
     trained = dataclasses.replace(small, steps=40, step_s=0.5)
     usual, chosen = PredictionStream(trained, log.angles), PredictionStream(trained, log.angles, steps=10, step_s=0.2)
-    assert (usual.steps, usual.step_s) == (40, 0.5)
-    assert (chosen.steps, chosen.step_s) == (10, 0.2)
+    assert (usual.settings.steps, usual.settings.step_s) == (40, 0.5)
+    assert (chosen.settings.steps, chosen.settings.step_s) == (10, 0.2)
 
 
 def test_a_window_of_reversed_beams_or_another_byte_order_is_predicted(predictor, log):

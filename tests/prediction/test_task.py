@@ -31,6 +31,7 @@ def run(tmp_path, monkeypatch):
 
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
+        settings |= dict.fromkeys(("spacing", "pose", "mounting", "frame"), None) | {"inspect": False}
         settings |= {"fov_deg": None, "range_max_m": None, "animate": False, "scan_topic": None, "odometry_topic": None}
         chosen = SimpleNamespace(**settings | changes)
         job = SimpleNamespace(
@@ -45,14 +46,15 @@ def test_windows_with_the_same_reason_are_one_line(run, capsys):
     with pytest.raises(ValueError, match="none of its 6 windows or parts can be used, see above"):
         run(center=(1000.0, 1000.0))
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("left out")]
-    assert len(lines) == 1
+    assert len(lines) == 2
+    assert lines[1] == "left out: 6 in all, see the column left_out of windows.csv"
     assert (
-        "left out: 6 windows, the first is window 1 at 0.90 s: 1 of 1 windows are of a robot that is outside"
+        "left out: 6 windows or parts, the first is window 1 at 0.90 s: 1 of 1 windows are of a robot that is outside"
         in lines[0]
     )
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "more", "other.mcap"])
+@pytest.mark.parametrize("name", ["notes.txt", "more", "other.mcap", "window-9999.txt", "window-1.png"])
 def test_a_directory_with_other_files_is_not_replaced(run, tmp_path, name):
     (tmp_path / "predictions" / "rooms" / name).mkdir(parents=True)
     with pytest.raises(ValueError, match=f"rooms has files that are no prediction, such as {name}: move them"):

@@ -207,7 +207,7 @@ def test_why_a_frame_has_no_pose():
     transforms.add("base_link", "odom", 0.0, (0, 0, 0))
     assert transforms.why_unplaced("laser", 1.0).endswith("has no poses; the poses are of base_link in odom")
     transforms.add("base", "odom", 0.0, (0, 0, 0))
-    transforms.add("base", "odom", 0.5, (0, 0, 0))
+    transforms.add("base", "odom", 0.5, (1, 0, 0))
     assert transforms.pose_at("laser", 1.0) is None
     assert transforms.why_unplaced("laser", 1.0).endswith(
         "1.00 s, at most 1 s apart; there are poses from 0.00 to 0.50 s"

@@ -86,6 +86,14 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     assert " of training remain, estimated from finished trainings" in text
 
 
+def test_a_training_that_no_process_runs_is_stopped(tmp_path):
+    run = fake_run(tmp_path, "3", "fpn", 0.9, status=Status.training)
+    study = Study(Outputs(tmp_path), {"3": EXPERIMENTS["3"]}, 0)
+    assert "| FPN | stopped, 0 epochs |" in describe_outputs(study, PAIRS)
+    with run.exclusive():
+        assert "| FPN | training, 0 epochs |" in describe_outputs(study, PAIRS)
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"), [(0, "0 s"), (89, "89 s"), (90, "2 min"), (7199, "120 min"), (7200, "2 h")]
 )

@@ -203,7 +203,7 @@ def paused(recorded, tmp_path_factory):
         *((("best",), "altered"), (("last", "best"), "altered")),
     ],
 )
-def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, recorded, tmp_path, names, how, capsys):
+def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, recorded, tmp_path, names, how, caplog):
     path, weights = paused
     shutil.copytree(path, tmp_path / "run")
     run = prepared(tmp_path / "run", max_epochs=4)
@@ -218,8 +218,7 @@ def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, re
         }
         file.unlink() if how == "missing" else file.write_bytes(damaged[how])
     assert train(run, recorded, accelerator="cpu") is Status.trained
-    said = capsys.readouterr().out
-    assert ("skipping the damaged checkpoint" in said) == (how != "missing")
+    assert ("skipping the damaged checkpoint" in caplog.text) == (how != "missing")
     assert (run.model / "model.safetensors").read_bytes() == weights
 
 

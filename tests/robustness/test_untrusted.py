@@ -18,6 +18,7 @@ from repro.evaluation.evaluate import evaluate, read_quantized, read_ssim
 from repro.learning.training import train
 from repro.networks.predictor import load_predictor
 from repro.prediction.readers import read_log
+from repro.prediction.times import WindowSettings
 from repro.recordings.reader import read_manifest, read_shards
 from repro.reporting.verification import verify
 from repro.runs.directories import Run
@@ -171,7 +172,7 @@ def test_logs(tmp_path, marker, name):
             with archive.open(f"{other}.npy", "w") as file:
                 np.save(file, array)
     with pytest.raises(ValueError, match=f"{name}: expected real numbers, got object"):
-        read_log(tmp_path / "log.npz", 0.05)
+        read_log(tmp_path / "log.npz", WindowSettings())
 
 
 def test_published_results(tmp_path, marker):

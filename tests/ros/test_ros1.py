@@ -19,6 +19,8 @@ from rosbags.highlevel import AnyReader
 from repro.networks.predictor import load_predictor
 from repro.prediction.readers import read_log
 from repro.prediction.ros import occupancy, seconds
+from repro.prediction.stream import predict_map
+from repro.prediction.times import WindowSettings
 from repro.prediction.windows import cut
 
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
@@ -116,7 +118,7 @@ def bag(ros, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def log(bag):
-    return read_log(bag, 0.05)
+    return read_log(bag, WindowSettings())
 
 
 def test_a_recorded_bag_is_read(log):
@@ -143,8 +145,7 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     assert "skipped" not in output.read_text()
 
     predictor = load_predictor(WEIGHTS)
-    options = {"steps": STEPS, "step_s": 0.1, "stride_s": 0.1, "center": (12.5, 12.5), "size_m": 25.0}
-    windows = list(cut(log, **options))
+    windows = list(cut(log, WindowSettings((12.5, 12.5), STEPS), 0.1, 25.0))
     assert len(windows) == len(received)
     for window, grid in zip(windows, received, strict=True):
         assert seconds(grid.header.stamp) == pytest.approx(window.stamp, abs=1e-6)
@@ -152,7 +153,8 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
         assert (grid.info.width, grid.info.height, grid.info.resolution) == (128, 128, np.float32(25 / 128))
         assert (grid.info.origin.position.x, grid.info.origin.position.y) == (0, 0)
         assert grid.info.origin.orientation.w == 1
-        expected = occupancy(predictor.predict(window.scans)[0].numpy())
+        predicted = predict_map(predictor, window.scans, window.origin, window.stamp)
+        expected = occupancy(predicted.free, unknown=predicted.unknown)
         assert np.array_equal(grid.data, expected)
 
 

@@ -10,13 +10,13 @@ from repro.system import devices
 from repro.system.devices import compiles, resolve_device, resolve_precision
 
 
-def test_a_failed_compilation_is_reported_and_skipped(monkeypatch, capsys):
+def test_a_failed_compilation_is_reported_and_skipped(monkeypatch, caplog):
     def fail(self, *_, **__):
         self.forward = None  # the compiler's failure shows at the first call
 
     monkeypatch.setattr(torch.nn.Module, "compile", fail)
     assert not compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
-    assert "torch.compile failed (TypeError: 'NoneType' object is not callable)" in capsys.readouterr().out
+    assert "torch.compile failed (TypeError: 'NoneType' object is not callable)" in caplog.text
     monkeypatch.setattr(torch.nn.Module, "compile", lambda self: None)
     assert compiles(create_network(paper_model("fpn")), torch.zeros(2, 1, 64, 64))
 

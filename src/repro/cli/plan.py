@@ -71,5 +71,6 @@ def plan_study(
         total += seconds
         yield f"  evaluation and analysis of {evaluations} runs: {duration(seconds)}"
     if total:
-        yield f"About {duration(total)} in total, at {usual_epochs(config)} epochs per training. It can be interrupted:"
-        yield "the same command resumes."
+        yield "  classical baselines, which task=analysis evaluates: not measured, some minutes per experiment"
+        yield f"About {duration(total)} and the baselines, on idle cores, at {usual_epochs(config)} epochs a training;"
+        yield "it can be interrupted, the same command resumes"

@@ -3,41 +3,42 @@
 import math
 import re
 from collections.abc import Iterable
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 
-import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
 from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.cli.logs import name_of
+from repro.cli.prediction_report import describe, printed_messages, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
-from repro.maps.statistics import TITLES, Statistics, measure
+from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.agreement import COMPARISONS, SHARES, compare
+from repro.prediction.agreement import SHARES, compare
 from repro.prediction.animation import write_animation
-from repro.prediction.logs import ScanLog
+from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import draw, read_maps, window_number, write_map, write_probabilities
-from repro.prediction.readers import read_log
-from repro.prediction.readings import note_on_range, note_on_repeats
-from repro.prediction.windows import Window, cut
+from repro.prediction.readers import read_log, topics_of
+from repro.prediction.stream import predict_map
+from repro.prediction.times import TimesLost, WindowSettings, check_times, window_of
+from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
-Row = dict[str, float | str]
-JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
+Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = r"window-\d+\.\w+|windows\.csv|source\.json|animation\.gif"  # files of a directory, beside <its name>.mcap
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # beside <its name>.mcap
 
 
 def predict_log(job: Job) -> None:
     """Predict the map at the end of every window of a log.
 
     Raises:
-        ValueError: the log or the weights cannot be used, or no window of the log can.
+        InputError: the log or the weights cannot be used, or no window of the log can.
     """
     settings = job.call.prediction
     assert job.call.scans, "validated"
@@ -47,36 +48,41 @@ def predict_log(job: Job) -> None:
     weights = find("prediction.weights", settings.weights)
     print(f"network: {settings.weights}", flush=True)
     predictor = load_predictor(weights)
-    steps, step_s = _window(settings, predictor)
-    log = _log(path, step_s, settings)
-    for message in _notes(log, predictor):
-        print(message, flush=True)
-    predictor, range_max_m = predictor.with_range(log.range_max_m), min(log.range_max_m, COMPARED_M)
+    with printed_messages():
+        if settings.inspect:
+            print(*topics_of(path), sep="\n")
+        log, windows = _read(path, predictor, settings)
+        describe(log, windows, predictor.reach_m)
+    if settings.inspect:
+        _say_windows(log, windows)
+        return
+    predictor = predictor.with_range(log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
-    grid = predictor.grid
-    options = {"stride_s": settings.stride_s, "center": settings.center, "size_m": grid.size_m}
-    windows = cut(log, steps=steps, step_s=step_s, **options)  # type: ignore[arg-type]
+    stride = _stride(settings, windows, predictor)
+    found = cut(log, windows, stride, predictor.grid.size_m)
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
-        rows, left_out = _predict_all(windows, predictor, new, range_max_m)
-        if not rows:
-            raise InputError(f"{path}: none of its {left_out} windows or parts can be used, see above")
+        table = _predict_all(found, predictor, new, min(log.range_max_m, COMPARED_M))
+        predicted = table[table["left_out"].isna()]
+        if predicted.empty:
+            raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
         if settings.animate:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
         if mcap:
-            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), range_max_m)
+            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), min(log.range_max_m, COMPARED_M))
         write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
-        write_text(new / "windows.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4f"))
-    _warn(pd.DataFrame(rows), predictor.statistics)
-    _summarize(rows, target)
+        write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
+    warn_of(predicted, predictor.statistics)
+    summarize(predicted)
+    print(target)
 
 
 def _check_target(target: Path, *sources: Path) -> None:
     """Check that replacing a directory deletes neither what is read nor anything but earlier predictions.
 
     Raises:
-        ValueError: it would.
+        InputError: it would.
     """
     for source in sources:
         if source.resolve().is_relative_to(target.resolve()):
@@ -90,36 +96,68 @@ def _check_target(target: Path, *sources: Path) -> None:
         )
 
 
-def _window(settings: Prediction, predictor: Predictor) -> tuple[int, float]:
-    """Return steps and time of a step [s] of the windows; those of the training unless others are chosen.
+def _read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLog, WindowSettings]:
+    """Read a log, spaced by distance where its times are unusable and none is chosen, and return its windows."""
+    windows = _windows(predictor, settings)
+    options = ReadOptions(
+        settings.scan_topic,
+        settings.odometry_topic,
+        settings.frame,
+        (0.0, 0.0, 0.0) if settings.pose == "fixed" else settings.pose and tuple(settings.pose),
+        settings.mounting and tuple(settings.mounting),
+    )
+    log: ScanLog | None = None
+    if settings.spacing != "distance":
+        try:
+            log = read_log(path, windows, options)
+            check_times(log.stamps, windows)
+        except TimesLost as error:
+            if settings.spacing == "time" or predictor.statistics is None:
+                advice = "use prediction.spacing=distance, or another prediction.step_s"
+                raise InputError(f"{error}: {advice}") from error
+            print(f"{error}: the scans are spaced by distance, as with prediction.spacing=distance", flush=True)
+            log = None
+    if log is None:
+        log = read_log(path, replace(windows, spacing="distance"), options)
+        windows = spaced_by_distance(log, windows, predictor.statistics)
+    return log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log, windows
+
+
+def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
+    """Return the windows; those of the training unless others are chosen.
 
     Raises:
-        ValueError: the map of the window would move, and the network has learned fixed obstacles.
+        InputError: the map of the window would move, and the network has learned fixed obstacles; or the step has a
+            time, and the scans none.
     """
+    center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
     try:
-        predictor.check_center(settings.center)
+        predictor.check_center(center)
     except InputError as error:
         raise InputError(f"prediction.center: {error}") from error
-    steps, step_s = predictor.window(settings.steps, settings.step_s)
-    if (steps, step_s) != predictor.window():
-        known = f"{predictor.steps} steps of {predictor.step_s:g} s"
-        print(f"warning: windows of {steps} steps of {step_s:g} s, the network was trained with {known}")
-    return steps, step_s
+    if settings.spacing == "distance" and settings.step_s is not None:
+        raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
+    windows = window_of(predictor, center, settings.steps, settings.step_s, settings.range_max_m)
+    if (windows.steps, windows.step_s) != predictor.window():
+        chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
+        print(f"warning: windows of {chosen}, the network was trained with {known}")
+    return windows
 
 
-def _log(path: Path, step_s: float, settings: Prediction) -> ScanLog:
-    """Read and describe a log."""
-    log = read_log(path, step_s / 2, (settings.scan_topic, settings.odometry_topic))
-    log = log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log
-    log = log.with_range(settings.range_max_m) if settings.range_max_m else log
-    _describe(log)
-    return log
+def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor) -> float:
+    """Return the time between two windows [s], or the scans between two that are spaced by distance."""
+    is_spaced = windows.spacing == "distance"
+    return settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
 
 
-def _notes(log: ScanLog, predictor: Predictor) -> list[str]:
-    """Return what the user should know about the maximum range of a log."""
-    notes = [note_on_range(log.range_max_m, predictor.reach_m), note_on_repeats(log.ranges)]
-    return [note for note in notes if note]
+def _say_windows(log: ScanLog, windows: WindowSettings) -> None:
+    """Print the windows that would be predicted."""
+    check_times(log.stamps, windows)
+    unit = "s" if windows.spacing == "time" else "scans"
+    print(
+        f"would be used: windows of {windows.steps} steps of {windows.step_s:.3g} {unit}, from {log.stamps[0]:.2f} to "
+        f"{log.stamps[-1]:.2f} {unit}, maximum range {log.range_max_m:.4g} m"
+    )
 
 
 def _mcap(log: ScanLog) -> ModuleType:
@@ -134,97 +172,45 @@ def _mcap(log: ScanLog) -> ModuleType:
 
 def _predict_all(
     windows: Iterable[Window | str], predictor: Predictor, directory: Path, range_max_m: float
-) -> tuple[list[Row], int]:
-    """Predict the windows; print the reasons for which some are left out, each once, and return rows and their number.
+) -> pd.DataFrame:
+    """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason.
 
     Raises:
         ValueError: of a library; those about a window leave it out.
     """
     rows: list[Row] = []
-    left_out: dict[str, list[str]] = {}
     for window in tqdm(windows, unit="window", disable=None):
         if isinstance(window, str):
-            left_out.setdefault(window, []).append("")
+            rows.append({"left_out": window})
             continue
+        row: Row = {"window": window.number, "stamp": window.stamp}
         try:
-            rows.append(_predict(window, predictor, directory, range_max_m))
+            rows.append(row | _predict(window, predictor, directory, range_max_m))
         except InputError as error:
-            left_out.setdefault(str(error), []).append(f"window {window.number} at {window.stamp:.2f} s: ")
-    for reason, names in left_out.items():
-        many = f"{len(names)} windows, the first is {names[0]}" if len(names) > 1 else names[0]
-        print(f"left out: {many}{reason}", flush=True)
-    return rows, sum(map(len, left_out.values()))
+            rows.append(row | {"left_out": str(error)})
+    table = pd.DataFrame(rows, columns=[*dict.fromkeys(("window", "stamp", *chain(*rows), "left_out"))])
+    table.insert(len(table.columns) - 1, "left_out", table.pop("left_out"))  # as the last column
+    table["window"] = table["window"].astype("Int64")
+    say_left_out(table[table["left_out"].notna()])
+    return table
 
 
 def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> Row:
     """Predict one window, write its files and return its row."""
     grid = predictor.grid
-    free = predictor.predict(window.scans)[0].numpy()
+    predicted = predict_map(predictor, window.scans, window.origin, window.stamp, range_max_m)
     stem = directory / f"window-{window.number:04d}"
-    write_probabilities(stem.with_suffix(".npz"), free, window, grid)
-    write_map(stem, free, window, grid)
-    figure = draw(window, free, grid)
-    figure.savefig(stem.with_suffix(".png"), dpi=120)
-    plt.close(figure)
-    row: Row = {"window": window.number, "stamp": window.stamp, "obstacle_share": float((free < 0.5).mean())}
+    write_probabilities(stem.with_suffix(".npz"), predicted)
+    write_map(stem, predicted)
+    draw(window, predicted.free, grid).savefig(stem.with_suffix(".png"), dpi=120)
+    row: Row = {"obstacle_share": float((predicted.free < 0.5).mean()), "unknown_share": predicted.unknown_share}
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
     statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
-    row |= statistics | {"outside_training": " ".join(_outside(statistics, predictor.statistics))}
-    compared = compare(window, free, grid, range_max_m)
+    outside = predictor.statistics.outside(statistics) if predictor.statistics else []
+    row |= statistics | {"outside_training": " ".join(outside)}
+    compared = compare(window, predicted.free, grid, range_max_m)
     if window.following:
         hits, passed = (compared[name] for name in SHARES)
         line += f"; next scan: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free"
     print(line, flush=True)
     return row | compared
-
-
-def _outside(values: dict[str, float], statistics: Statistics | None) -> list[str]:
-    return statistics.outside(values) if statistics else []
-
-
-def _warn(table: pd.DataFrame, statistics: Statistics | None) -> None:
-    """Print one warning for each statistic of the scans that is outside the training data in some window."""
-    if statistics is None:
-        print("warning: the weights have no statistics of their training data, so the log is not compared with it")
-        return
-    for name in statistics.quantiles:
-        is_outside = table["outside_training"].str.split().map(lambda names, name=name: name in names)
-        if is_outside.any():
-            low, high = statistics.range_of(name)
-            values = table.loc[is_outside, name]
-            spread = f"{values.min():.3g}" + (f" to {values.max():.3g}" if values.max() > values.min() else "")
-            known = f"{low:.3g}" + (f" to {high:.3g}" if high > low else "")
-            print(
-                f"warning: {TITLES.get(name, name)}: {spread} in {is_outside.sum()} of {len(table)} windows, {known} "
-                f"in the {statistics.windows} windows of the training"
-            )
-            is_wider = table["outside_training"].str.contains("fov_deg").any()  # and therefore sees more
-            if name == "occupied_share" and values.max() > high and not is_wider:
-                print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
-
-
-def _describe(log: ScanLog) -> None:
-    first, last = (math.degrees(log.angles[end]) for end in (0, -1))
-    rate = (len(log) - 1) / (log.stamps[-1] - log.stamps[0])
-    print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {rate:.1f} per second")
-    steps_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1)
-    jumps = np.flatnonzero(steps_m > JUMP_M_S * np.diff(log.stamps))
-    if len(jumps):
-        where = f"the first by {steps_m[jumps[0]]:.1f} m at {log.stamps[jumps[0] + 1]:.2f} s"
-        print(f"warning: the poses jump {len(jumps)} times, {where}: windows across a jump have wrong maps")
-    invalid = np.isnan(log.ranges).mean()
-    if invalid:
-        print(f"invalid: {invalid:.1%} of the readings (NaN, zero, below the minimum): neither a hit nor free space")
-    for reason, count in log.skipped.items():
-        print(f"skipped: {count} scans {reason}", flush=True)
-
-
-def _summarize(rows: list[Row], target: Path) -> None:
-    table = pd.DataFrame(rows)
-    print(f"{len(table)} windows; mean shares:")
-    for prefix, title in COMPARISONS.items():
-        columns = [prefix + name for name in SHARES]
-        if set(columns) <= set(table):
-            hits, passed = table[columns].mean()
-            print(f"  {title}: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free")
-    print(target)

@@ -85,6 +85,17 @@ def _is_center(value: Any) -> Any:
     return value
 
 
+def _is_pose(value: Any) -> Any:
+    is_list = isinstance(value, list) and len(value) == 3 and all(type(number) in (int, float) for number in value)
+    if not (is_list and all(math.isfinite(number) and abs(number) <= 1e7 for number in value)):
+        raise InputError("must be [x,y,heading] in meters and radians")
+    return value
+
+
+def _is_fixed_pose(value: Any) -> Any:
+    return value if value == "fixed" else _is_pose(value)
+
+
 @dataclass(frozen=True)
 class Prediction:
     """Settings of task=predict.
@@ -94,13 +105,19 @@ class Prediction:
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
         stride_s: time between two windows [s].
+        spacing: time, or distance to take the scans of a log as evenly spaced; None for distance only where the times
+            of the log are unusable.
         center: center of the map: robot, start, or x, y in the frame of the log [m].
+        pose: fixed, or x, y [m] and heading [rad], of a lidar that stands; None for the poses of the log.
+        mounting: x, y [m] and heading [rad] of the lidar on the robot; None for that of the log.
         fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
         range_max_m: maximum range of the lidar [m]; None for that of the log.
         animate: whether to write an animation of all windows.
         scan_topic: topic of the scans in a bag; None to find it.
         odometry_topic: topic of the odometry in a bag; None to find it.
+        frame: frame of the poses in a bag; None for the topmost one.
         mcap: whether to write an MCAP file, too.
+        inspect: whether only to say what the log has and what would be used.
     """
 
     __pydantic_config__ = KNOWN_KEYS
@@ -109,13 +126,18 @@ class Prediction:
     steps: Annotated[int, Field(ge=1, le=10_000)] | None
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
+    spacing: Annotated[str, choice("time", "distance")] | None
     center: Annotated[Any, AfterValidator(_is_center)]
+    pose: Annotated[Any, AfterValidator(_is_fixed_pose)] | None
+    mounting: Annotated[Any, AfterValidator(_is_pose)] | None
     fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
     range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
     animate: bool
     scan_topic: str | None
     odometry_topic: str | None
+    frame: str | None
     mcap: bool
+    inspect: bool
 
 
 @dataclass(frozen=True)

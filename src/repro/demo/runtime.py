@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import logging
 import os
 import tarfile
 import urllib.request
@@ -13,6 +14,7 @@ from pathlib import Path
 from repro.system.errors import InputError
 from repro.system.files import replacing
 
+log = logging.getLogger(__name__)
 VERSION = "1.30.0"
 ARCHIVE = f"onnxruntime-web-{VERSION}.tgz"
 URL = f"https://registry.npmjs.org/onnxruntime-web/-/{ARCHIVE}"
@@ -62,7 +64,7 @@ def cached_archive() -> Path:
 
 
 def _download() -> bytes:
-    print(f"downloading {URL} (33 MB) to {cached_archive()}", flush=True)
+    log.info("downloading %s (33 MB) to %s", URL, cached_archive())
     try:
         with urllib.request.urlopen(URL, timeout=TIMEOUT_S) as response:
             return response.read()

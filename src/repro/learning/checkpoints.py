@@ -1,6 +1,7 @@
 """Checkpoints that survive interruptions: atomic writes, one previous version, checksums verified before a resume."""
 
 import io
+import logging
 import os
 import pickle
 import shutil
@@ -12,6 +13,8 @@ import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from repro.system.files import replacing
+
+log = logging.getLogger(__name__)
 
 
 class WholeCheckpointIO(TorchCheckpointIO):
@@ -42,7 +45,7 @@ def resume_from(directory: Path) -> Path | None:
     if intact and find_best(directory):
         return intact
     if candidates:
-        print(f"no intact checkpoint in {directory}: the training restarts", flush=True)
+        log.warning("no intact checkpoint in %s: the training restarts", directory)
         shutil.rmtree(directory)
     return None
 
@@ -69,5 +72,5 @@ def _is_intact(path: Path) -> bool:
     except (zipfile.BadZipFile, OSError, EOFError, ValueError, RuntimeError, pickle.UnpicklingError) as error:
         damaged = str(error).split("\n")[0]
     if damaged:
-        print(f"skipping the damaged checkpoint {path} ({damaged})", flush=True)
+        log.warning("skipping the damaged checkpoint %s (%s)", path, damaged)
     return not damaged

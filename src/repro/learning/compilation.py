@@ -1,12 +1,15 @@
 """Compilation of a network with torch.compile for its training."""
 
 import copy
+import logging
 
 import torch
 from lightning.pytorch.plugins import Precision
 from torch import nn
 
 from repro.system.devices import compiles
+
+log = logging.getLogger(__name__)
 
 
 def compile_network(network: nn.Module, batch: tuple[int, ...], device: str, precision: Precision) -> bool:
@@ -21,7 +24,7 @@ def compile_network(network: nn.Module, batch: tuple[int, ...], device: str, pre
     Returns:
         whether it is compiled; if not, the reason has been printed and the network is unchanged.
     """
-    print("compiling the network, which takes a minute or two", flush=True)
+    log.info("compiling the network, which takes a minute or two")
     spare = precision.convert_module(copy.deepcopy(network).to(device))
     images = precision.convert_input(torch.zeros(batch, device=device)).to(memory_format=torch.channels_last)
     with precision.forward_context():

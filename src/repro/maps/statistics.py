@@ -15,9 +15,11 @@ from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
 LEVELS = (0.0, 0.01, 0.5, 0.99, 1.0)
-MARGIN = 0.01  # relative; some statistics are constant in training, such as the field of view
+MARGIN = 0.01  # of each bound; some statistics are constant in training, such as the field of view
+ASSUMED = {"valid_share": (1.0, 1.0, 1.0, 1.0, 1.0)}  # of weights without it: simulated lidars lost no beam
 MAY_EXCEED = ("beams",)  # a lidar with more beams in the same field of view draws nearly the same images
 TITLES = {
+    "valid_share": "share of the readings that are valid",
     "hit_share": "share of the beams with a hit",
     "occupied_share": "share of the pixels of the map with a hit",
     "hit_age_steps": "mean age of the newest hits of the pixels [steps]",
@@ -41,21 +43,27 @@ class Statistics:
     windows: int
     quantiles: dict[str, tuple[float, float, float, float, float]]
 
+    @property
+    def names(self) -> list[str]:
+        """Return the names of the statistics whose range in training is known."""
+        return [*(ASSUMED.keys() - self.quantiles.keys()), *self.quantiles]
+
     def range_of(self, name: str) -> tuple[float, float]:
         """Return the lowest and highest value in training."""
-        return self.quantiles[name][0], self.quantiles[name][-1]
+        levels = self.quantiles[name] if name in self.quantiles else ASSUMED[name]
+        return levels[0], levels[-1]
 
     def outside(self, values: Mapping[str, float]) -> list[str]:
         """Return the names of the statistics that are outside their range in training by more than one percent.
 
         More beams than in training are not named.
         """
-        return [name for name, value in values.items() if name in self.quantiles and not self._covers(name, value)]
+        return [name for name in self.names if name in values and not self._covers(name, values[name])]
 
     def _covers(self, name: str, value: float) -> bool:
         low, high = self.range_of(name)
-        margin = MARGIN * max(abs(low), abs(high))
-        return low - margin <= value and (value <= high + margin or name in MAY_EXCEED)
+        is_enough = value >= low - MARGIN * abs(low)
+        return is_enough and (value <= high + MARGIN * abs(high) or name in MAY_EXCEED)
 
 
 def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:
@@ -76,6 +84,7 @@ def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:
     turns = wrapped(moves[..., 2])
     hits = torch.where(torch.isfinite(ranges), ranges, torch.nan).flatten(1)
     values = {
+        "valid_share": 1 - torch.isnan(ranges).double().mean(dim=(1, 2)),
         "hit_share": torch.isfinite(ranges).double().mean(dim=(1, 2)),
         "occupied_share": is_occupied.double().mean(dim=1),
         "hit_age_steps": ((steps - newest) * is_occupied).sum(dim=1) / is_occupied.sum(dim=1),

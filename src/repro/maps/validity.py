@@ -15,6 +15,7 @@ from repro.system.errors import InputError
 
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
 JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
+MIN_VALID = 0.05  # of the readings; a map from fewer would be nearly free of obstacles, and of reasons
 MIN_STEPS = 10  # of which most are jumps
 RADIANS = "expected radians, from -pi to pi if the robot turns often"
 
@@ -29,8 +30,8 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
 
     Raises:
         ValueError: a window has no valid reading, a range is not positive, an angle or pose is not finite or seems to
-            be in degrees; or, unless `allow_empty`, a window has no hit on the map, or the robot is outside the map at
-            the last step or at most steps.
+            be in degrees; or, unless `allow_empty`, less than `MIN_VALID` of the readings are valid, a window has no
+            hit on the map, or the robot is outside the map at the last step or at most steps.
     """
     ranges, angles, poses = windows.ranges, windows.angles, windows.poses
     expected = "expected meters, inf for a miss, NaN for an invalid reading"
@@ -42,6 +43,9 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", RADIANS)
     if allow_empty:
         return
+    valid = 1 - torch.isnan(ranges).float().flatten(1).mean(1)
+    expected = f"expected at least {MIN_VALID:.0%} of them, of which the fewest have {valid.min():.1%}"
+    _refuse(valid < MIN_VALID, "windows", "with too few valid readings", expected)
     inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)  # (B, T)
     expected = f"expected the last pose and most others on the map, x and y from 0 to {grid.size_m:g} m"
     _refuse(~inside[:, -1], "windows", "of a robot that is outside the map at the last step", expected)

@@ -1,6 +1,7 @@
 """Scans with poses from ROS 1 bags, ROS 2 bags and MCAP files, read by rosbags (extra `ros`)."""
 
-import tempfile
+import logging
+import math
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,19 +9,22 @@ from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
-from rosbags.typesys import Stores, get_typestore
 
-from repro.prediction.readings import LogScan
-from repro.prediction.ros import add_odometry, add_transforms, log_scan, middle_of
+from repro.prediction.bag_files import open_bag
+from repro.prediction.intake import MAX_BEAMS, LogScan
+from repro.prediction.logs import ReadOptions
+from repro.prediction.ros import LaserScans, add_odometry, add_transforms
 from repro.prediction.transforms import Transforms, without_transform
 from repro.system.errors import InputError
 
+LOGGER = logging.getLogger(__name__)
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-SUFFIXES = {b"#ROSBAG": ".bag", b"\x89MCAP0\r": ".mcap", b"SQLite ": ".db3"}  # by the first seven bytes
+MAX_MESSAGE_BYTES = 1000 + 8 * MAX_BEAMS  # of a scan with intensities; transforms have fewer
+FILTERED = ("filter", "fused", "ekf", "ukf")  # in the names of topics of estimates from several sensors
 
 
-def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) -> Iterator[LogScan]:
+def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
     """Read the scans of a bag with the pose of the lidar at the middle of each scan.
 
     The pose is composed of the transforms from the frame of the scan up to the last parent, usually `map` or `odom`,
@@ -28,105 +32,147 @@ def bag_scans(path: Path, scan_topic: str | None, odometry_topic: str | None) ->
     reported once; see `Transforms.base_of`.
 
     Args:
-        path: the file, or the directory of a ROS 2 bag.
-        scan_topic: topic of the scans; None for the LaserScan topic with the most messages.
-        odometry_topic: topic of the odometry, which then replaces all transforms that are not static; None for the
-            Odometry topic with the most messages, which only adds to the transforms.
+        path: the file, or the directory of a ROS 2 bag or of the parts of a bag.
+        options: topics, frame and poses. Named odometry replaces all transforms that are not static.
 
     Raises:
-        ValueError: the bag is damaged, or has no such topic, no scans or no poses.
+        InputError: the bag is damaged, or has no such topic, no scans or no poses.
     """
-    with tempfile.TemporaryDirectory() as directory:
-        try:
-            with AnyReader(
-                [_with_suffix(path, Path(directory))], default_typestore=get_typestore(Stores.LATEST)
-            ) as bag:
-                scans = _topic(bag, path, [LASER], scan_topic)
-                transforms = _transforms(bag, path, odometry_topic)
-                reported, is_explained = set[str](), False
-                for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == scans]):
-                    frame = message.header.frame_id
-                    if frame not in transforms and frame not in reported:
-                        reported.add(frame)
-                        print(f"{path}: {without_transform(frame, transforms.base_of(frame))}", flush=True)
-                    scan = log_scan(message, transforms)
-                    if scan.pose is None and not is_explained:
-                        is_explained = True
-                        why = transforms.why_unplaced(frame, middle_of(message))
-                        print(f"{path}: the first scan without a pose: {why}", flush=True)
-                    yield scan
-        except InputError:
-            raise
-        except Exception as error:  # rosbags and its storages raise many types for damaged files
-            raise InputError(f"{path}: the bag cannot be read ({type(error).__name__}: {error})") from error
+    with open_bag(path) as bag:
+        scan_topics = _topics(bag, path, [LASER], options.scan_topic)
+        poses = options.pose or _transforms(bag, path, options)
+        topic = _chosen_scans(bag, path, scan_topics, poses)
+        converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
+        reported, is_explained = set[str](), False
+        for _, message, received_s in _messages(bag, path, [topic]):
+            frame, times = message.header.frame_id, converter.times(message, received_s)
+            if isinstance(poses, Transforms) and not poses.mounting and frame not in poses and frame not in reported:
+                reported.add(frame)
+                LOGGER.warning("%s: %s", path, without_transform(frame, poses.base_of(frame)))
+            scan = converter.convert(message, times, poses)
+            if isinstance(poses, Transforms) and scan.pose is None and not scan.problem and not is_explained:
+                is_explained = True
+                LOGGER.warning("%s: the first scan without a pose: %s", path, poses.why_unplaced(frame, times[1]))
+            yield scan
 
 
-def _with_suffix(path: Path, directory: Path) -> Path:
-    """Return a path to the bag with the suffix that rosbags expects of its content."""
-    if path.is_dir():
-        return path
-    with path.open("rb") as file:
-        suffix = SUFFIXES[file.read(7)]
-    if path.suffix == suffix:
-        return path
-    link = directory / f"bag{suffix}"
-    link.symlink_to(path.absolute())
-    return link
+def describe_bag(path: Path) -> list[str]:
+    """Return one line for each topic of a bag: its type, messages, rate, and the frame of its first message."""
+    lines = []
+    with open_bag(path) as bag:
+        duration_s = max(bag.duration * 1e-9, 1e-9)
+        for topic, info in sorted(bag.topics.items()):
+            line = f"{topic}: {info.msgtype}, {info.msgcount} messages, {info.msgcount / duration_s:.1f} per second"
+            if info.msgcount and info.msgtype in (LASER, ODOMETRY):
+                message = _first(bag, path, topic)
+                line += f", frame {message.header.frame_id}"
+                line += f", child {message.child_frame_id}" if info.msgtype == ODOMETRY else _limits(message)
+            lines.append(line)
+    return lines
 
 
-def _topic(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> str:
+def _limits(message: Any) -> str:
+    first, last = (math.degrees(angle) for angle in (message.angle_min, message.angle_max))
+    return (
+        f", {len(message.ranges)} readings from {first:.0f} to {last:.0f} degrees, {message.range_min:.3g} to "
+        f"{message.range_max:.4g} m"
+    )
+
+
+def _topics(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> list[str]:
+    """Return the topics of some types with messages, those with the most first; only one if it is named."""
     topics = {name: info for name, info in bag.topics.items() if info.msgtype in types and info.msgcount}
     if topic is not None and topic not in topics:
         raise InputError(f"{path}: no messages on {topic} of {types[0]}; there are {', '.join(topics) or 'none'}")
     if not topics:
         raise InputError(f"{path}: no messages of {types[0]}; its topics are {', '.join(bag.topics) or 'none'}")
-    return topic or max(topics, key=lambda name: topics[name].msgcount)
+    return [topic] if topic else sorted(topics, key=lambda name: (-topics[name].msgcount, name))
 
 
-def _messages(bag: AnyReader, path: Path, connections: list[Connection]) -> Iterator[tuple[Connection, Any]]:
-    """Yield the messages of some connections.
+def _chosen_scans(bag: AnyReader, path: Path, topics: list[str], poses: Transforms | tuple[float, ...]) -> str:
+    """Return the topic of a lidar that the transforms place, that looks ahead, and has the most messages."""
+    if len(topics) == 1:
+        return topics[0]
+    headings: dict[str, float | None] = {}
+    for topic in topics:
+        frame = _first(bag, path, topic).header.frame_id
+        headings[topic] = poses.heading_on_robot(frame) if isinstance(poses, Transforms) else 0.0
+
+    def rank(topic: str) -> tuple[bool, bool]:
+        heading = headings[topic]
+        return heading is None, heading is not None and abs(heading) > math.pi / 2
+
+    chosen = min(topics, key=rank)  # the first of equals, which has the most messages
+    facts = [f"{topic} {_direction(headings[topic])}" for topic in topics]
+    _say_choice(path, f"scans of {chosen}", facts, "scan_topic")
+    return chosen
+
+
+def _direction(heading: float | None) -> str:
+    return "without a transform" if heading is None else f"at {math.degrees(heading):.0f} degrees"
+
+
+def _say_choice(path: Path, chosen: str, facts: list[str], option: str) -> None:
+    LOGGER.warning("%s: %s; there are %s: prediction.%s chooses", path, chosen, ", ".join(facts), option)
+
+
+def _first(bag: AnyReader, path: Path, topic: str) -> Any:
+    return next(message for _, message, _ in _messages(bag, path, [topic], only_first=True))
+
+
+def _messages(
+    bag: AnyReader, path: Path, topics: list[str], *, only_first: bool = False
+) -> Iterator[tuple[Connection, Any, float]]:
+    """Yield the messages of some topics with the time of their arrival [s].
 
     Raises:
-        ValueError: fewer than the bag counts can be read; rosbags passes over damaged records.
+        InputError: a message is larger than any of a lidar, or fewer than the bag counts can be read; rosbags passes
+            over damaged records.
     """
-    counts = {connection.topic: bag.topics[connection.topic].msgcount for connection in connections}
+    connections = [connection for connection in bag.connections if connection.topic in topics]
     read: Counter[str] = Counter()
-    for connection, _, raw in bag.messages(connections) if connections else ():
-        read[connection.topic] += 1
-        yield connection, bag.deserialize(raw, connection.msgtype)
-    for topic, count in counts.items():
-        if read[topic] < count:
+    for connection, received, raw in bag.messages(connections) if connections else ():
+        if len(raw) > MAX_MESSAGE_BYTES:
             raise InputError(
-                f"{path}: the bag is damaged: {read[topic]} of {count} messages on {topic} can be read; repair it, "
-                "such as with rosbag reindex, ros2 bag reindex or mcap recover"
+                f"{path}: a message on {connection.topic} has {len(raw)} bytes: expected at most {MAX_MESSAGE_BYTES}, "
+                f"a scan of {MAX_BEAMS} beams"
+            )
+        read[connection.topic] += 1
+        yield connection, bag.deserialize(raw, connection.msgtype), received * 1e-9
+        if only_first:
+            return
+    for topic in topics:
+        if read[topic] < bag.topics[topic].msgcount:
+            raise InputError(
+                f"{path}: the bag is damaged: {read[topic]} of {bag.topics[topic].msgcount} messages on {topic} can be "
+                "read; repair it, such as with rosbag reindex, ros2 bag reindex or mcap recover"
             )
 
 
-def _transforms(bag: AnyReader, path: Path, odometry_topic: str | None) -> Transforms:
+def _transforms(bag: AnyReader, path: Path, options: ReadOptions) -> Transforms:
     """Read the transforms, only the static ones for named odometry, and odometry where its frame has none."""
-    transforms, moving = Transforms(), Transforms()
-    connections = [connection for connection in bag.connections if connection.msgtype in TRANSFORMS]
-    if odometry_topic is not None:
-        connections = [connection for connection in connections if _is_static(connection)]
-    for connection, message in _messages(bag, path, connections):
-        add_transforms(transforms, message, is_static=_is_static(connection))
+    transforms = Transforms(frame=options.frame, mounting=options.mounting)
+    topics = sorted({connection.topic for connection in bag.connections if connection.msgtype in TRANSFORMS})
+    if options.odometry_topic is not None:
+        topics = [topic for topic in topics if topic.endswith("tf_static")]
+    for connection, message, received_s in _messages(bag, path, topics):
+        is_static = connection.topic.endswith("tf_static")
+        add_transforms(transforms, message, is_static=is_static, received_s=received_s)
     has_odometry = any(info.msgtype == ODOMETRY and info.msgcount for info in bag.topics.values())
-    if odometry_topic is not None or has_odometry:
-        topic = _topic(bag, path, [ODOMETRY], odometry_topic)
-        for _, message in _messages(bag, path, [c for c in bag.connections if c.topic == topic]):
-            add_odometry(moving, message)
-    left_out = [*transforms.left_out, *moving.left_out]
-    for child in moving.edges:
-        if child in transforms.edges and transforms.edges[child].is_static:
-            left_out.append(f"odometry of {child} is left out: a static transform places it elsewhere")
-    transforms.edges = moving.edges | transforms.edges
-    for message in left_out:
-        print(f"{path}: {message}", flush=True)
+    if options.odometry_topic is not None or has_odometry:
+        candidates = _topics(bag, path, [ODOMETRY], options.odometry_topic)
+        chosen = min(candidates, key=lambda name: not any(word in name for word in FILTERED))
+        odometry = Transforms()
+        for _, message, received_s in _messages(bag, path, [chosen]):
+            add_odometry(odometry, message, received_s=received_s)
+        if transforms.adopt(odometry) and len(candidates) > 1:
+            _say_choice(path, f"odometry of {chosen}", candidates, "odometry_topic")
+    for message in transforms.left_out:
+        LOGGER.warning("%s: %s", path, message)
     if all(edge.is_static for edge in transforms.edges.values()):
-        reason = left_out[-1] if moving.edges else "it has neither transforms that change nor odometry"
-        raise InputError(f"{path}: no poses: {reason}; its topics are {list(bag.topics)}")
+        reason = next(iter(transforms.left_out), "it has neither transforms that change nor odometry")
+        raise InputError(
+            f"{path}: no poses: {reason}; its topics are {list(bag.topics)}. For a lidar that stands, set "
+            "prediction.pose=fixed; for one that moves, add poses with a scan matcher, such as slam_toolbox"
+        )
     return transforms
-
-
-def _is_static(connection: Connection) -> bool:
-    return connection.topic.endswith("tf_static")

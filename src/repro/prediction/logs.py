@@ -1,40 +1,49 @@
 """A log of a robot: scans with their times and poses, checked scan by scan; what cannot be used is counted."""
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from repro.maps.validity import RADIANS, jumps
-from repro.prediction.readings import (
-    NOT_LATER,
-    WITHOUT_BEAMS,
-    WITHOUT_POSE,
-    LogScan,
-    check_beams,
-    check_heading,
-    has_same_beams,
-    has_valid_range,
-    in_order,
-    note_on_changes,
-    readings,
-    valid_ranges,
-    why_unusable,
-)
+from repro.prediction.intake import Intake, LogScan, in_order, valid_ranges
+from repro.prediction.readings import check_heading, note_on_changes, note_on_far_hits
+from repro.prediction.times import NOT_LATER, Clock, Kept, TimesLost, WindowSettings
 from repro.scans import wrapped
 from repro.system.errors import InputError
+from repro.system.memory import available_memory_gb
 
+LOGGER = logging.getLogger(__name__)
 MIN_SCANS = 2
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
-SET_BACK_S, SET_BACK = 10.0, "before or after the clock was set back"  # a time earlier than the last one by more
-ISOLATED = f"more than {SET_BACK_S:g} s away from the scans before and after"
-HEAD = 20  # scans of which most have the beams of the log
-MILLIMETERS = 300.0  # median range [m] beyond which no 2D lidar measures; the readings are in other units
+MAX_MEDIAN_M = 300.0  # median range beyond which no 2D lidar measures; the readings are in other units
+Pose = tuple[float, float, float]
+ROWS_PER_CHECK = 1000  # of the memory
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a user knows of a log that its file does not say.
+
+    Args:
+        scan_topic: topic of the scans in a bag; None to find it.
+        odometry_topic: topic of the odometry in a bag; None to find it.
+        frame: frame of the poses in a bag, such as `odom`; None for the topmost one.
+        pose: x, y [m] and heading [rad] of a lidar that stands; None for the poses of the log.
+        mounting: x, y [m] and heading [rad] of the lidar on the robot; None for that of the log, in which the poses of
+            an npz or a CARMEN log are those of the lidar.
+    """
+
+    scan_topic: str | None = None
+    odometry_topic: str | None = None
+    frame: str | None = None
+    pose: Pose | None = None
+    mounting: Pose | None = None
 
 
 @dataclass(frozen=True)
@@ -61,12 +70,6 @@ class ScanLog:
 
     def __len__(self) -> int:
         return len(self.stamps)
-
-    def with_range(self, range_max_m: float) -> "ScanLog":
-        """Return the log of a lidar with this maximum range [m], from which on a reading is a miss."""
-        uncropped = self.uncropped.with_range(range_max_m) if self.uncropped else None
-        ranges = readings(self.ranges, 0.0, range_max_m)
-        return replace(self, ranges=ranges, range_max_m=range_max_m, uncropped=uncropped)
 
     def crop(self, fov_rad: float) -> "ScanLog":
         """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.
@@ -108,129 +111,113 @@ class ScanLog:
         return np.where(kept, np.nan, ranges), angles
 
 
-def collect(scans: Iterable[LogScan], path: Path, spacing_s: float) -> ScanLog:
+def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
-    A scan is skipped if its time is not after that of the last one, after it by less than `spacing_s`, or far from
-    those of both neighbors, and if it has no pose, no valid maximum range, no valid reading, or other beams than most
-    of the first ones. If the clock was set back, the longest part of the log without such a jump is kept. If the
-    maximum range changes, the log has the smallest, and a message says so.
+    What an `Intake` and a `Clock` leave out is counted. If the maximum range changes, the log has the smallest, and a
+    message says so. If the windows are spaced by distance, the time of a scan is its number.
 
     Args:
         scans: the scans in the order of the file.
         path: the file, for messages.
-        spacing_s: smallest time between two scans that are kept [s].
+        settings: windows that will be cut from the log.
 
     Raises:
-        ValueError: no two scans can be used, the beams are not those of a lidar, the ranges are not meters, or the
-            headings are not radians.
+        TimesLost: the times do not order the scans.
+        InputError: fewer than two scans can be used, the beams are not those of a lidar, the ranges are not meters, or
+            the headings are not radians.
     """
-    skipped: Counter[str] = Counter()
-    usable = _usable(scans, path, spacing_s, skipped)
-    first = next(usable, None)
-    count = len(first.ranges) if first else 0
-    kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,)), ("range_max", "f8")])
-    scans = chain([first] if first else [], usable)
-    rows = ((scan.stamp, valid_ranges(scan), scan.pose, scan.range_max_m) for scan in scans)
-    kept = np.fromiter(rows, kind)  # grows in place: a log may be half as large as the memory
-    kept = _longest_part(kept, path, skipped)
-    if first is None or len(kept) < MIN_SCANS:
+    intake, clock = Intake(str(path), settings.range_max_m), Clock[LogScan](settings)
+    far: Counter[float] = Counter()
+    usable = _with_far_readings(_usable(scans, intake), far)
+    kept = _numbered(usable) if settings.spacing == "distance" else _kept(usable, clock)
+    rows, range_max_m = _rows(kept, intake, path)
+    _check_order(rows, clock, path)
+    skipped = intake.left_out + clock.left_out
+    if intake.first is None or len(rows) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
-        raise InputError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    _check_values(kept, path, skipped)
-    if message := note_on_changes(kept["range_max"]):
-        print(f"{path}: {message}", flush=True)
-    angles, ranges = in_order(first.first_angle + first.spacing * np.arange(count), kept["ranges"])
-    poses = kept["pose"].copy()
+        raise InputError(f"{path}: {len(rows)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
+    _check_values(rows, path)
+    for note in (note_on_changes(range_max_m), note_on_far_hits(far, float(range_max_m.min()))):
+        if note:
+            LOGGER.warning("%s: %s", path, note)
+    angles, index = in_order(intake.first)
+    poses = rows["pose"].copy()
     poses[:, 2] = np.unwrap(poses[:, 2])
-    return ScanLog(kept["stamp"].copy(), ranges, angles, poses, dict(skipped), float(kept["range_max"].min()))
+    ranges = np.ascontiguousarray(rows["ranges"][:, index])
+    return ScanLog(rows["stamp"].copy(), ranges, angles, poses, dict(skipped), float(range_max_m.min()))
 
 
-def _usable(scans: Iterable[LogScan], path: Path, spacing_s: float, skipped: Counter[str]) -> Iterator[LogScan]:
-    scans = _placed(scans, skipped)  # a lidar without a pose may be upside down: its angles are not known
-    head = list(islice(scans, HEAD))
-    first = _with_most_frequent_beams(head)
-    if first:
-        check_beams(first, str(path))
-    last = -math.inf
-    for scan in _without_wrong_times(chain(head, scans), skipped):
-        if scan.stamp < last - SET_BACK_S:
-            last = -math.inf
-        reason = why_unusable(scan, first, last)
-        if not reason and scan.stamp - last < spacing_s:
-            reason = f"less than {spacing_s:.3g} s after the one before"
-        if reason:
-            skipped[reason] += 1
-        else:
-            last = scan.stamp
-            yield scan
-
-
-def _placed(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
-    """Yield the scans that have beams and a pose."""
+def _usable(scans: Iterable[LogScan], intake: Intake) -> Iterator[LogScan]:
     for scan in scans:
-        if not len(scan.ranges):
-            skipped[WITHOUT_BEAMS] += 1
-        elif scan.pose is None:
-            skipped[WITHOUT_POSE] += 1
-        else:
-            yield scan
+        yield from intake.take(scan)
+    yield from intake.flush()
 
 
-def _without_wrong_times(scans: Iterable[LogScan], skipped: Counter[str]) -> Iterator[LogScan]:
-    """Yield the scans without those whose time is far from that of both neighbors."""
-    last = -math.inf
-    for scan, following in pairwise(chain(scans, [None])):
-        assert scan is not None, "only the last"
-        continues = following is not None and 0 <= following.stamp - last <= SET_BACK_S
-        if continues and abs(scan.stamp - last) > SET_BACK_S:
-            skipped[ISOLATED] += 1
-        else:
-            last = scan.stamp
-            yield scan
+def _with_far_readings(scans: Iterator[LogScan], far: Counter[float]) -> Iterator[LogScan]:
+    """Yield the scans, and count some of the readings beyond their maximum range [m] by value."""
+    for scan in scans:
+        beyond = scan.ranges[np.isfinite(scan.ranges) & (scan.ranges >= scan.range_max_m)]
+        far.update(np.round(beyond[:: max(1, len(beyond) // 10)], 2).tolist())
+        yield scan
 
 
-def _check_values(kept: np.ndarray, path: Path, skipped: Counter[str]) -> None:
-    """Check that the rows of a log have times that increase, ranges in meters and headings in radians.
+def _kept(scans: Iterator[LogScan], clock: Clock[LogScan]) -> Iterator[Kept[LogScan]]:
+    for scan in scans:
+        yield from clock.take(scan.stamp, scan)
+
+
+def _numbered(scans: Iterator[LogScan]) -> Iterator[Kept[LogScan]]:
+    for number, scan in enumerate(scans):
+        yield Kept(float(number), scan, begins=not number)
+
+
+def _rows(kept: Iterator[Kept[LogScan]], intake: Intake, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return the stamps, ranges and poses of the kept scans as one structured array, and their maximum ranges [m]."""
+    first = next(kept, None)
+    count = len(intake.first.ranges) if intake.first and first else 0
+    kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,))])
+    limits: list[float] = []
+
+    def values() -> Iterator[tuple[float, np.ndarray, tuple[float, float, float] | None]]:
+        scans = [first] if first else []
+        for part in (scans, kept):
+            for each in part:
+                if len(limits) % ROWS_PER_CHECK == 0:  # growing doubles the array, and a copy in order follows
+                    needed_gb = 2 * (len(limits) + ROWS_PER_CHECK) * kind.itemsize / 1e9
+                    if needed_gb > available_memory_gb() + len(limits) * kind.itemsize / 1e9:
+                        raise InputError(f"{path}: its first {len(limits)} scans fill the memory: divide the log")
+                limits.append(each.scan.range_max_m)
+                yield each.stamp, valid_ranges(each.scan), each.scan.pose
+
+    return np.fromiter(values(), kind), np.array(limits)
+
+
+def _check_values(rows: np.ndarray, path: Path) -> None:
+    """Check that the rows of a log have ranges in meters and headings in radians.
 
     Raises:
-        ValueError: they do not.
+        InputError: they do not.
     """
-    if skipped[NOT_LATER] > MOSTLY * len(kept):
-        counts = f"{skipped[NOT_LATER]} scans are {NOT_LATER}, {len(kept)} are later"
-        raise InputError(f"{path}: {counts}: its times are lost, or its scans are not in the order of their times")
-    sample = kept["ranges"][:: max(1, len(kept) // 1000)]
+    sample = rows["ranges"][:: max(1, len(rows) // 1000)]
     finite = sample[np.isfinite(sample)]
-    if len(finite) and np.median(finite) > MILLIMETERS:
+    if len(finite) and np.median(finite) > MAX_MEDIAN_M:
         raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
-    check_heading(float(np.abs(kept["pose"][:, 2]).max()), f"{path}: the headings look")
-    if jumps(torch.as_tensor(kept["pose"][:, 2].copy())):
+    check_heading(float(np.abs(rows["pose"][:, 2]).max()), f"{path}: the headings look")
+    if jumps(torch.as_tensor(rows["pose"][:, 2].copy())):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")
 
 
-def _with_most_frequent_beams(scans: list[LogScan]) -> LogScan | None:
-    """Return the first of the scans that have the most frequent beams, if possible one with a valid maximum range.
-
-    None is returned if no scan has beams.
-    """
-    with_beams = [each for each in scans if len(each.ranges)]
-    with_beams = [each for each in with_beams if has_valid_range(each)] or with_beams
-    return max(with_beams, key=lambda each: sum(has_same_beams(each, other) for other in with_beams), default=None)
-
-
-def _longest_part(kept: np.ndarray, path: Path, skipped: Counter[str]) -> np.ndarray:
-    """Return the longest part of the rows of a log in which time does not go back; the others are counted.
+def _check_order(rows: np.ndarray, clock: Clock[LogScan], path: Path) -> None:
+    """Check that the times order the scans of a log.
 
     Raises:
-        ValueError: time goes back too often for a clock that is set.
+        TimesLost: most scans are not later than the one before, or time goes back again and again.
     """
-    parts = np.split(kept, np.flatnonzero(np.diff(kept["stamp"]) < 0) + 1)
-    if len(parts) > MOSTLY:
-        raise InputError(
-            f"{path}: time goes back by more than {SET_BACK_S:g} s {len(parts) - 1} times: its times are lost, or its "
-            "scans are not in the order of their times"
-        )
-    longest = max(parts, key=len)
-    if len(longest) < len(kept):
-        skipped[SET_BACK] += len(kept) - len(longest)
-    return longest
+    backward = int((np.diff(rows["stamp"]) < 0).sum())
+    lost = "its times are lost, or its scans are not in the order of their times"
+    if clock.left_out[NOT_LATER] > MOSTLY * len(rows):
+        counts = f"{clock.left_out[NOT_LATER]} scans are {NOT_LATER}, {len(rows)} are later"
+        raise TimesLost(f"{path}: {counts}: {lost}")
+    if backward >= MOSTLY:
+        raise TimesLost(f"{path}: time goes back by more than a window {backward} times: {lost}")

@@ -1,6 +1,5 @@
 """The predictions of a log as one MCAP file with ROS 2 messages, for Foxglove and RViz."""
 
-import heapq
 import math
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -36,7 +35,7 @@ def write_mcap(path: Path, log: ScanLog, maps: Iterable[StreamMap], range_max_m:
     Args:
         path: the file to create or replace.
         log: the log.
-        maps: the maps, in the order of time.
+        maps: the maps, in the order of the scans that end their windows.
         range_max_m: maximum range of the lidar, if no hit of the log is farther [m].
 
     Raises:
@@ -46,7 +45,7 @@ def write_mcap(path: Path, log: ScanLog, maps: Iterable[StreamMap], range_max_m:
     farthest = np.max(log.ranges, where=np.isfinite(log.ranges), initial=0)
     beyond = np.nextafter(farthest, np.float32(np.inf), dtype=np.float32)  # LaserScan has 32 bits
     range_max_m = max(range_max_m, float(beyond))
-    messages = heapq.merge(_scans(log, range_max_m), _grids(maps), key=lambda item: item[0])
+    messages = _with_grids(_scans(log, range_max_m), iter(maps))
     with tempfile.TemporaryDirectory(dir=path.parent) as directory:
         writer = Writer(Path(directory) / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
@@ -63,7 +62,7 @@ def check_times(log: ScanLog) -> None:
     Raises:
         ValueError: it begins before time 0, or ends after 2**31 s.
     """
-    first, last = log.stamps[0], log.stamps[-1]
+    first, last = log.stamps.min(), log.stamps.max()
     if first < 0 or last >= 2**31:
         raise InputError(f"the times of the log are {first:.2f} to {last:.2f} s: an MCAP takes 0 to 2**31")
 
@@ -92,10 +91,17 @@ def _scans(log: ScanLog, range_max_m: float) -> Iterator[tuple[float, str, Any]]
         yield stamp, "/pose", TYPES["PoseStamped"](_header(stamp, MAP_FRAME), pose=pose)
 
 
-def _grids(maps: Iterable[StreamMap]) -> Iterator[tuple[float, str, Any]]:
-    for each in maps:
-        grid = grid_message(TYPES, occupancy(each.free), each, _time(each.stamp), MAP_FRAME)
-        yield each.stamp, "/predicted_map", grid
+def _with_grids(
+    messages: Iterator[tuple[float, str, Any]], maps: Iterator[StreamMap]
+) -> Iterator[tuple[float, str, Any]]:
+    """Yield the messages of the scans, and after each scan that ends a window its map; time may be set back."""
+    predicted = next(maps, None)
+    for stamp, topic, message in messages:
+        yield stamp, topic, message
+        if topic == "/pose" and predicted is not None and predicted.stamp == stamp:
+            data = occupancy(predicted.free, unknown=predicted.unknown)
+            yield stamp, "/predicted_map", grid_message(TYPES, data, predicted, _time(stamp), MAP_FRAME)
+            predicted = next(maps, None)
 
 
 def _header(stamp: float, frame: str) -> Any:

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import yaml
 from matplotlib.axes import Axes
@@ -12,18 +11,26 @@ from PIL import Image
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.prediction.ros import OCCUPIED_ABOVE
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
 from repro.system.files import open_arrays
 
-# probabilities of an obstacle: map_server's default for occupied; its 0.25 for free would include pixels out of sight
-FREE_BELOW, OCCUPIED_ABOVE = 0.05, 0.65
+FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight
+UNKNOWN = 255  # in a map for map_server
 
 
-def write_probabilities(path: Path, free: np.ndarray, window: Window, grid: Grid) -> None:
-    """Write the probability of free (H, W), row 0 at the top, with origin [m], resolution [m] and time [s] as npz."""
-    origin, resolution, stamp = np.array(window.origin), np.array(grid.resolution_m), np.array(window.stamp)
-    np.savez_compressed(path, free=free.astype(np.float32), origin=origin, resolution=resolution, stamp=stamp)
+def write_probabilities(path: Path, predicted: StreamMap) -> None:
+    """Write a map as npz: `free`, `unknown` (H, W), row 0 at the top, origin [m], resolution [m] and stamp [s]."""
+    assert predicted.unknown is not None, "of predict_map"
+    np.savez_compressed(
+        path,
+        free=predicted.free.astype(np.float32),
+        unknown=predicted.unknown,
+        origin=np.array(predicted.origin),
+        resolution=np.array(predicted.resolution_m),
+        stamp=np.array(predicted.stamp),
+    )
 
 
 def window_number(path: Path) -> int:
@@ -36,23 +43,29 @@ def read_maps(directory: Path) -> Iterator[StreamMap]:
     for path in sorted(directory.glob("window-*.npz"), key=window_number):
         with open_arrays(path) as content:
             left, bottom = content["origin"].tolist()
-            yield StreamMap(content["free"], (left, bottom), float(content["resolution"]), float(content["stamp"]))
+            place = (left, bottom), float(content["resolution"]), float(content["stamp"])
+            yield StreamMap(content["free"], *place, content["unknown"])
 
 
-def write_map(stem: Path, free: np.ndarray, window: Window, grid: Grid) -> None:
-    """Write <stem>.pgm and <stem>.yaml as map_server reads them, in mode `scale`.
+def write_map(stem: Path, predicted: StreamMap) -> None:
+    """Write <stem>.pgm and <stem>.yaml as map_server reads them, in mode `raw`.
 
-    A pixel is 255 times the probability of free; row 0 is the top. The origin is the lower left corner of the map in
-    the frame of the log [m].
+    A pixel is 0 below `FREE_BELOW`, 100 above `OCCUPIED_ABOVE`, in proportion between them, and `UNKNOWN` where no
+    reading supports the map and no obstacle is predicted. Row 0 is the top. The origin is the lower left corner of the
+    map in the frame of the log [m].
 
     Source: nav2_map_server, map_io.cpp.
     """
-    Image.fromarray((255 * free).round().astype(np.uint8)).save(stem.with_suffix(".pgm"))
+    occupied = 1 - predicted.free.astype(float)
+    share = ((occupied - FREE_BELOW) / (OCCUPIED_ABOVE - FREE_BELOW)).clip(0, 1)
+    assert predicted.unknown is not None, "of predict_map"
+    is_unknown = predicted.unknown & (occupied <= OCCUPIED_ABOVE)
+    Image.fromarray(np.where(is_unknown, UNKNOWN, np.rint(100 * share)).astype(np.uint8)).save(stem.with_suffix(".pgm"))
     content = {
         "image": stem.with_suffix(".pgm").name,
-        "mode": "scale",
-        "resolution": grid.resolution_m,
-        "origin": [*window.origin, 0.0],
+        "mode": "raw",
+        "resolution": predicted.resolution_m,
+        "origin": [*predicted.origin, 0.0],
         "negate": 0,
         "occupied_thresh": OCCUPIED_ABOVE,
         "free_thresh": FREE_BELOW,
@@ -64,7 +77,8 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
     """Draw the hits of a window (the paper's image, also for networks with another input), the map, the last scan."""
     left, bottom = window.origin
     extent = (left, left + grid.size_m, bottom, bottom + grid.size_m)
-    figure, axes = plt.subplots(1, 3, figsize=(10, 3.7), sharey=True)
+    figure = Figure(figsize=(10, 3.7))  # without pyplot, whose backend may be one of a notebook
+    axes = figure.subplots(1, 3, sharey=True)
     figure.subplots_adjust(left=0.07, right=0.985, bottom=0.11, top=0.95, wspace=0.05)  # faster than a fitted layout
     hits = Projection().encode(window.scans.tensors(), grid)[0, 0]
     _image(axes[0], hits.numpy(), extent, "hits of the window, dark is recent")

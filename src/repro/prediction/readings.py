@@ -1,85 +1,14 @@
-"""One scan of a log or of a robot: its beams, its readings, and whether it can be used."""
+"""Readings of a lidar: hits, misses and invalid ones, and what their values tell about it."""
 
 import math
-from dataclasses import dataclass
+from collections import Counter
 
 import numpy as np
 
 from repro.maps.validity import MAX_HEADING, RADIANS
 from repro.system.errors import InputError
 
-MAX_BEAMS = 100_000
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
-NOT_LATER, WITHOUT_BEAMS, WITHOUT_POSE = "not later than the one before", "without beams", "without a pose"
-WITHOUT_RANGE = "without a valid maximum range"
-
-
-@dataclass(frozen=True)
-class LogScan:
-    """One scan of a log.
-
-    Args:
-        stamp: time [s].
-        ranges: ranges [m], (N,), see `valid_ranges`.
-        first_angle: angle of the first beam in the frame of the lidar [rad].
-        spacing: angle between two beams [rad], negative if they go clockwise.
-        range_min_m: smallest valid range [m].
-        range_max_m: smallest range that means a miss [m].
-        pose: x, y [m] and heading [rad] of the lidar; None where it is unknown.
-    """
-
-    stamp: float
-    ranges: np.ndarray
-    first_angle: float
-    spacing: float
-    range_min_m: float
-    range_max_m: float
-    pose: tuple[float, float, float] | None
-
-
-def why_unusable(scan: LogScan, first: LogScan | None, last: float) -> str | None:
-    """Return why a scan cannot be used after the first one and one at the time `last` [s]; None if it can."""
-    if not math.isfinite(scan.stamp):
-        return "without a time"
-    if scan.stamp <= last:
-        return NOT_LATER
-    if not len(scan.ranges):
-        return WITHOUT_BEAMS
-    if scan.pose is None or not np.isfinite(scan.pose).all():
-        return WITHOUT_POSE
-    if first and len(scan.ranges) != len(first.ranges):
-        return f"with another number of beams than {len(first.ranges)}"
-    if first and not has_same_beams(scan, first):
-        return "with other beam angles"
-    if not has_valid_range(scan):
-        return WITHOUT_RANGE
-    if np.isnan(valid_ranges(scan)).all():
-        return "without a valid reading"
-    return None
-
-
-def has_valid_range(scan: LogScan) -> bool:
-    """Return whether the maximum range of a scan is positive and above the minimum, so that misses can be told."""
-    return scan.range_max_m > max(scan.range_min_m, 0)  # false for NaN
-
-
-def has_same_beams(scan: LogScan, other: LogScan) -> bool:
-    """Return whether two scans have the same number of beams at the same angles."""
-    angles, others = ((each.first_angle, each.spacing) for each in (scan, other))
-    return len(scan.ranges) == len(other.ranges) and np.allclose(angles, others, atol=1e-4)
-
-
-def check_beams(scan: LogScan, source: str) -> None:
-    """Check the beams of a scan.
-
-    Raises:
-        ValueError: they are not those of a lidar; the message begins with the source of the scan.
-    """
-    if not 2 <= len(scan.ranges) <= MAX_BEAMS:
-        raise InputError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {len(scan.ranges)}")
-    check_turn(len(scan.ranges), scan.first_angle, scan.spacing, source)
-    if not has_valid_range(scan):
-        raise InputError(f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}")
 
 
 def check_turn(beams: int, first_angle: float, spacing: float, source: str) -> None:
@@ -103,11 +32,6 @@ def check_heading(heading: float, subject: str) -> None:
     """
     if abs(heading) > MAX_HEADING:
         raise InputError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {RADIANS}")
-
-
-def valid_ranges(scan: LogScan) -> np.ndarray:
-    """Return the ranges of a scan with inf for a miss and NaN for an invalid reading, see `readings`."""
-    return readings(scan.ranges, scan.range_min_m, scan.range_max_m)
 
 
 def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
@@ -150,6 +74,21 @@ def note_on_repeats(ranges: np.ndarray) -> str | None:
     )
 
 
+def note_on_far_hits(far: Counter[float], range_max_m: float) -> str | None:
+    """Return a note about readings beyond the maximum range [m] that vary like hits; None if there are none.
+
+    Args:
+        far: number of readings by value [m], to the centimeter. Codes for a miss are few values.
+        range_max_m: the maximum range [m].
+    """
+    if len(far) <= MANY or max(far.values()) > sum(far.values()) / 2:
+        return None
+    return (
+        f"readings beyond the maximum range, {range_max_m:.4g} m, vary like hits up to {max(far):.4g} m, and count as "
+        "misses: if the lidar reaches farther, set range_max_m"
+    )
+
+
 def note_on_changes(ranges_m: np.ndarray) -> str | None:
     """Return a note about maximum ranges [m], (S,), that change between the scans of a log; None if they do not."""
     found, counts = np.unique(ranges_m, return_counts=True)
@@ -158,15 +97,6 @@ def note_on_changes(ranges_m: np.ndarray) -> str | None:
     shown = ", ".join(f"{value:.4g} m in {count} scans" for value, count in zip(found[:5], counts[:5], strict=True))
     more = f" and {len(found) - 5} others" if len(found) > 5 else ""
     return f"the maximum range changes, {shown}{more}: misses show free space up to the smallest, {found[0]:.4g} m"
-
-
-def in_order(angles: np.ndarray, ranges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the beams by increasing angle, without the last ones of a full turn that point where the first ones do."""
-    if angles[-1] < angles[0]:
-        angles, ranges = angles[::-1], ranges[:, ::-1]
-    count = beams_of_turn(angles)
-    angles, ranges = angles[:count], ranges[:, :count]
-    return (angles - 2 * math.pi if angles[-1] > 2 * math.pi else angles.copy()), np.ascontiguousarray(ranges)
 
 
 def beams_of_turn(angles: np.ndarray) -> int:

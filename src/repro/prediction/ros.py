@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repro.prediction.readings import LogScan
-from repro.prediction.transforms import Transforms
+from repro.prediction.intake import LogScan
+from repro.prediction.transforms import MAX_TILT, Transforms
 from repro.system.errors import InputError
 
 if TYPE_CHECKING:
     from repro.prediction.stream import StreamMap
 
 UNKNOWN = -1
+OCCUPIED_ABOVE = 0.65  # map_server's default probability of an obstacle
+GAPS = 15  # between scans, of which the median is taken
+MAX_SCAN_S, LONGER = 1.0, 1.2  # duration of a scan, and how many times the time to the next one it may last
+MOST_EXTRA_BEAMS = 1.5  # between the last beam and angle_max, which some drivers set to the angle after it
+MAX_ANGLE_ERROR = 0.01  # of the field of view, from rounded increments
+MAX_VARIATION = 0.1  # of the number of readings between the scans of a lidar
+CONTRADICTION = "with angles that contradict one another"
+Pose = tuple[float, float, float]
 
 
 def seconds(stamp: Any) -> float:
@@ -23,70 +34,159 @@ def seconds(stamp: Any) -> float:
     return float(stamp.secs) + 1e-9 * float(stamp.nsecs)  # of rospy
 
 
-def add_transforms(transforms: Transforms, message: Any, *, is_static: bool = False) -> None:
-    """Add the transforms of a TFMessage."""
+def add_transforms(
+    transforms: Transforms, message: Any, *, is_static: bool = False, received_s: float | None = None
+) -> None:
+    """Add the transforms of a TFMessage; `received_s` [s] replaces times of zero."""
     for each in message.transforms:
-        _add(transforms, each, each.transform.translation, each.transform.rotation, is_static=is_static)
+        _add(transforms, each, (each.transform.translation, each.transform.rotation), received_s, is_static=is_static)
 
 
-def add_odometry(transforms: Transforms, message: Any) -> None:
-    """Add the pose of an Odometry message."""
-    _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation)
+def add_odometry(transforms: Transforms, message: Any, *, received_s: float | None = None) -> None:
+    """Add the pose of an Odometry message; `received_s` [s] replaces a time of zero."""
+    _add(transforms, message, (message.pose.pose.position, message.pose.pose.orientation), received_s)
 
 
-def _add(transforms: Transforms, message: Any, place: Any, turn: Any, *, is_static: bool = False) -> None:
+def _add(
+    transforms: Transforms, message: Any, pose: tuple[Any, Any], received_s: float | None, *, is_static: bool = False
+) -> None:
+    place, turn = pose
     position, quaternion = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-    stamp, parent = seconds(message.header.stamp), message.header.frame_id
-    transforms.add(message.child_frame_id, parent, stamp, position, quaternion, is_static=is_static)
+    stamp = seconds(message.header.stamp)
+    stamp = stamp if stamp or received_s is None else received_s
+    transforms.add(message.child_frame_id, message.header.frame_id, stamp, position, quaternion, is_static=is_static)
 
 
-def middle_of(message: Any) -> float:
-    """Return the time of the middle of a LaserScan [s], at which its pose is taken."""
-    increment = max(float(message.time_increment), 0.0)
-    return seconds(message.header.stamp) + increment * (len(message.ranges) - 1) / 2
+class LaserScans:
+    """Converts the LaserScan messages of a topic, in the order of their arrival, and warns once of each wrong field.
 
-
-def log_scan(message: Any, transforms: Transforms) -> LogScan:
-    """Convert a LaserScan, with the pose of its frame in the middle of the scan.
-
-    The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
-
-    Raises:
-        ValueError: the lidar is tilted.
+    Args:
+        warn: is called with each message.
     """
-    placed = transforms.pose_at(message.header.frame_id, middle_of(message))
-    sense = -1 if placed and placed.is_upside_down else 1
-    return LogScan(
-        stamp=seconds(message.header.stamp),
-        ranges=np.asarray(message.ranges, dtype=np.float32),
-        first_angle=sense * float(message.angle_min),
-        spacing=sense * float(message.angle_increment),
-        range_min_m=float(message.range_min),
-        range_max_m=float(message.range_max),
-        pose=(placed.x, placed.y, placed.heading) if placed else None,
-    )
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self.warn = warn
+        self._gaps: deque[float] = deque(maxlen=GAPS)
+        self._last_s = math.nan
+        self._warned: set[str] = set()
+
+    def times(self, message: Any, received_s: float | None = None) -> tuple[float, float]:
+        """Return the time of a scan and of its middle, at which its pose is taken [s].
+
+        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored.
+
+        Args:
+            message: the LaserScan.
+            received_s: time at which it was received [s], which replaces a stamp of zero.
+        """
+        stamp = seconds(message.header.stamp)
+        if not stamp and received_s is not None:
+            self._warn_once("stamp", "the scans have no times: the times of their arrival are taken")
+            stamp = received_s
+        if stamp > self._last_s:
+            self._gaps.append(stamp - self._last_s)
+        self._last_s = stamp
+        between_s = sorted(self._gaps)[len(self._gaps) // 2] if self._gaps else MAX_SCAN_S
+        increment = float(message.time_increment)
+        lasts_s = increment * (len(message.ranges) - 1)
+        if lasts_s == 0 or (0 < lasts_s <= LONGER * min(between_s, MAX_SCAN_S)):
+            return stamp, stamp + lasts_s / 2
+        text = f"time_increment is {increment:.4g} s, with which a scan lasts {lasts_s:.3g} s, and one follows after "
+        self._warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
+        return stamp, stamp
+
+    def convert(self, message: Any, times: tuple[float, float], transforms: Transforms | Pose) -> LogScan:
+        """Convert a scan, with the pose of its frame in its middle.
+
+        The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
+
+        Args:
+            message: the LaserScan.
+            times: what `times` returned.
+            transforms: the transforms; or x, y [m] and heading [rad] of a lidar that stands.
+        """
+        placed, problem = None, None
+        if isinstance(transforms, Transforms):
+            try:
+                placed = transforms.pose_at(message.header.frame_id, times[1])
+            except InputError as error:
+                self._warn_once("tilt", str(error))
+                problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
+        pose = (
+            ((placed.x, placed.y, placed.heading) if placed else None)
+            if isinstance(transforms, Transforms)
+            else (transforms)
+        )
+        first, spacing, contradiction = self._angles(message)
+        sense = -1 if placed and placed.is_upside_down else 1
+        return LogScan(
+            stamp=times[0],
+            ranges=np.asarray(message.ranges, dtype=np.float32),
+            first_angle=sense * first,
+            spacing=sense * spacing,
+            range_min_m=float(message.range_min),
+            range_max_m=float(message.range_max),
+            pose=pose,
+            problem=problem or contradiction,
+            source=message,
+        )
+
+    def _angles(self, message: Any) -> tuple[float, float, str | None]:
+        """Return the first angle and the angle between beams [rad], and a contradiction of the fields, if any."""
+        first, last, spacing = (float(getattr(message, f"angle_{name}")) for name in ("min", "max", "increment"))
+        steps = len(message.ranges) - 1
+        if steps < 1 or not math.isfinite(last) or last == first:
+            return first, spacing, None
+        by_limits = (last - first) / steps
+        if not math.isfinite(spacing) or spacing == 0:
+            self._warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
+            return first, by_limits, None
+        if abs(first + steps * spacing - last) <= MOST_EXTRA_BEAMS * abs(spacing) + MAX_ANGLE_ERROR * abs(last - first):
+            return first, spacing, None
+        text = (
+            f"{steps + 1} readings from angle_min {first:.4g} with angle_increment {spacing:.4g} end at "
+            f"{first + steps * spacing:.4g}, angle_max is {last:.4g}"
+        )
+        if abs(by_limits - spacing) <= MAX_VARIATION * abs(spacing):  # the number of readings of some lidars varies
+            self._warn_once("angles", f"{text}: they are spread over the field of view")
+            return first, by_limits, None
+        self._warn_once("angles", text)
+        return first, spacing, CONTRADICTION
+
+    def _warn_once(self, kind: str, message: str) -> None:
+        if kind not in self._warned:
+            self._warned.add(kind)
+            self.warn(message)
 
 
-def occupancy(free: np.ndarray, undecided: tuple[float, float] | None = None) -> np.ndarray:
+def occupancy(
+    free: np.ndarray, undecided: tuple[float, float] | None = None, unknown: np.ndarray | None = None
+) -> np.ndarray:
     """Convert a map to the data of an OccupancyGrid.
 
     Args:
         free: probability of free, (H, W), row 0 at the top; NaN is unknown.
         undecided: probabilities of an obstacle between these two are unknown, too; None for none.
+        unknown: pixels that no reading supports, bool, (H, W): unknown, unless an obstacle is predicted with more than
+            `OCCUPIED_ABOVE`; None for none.
 
     Returns:
         probability of an obstacle in percent, 0 to 100, or -1 for unknown, int8, (H W,), row-major from the lower left
         corner of the map.
 
     Raises:
-        ValueError: a probability is outside [0, 1].
+        InputError: a probability is outside [0, 1], or the limits are not in order.
     """
     occupied = 1 - np.flipud(np.asarray(free, dtype=float)).ravel()
     is_known = ~np.isnan(occupied)
     if ((occupied[is_known] < 0) | (occupied[is_known] > 1)).any():
         raise InputError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
     if undecided is not None:
+        if not 0 <= undecided[0] < undecided[1] <= 1:
+            raise InputError(f"undecided: expected two increasing probabilities, got {undecided[0]} and {undecided[1]}")
         is_known &= (occupied <= undecided[0]) | (occupied >= undecided[1])
+    if unknown is not None:
+        is_known &= ~np.flipud(unknown).ravel() | (occupied > OCCUPIED_ABOVE)
     return np.where(is_known, np.rint(100 * np.where(is_known, occupied, 0)), UNKNOWN).astype(np.int8)
 
 

@@ -1,7 +1,7 @@
 """Poses of the frames of a robot over time, as ROS transforms and odometry tell them, composed and interpolated."""
 
 import math
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -11,11 +11,16 @@ from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 from repro.system.errors import InputError
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
-MAX_GAP_S = 1.0  # between two poses that are interpolated
+MAX_GAP_S = 1.0  # between two poses of a robot that moved in between; messages once a second are later by some ns
+TOLERANCE_S = 0.05
+STILL_M, STILL_RAD = 0.05, math.radians(1)  # a frame that moved by less stood still, whatever the time between
 DISORDER_S = 5.0  # by which a pose may be earlier than the one that arrived before it
 MAX_BEYOND_S = 0.1  # between a scan and the first or last pose, which then stands in
-Vector = tuple[float, ...]
 MAX_TILT = math.radians(30)  # of a lidar whose beams are taken as horizontal
+MAX_NORM_ERROR = 0.1  # of a quaternion; tf2 allows 0.01 of its square, and some drivers round to two digits
+MAX_PLACE_M = 1e7  # float64 of an uninitialized message are beyond it, UTM coordinates are not
+MAX_FRAMES, MAX_MESSAGES = 1000, 100
+Vector = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -42,22 +47,42 @@ class Edge:
     is_static: bool = False
     stamps: list[float] = field(default_factory=list)
     poses: list[RigidTransform] = field(default_factory=list)
+    moves: bool = False  # whether two of its poses differ
 
-    def at(self, stamp: float) -> RigidTransform | None:
-        """Return the pose at a time, None if no poses are near it."""
-        if len(self.stamps) <= 1:
+    def at(self, stamp: float, *, is_correction: bool = False) -> RigidTransform | None:
+        """Return the pose at a time.
+
+        Between two poses it is interpolated, as in tf2, but not over a gap in which the frame moved. A correction, such
+        as `odom` in `map`, is then that before the gap, or after the last one.
+
+        Returns:
+            the pose; None if it is not known.
+        """
+        if not self.moves:
             return self.poses[0] if self.poses else None
         after = bisect_left(self.stamps, stamp)
-        if after in (0, len(self.stamps)):
-            nearest = 0 if after == 0 else -1
-            return self.poses[nearest] if abs(stamp - self.stamps[nearest]) <= MAX_BEYOND_S else None
-        gap = self.stamps[after] - self.stamps[after - 1]
-        if gap > MAX_GAP_S:
-            return None
-        share = (stamp - self.stamps[after - 1]) / gap
+        if after == len(self.stamps):
+            return self.poses[-1] if is_correction or stamp - self.stamps[-1] <= MAX_BEYOND_S else None
+        if after == 0:
+            return self.poses[0] if self.stamps[0] - stamp <= MAX_BEYOND_S else None
         one, other = self.poses[after - 1 : after + 1]
+        gap = self.stamps[after] - self.stamps[after - 1]
+        if gap > MAX_GAP_S + TOLERANCE_S and not _are_near(one, other):
+            return one if is_correction else None
+        share = (stamp - self.stamps[after - 1]) / gap
         rotation = Slerp([0, 1], Rotation.concatenate([one.rotation, other.rotation]))(share)
         return RigidTransform.from_components((1 - share) * one.translation + share * other.translation, rotation)
+
+    def insert(self, stamp: float, pose: RigidTransform) -> None:
+        """Insert a pose in the order of time; one at the same time is replaced."""
+        place = bisect_left(self.stamps, stamp)
+        neighbor = self.poses[min(place, len(self.poses) - 1)] if self.poses else pose
+        self.moves = self.moves or not _are_near(neighbor, pose, share=1e-3)
+        if place < len(self.stamps) and self.stamps[place] == stamp:
+            self.poses[place] = pose
+            return
+        self.stamps.insert(place, stamp)
+        self.poses.insert(place, pose)
 
 
 class Transforms:
@@ -65,10 +90,15 @@ class Transforms:
 
     Args:
         keep_s: age beyond which poses are forgotten [s]; None keeps all.
+        frame: frame in which poses are taken, such as `odom`; None for the topmost one.
+        mounting: x, y [m] and heading [rad] of every lidar on the robot, in place of its transforms; None for those.
     """
 
-    def __init__(self, keep_s: float | None = None) -> None:
-        self.keep_s = keep_s
+    def __init__(
+        self, keep_s: float | None = None, *, frame: str | None = None, mounting: Vector | None = None
+    ) -> None:
+        self.keep_s, self.frame = keep_s, frame and frame.lstrip("/")
+        self.mounting = None if mounting is None else planar(*mounting)
         self.edges: dict[str, Edge] = {}
         self.left_out: dict[str, None] = {}  # messages about poses that cannot be used, in the order of their arrival
 
@@ -81,50 +111,83 @@ class Transforms:
     ) -> None:
         """Add the pose of a frame in its parent frame at a time.
 
-        A static pose replaces the one before, and poses that change replace a static one. Poses in another parent than
-        the first are left out: the tree of frames would change with each of them. If poses are kept for some time only,
-        one that is earlier than the last by more than `DISORDER_S` replaces all before it: a wrong time does not hide
-        the poses after it.
+        A static pose replaces the one before, and poses that change replace a static one. If the frame has a static
+        parent already, such as `base_link` in `base_footprint`, that one becomes its child. Poses in another parent
+        than the first are left out otherwise: the tree of frames would change with each of them. If poses are kept for
+        some time only, one that is earlier than the last by more than `DISORDER_S` replaces all before it: a wrong time
+        does not hide the poses after it.
 
         Args:
             child: the frame.
             parent: its parent frame.
             stamp: time [s].
             position: x, y, z [m].
-            quaternion: x, y, z, w; of any length but zero.
+            quaternion: x, y, z, w; of length one.
             is_static: whether the pose holds at all times.
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
-        if not (np.isfinite((*position, *quaternion)).all() and any(quaternion)):
-            self.left_out[f"poses of {child} are left out: they are not finite, or without a rotation"] = None
+        if problem := _problem(stamp, position, quaternion):
+            self._leave_out(f"poses of {child} are left out: {problem}")
+            return
+        if child not in self.edges and len(self.edges) >= MAX_FRAMES:
+            self._leave_out(f"poses of more than {MAX_FRAMES} frames are left out")
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
         edge = self.edges.setdefault(child, Edge(parent, is_static))
+        if edge.parent != parent and edge.stamps and self._has_turned(child, parent, pose, is_static=is_static):
+            edge = self.edges[child]
+            if is_static and not edge.is_static:
+                return
         if not edge.stamps or (edge.is_static and (is_static or edge.parent == parent)):
-            edge.parent, edge.is_static, edge.stamps, edge.poses = parent, is_static, [stamp], [pose]
-            return
-        if edge.parent != parent:
-            self.left_out[f"poses of {child} in {parent} are left out: it has poses in {edge.parent}"] = None
-            return
-        if is_static:
-            return
+            self.edges[child] = Edge(parent, is_static, [stamp], [pose])
+        elif edge.parent != parent:
+            self._leave_out(f"poses of {child} in {parent} are left out: it has poses in {edge.parent}")
+        elif not is_static:
+            self._insert(edge, stamp, pose)
+
+    def _insert(self, edge: Edge, stamp: float, pose: RigidTransform) -> None:
         if self.keep_s is not None and stamp < edge.stamps[-1] - DISORDER_S:  # its time or that of the last is wrong
             edge.stamps, edge.poses = [], []
-        place = bisect_right(edge.stamps, stamp)
-        edge.stamps.insert(place, stamp)
-        edge.poses.insert(place, pose)
+        edge.insert(stamp, pose)
         if self.keep_s is not None and edge.stamps[0] < edge.stamps[-1] - 2 * self.keep_s:
             old = bisect_left(edge.stamps, edge.stamps[-1] - self.keep_s) - 1
             del edge.stamps[:old], edge.poses[:old]
+
+    def _has_turned(self, child: str, parent: str, pose: RigidTransform, *, is_static: bool) -> bool:
+        """Return whether a static transform between a frame and one of its two parents is turned over, as it may be."""
+        edge = self.edges[child]
+        other = self.edges.get(parent)
+        if is_static and not edge.is_static:
+            if other is None:
+                self.edges[parent] = Edge(child, True, [0.0], [pose.inv()])
+            return other is None or (other.is_static and other.parent == child)
+        if is_static or not edge.is_static or any(not each.is_static for each in self._chain_of(child)):
+            return False
+        self._turn_over(child)
+        self.edges[child] = Edge(parent)
+        return True
+
+    def _turn_over(self, child: str) -> None:
+        """Make the static parents of a frame its children."""
+        turned, name = dict[str, Edge](), child
+        while name in self.edges and len(turned) < len(self.edges):
+            above = self.edges[name]
+            turned[above.parent] = Edge(name, True, above.stamps, [above.poses[0].inv()])
+            name = above.parent
+        self.edges |= turned
+
+    def _leave_out(self, message: str) -> None:
+        if len(self.left_out) < MAX_MESSAGES:
+            self.left_out[message] = None
 
     def forget(self) -> None:
         """Remove all poses that are not static; their frames stay, so that scans wait for new ones."""
         for edge in self.edges.values():
             if not edge.is_static:
-                edge.stamps, edge.poses = [], []
+                edge.stamps, edge.poses, edge.moves = [], [], False
 
     def pose_at(self, frame: str, stamp: float) -> PlanarPose | None:
-        """Return the pose of a frame in its last parent at a time.
+        """Return the pose of a frame at a time, in the chosen frame or in its last parent.
 
         A frame without a transform, such as that of a lidar whose mounting is not published, is taken to be at the
         origin of the robot, see `base_of`.
@@ -140,15 +203,9 @@ class Transforms:
         Raises:
             ValueError: the frame is tilted by more than `MAX_TILT`.
         """
-        edges = list(self._chain(frame))
-        if all(edge.is_static for edge in edges):
+        total = self._compose(frame, stamp)
+        if total is None:
             return None
-        total = RigidTransform.identity()
-        for edge in edges:
-            pose = edge.at(stamp)
-            if pose is None:
-                return None
-            total = pose * total
         axes = total.rotation.as_matrix()
         tilt = math.acos(min(abs(axes[2, 2]), 1.0))
         if tilt > MAX_TILT:
@@ -159,9 +216,28 @@ class Transforms:
         x, y, _ = (float(value) for value in total.translation)
         return PlanarPose(x, y, math.atan2(axes[1, 0], axes[0, 0]), bool(axes[2, 2] < 0))
 
+    def _compose(self, frame: str, stamp: float) -> RigidTransform | None:
+        edges = list(self._chain(frame))
+        if all(edge.is_static for edge in edges) or not self._reaches_frame(edges):
+            return None
+        total, has_odometry = RigidTransform.identity(), False
+        for edge in edges:
+            pose = edge.at(stamp, is_correction=has_odometry)
+            if pose is None:
+                return None
+            has_odometry = has_odometry or edge.moves
+            total = pose * total
+        return total
+
+    def _reaches_frame(self, edges: list[Edge]) -> bool:
+        return self.frame is None or (bool(edges) and edges[-1].parent == self.frame)
+
     def why_unplaced(self, frame: str, stamp: float) -> str:
         """Return why a frame has no pose at a time [s], where `pose_at` returns None."""
         edges = list(self._chain(frame))
+        if not self._reaches_frame(edges):
+            above = ", ".join(edge.parent for edge in edges) or "nothing"
+            return f"the frame {self.frame} is not above {frame.lstrip('/')}, but {above}"
         if all(edge.is_static for edge in edges):
             moving = [f"{name} in {edge.parent}" for name, edge in self.edges.items() if not edge.is_static]
             known = f"the poses are of {', '.join(moving)}" if moving else "there are no poses"
@@ -172,17 +248,48 @@ class Transforms:
         needed = f"poses of {name} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
         return f"it needs {needed}; there are {span}"
 
-    def has_later(self, frame: str, stamp: float) -> bool:
-        """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change."""
+    def has_later(self, frame: str, stamp: float, silent_s: float = -math.inf) -> bool:
+        """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change.
+
+        Args:
+            frame: the frame.
+            stamp: the time [s].
+            silent_s: a frame without poses since this time [s] is not waited for.
+        """
         chain = list(self._chain(frame))
         return not all(edge.is_static for edge in chain) and all(
-            edge.is_static or (len(edge.stamps) > 1 and edge.stamps[-1] >= stamp) for edge in chain
+            edge.is_static or (len(edge.stamps) > 1 and (edge.stamps[-1] >= stamp or edge.stamps[-1] < silent_s))
+            for edge in chain
         )
 
     def root(self, frame: str) -> str:
         """Return the last parent of a frame."""
         parents = [edge.parent for edge in self._chain(frame)]
         return parents[-1] if parents else frame.lstrip("/")
+
+    def heading_on_robot(self, frame: str) -> float | None:
+        """Return the heading of a frame in that of the robot [rad], by the static transforms; None without one."""
+        if frame not in self:
+            return None
+        total = RigidTransform.identity()
+        for edge in self._chain(frame):
+            if edge.moves or not edge.poses:
+                break
+            total = edge.poses[0] * total
+        axes = total.rotation.as_matrix()
+        return math.atan2(axes[1, 0], axes[0, 0])
+
+    def adopt(self, odometry: "Transforms") -> bool:
+        """Take the poses of odometry for the frames that no other poses move; return whether there are any."""
+        self.left_out |= odometry.left_out
+        found = False
+        for child, edge in odometry.edges.items():
+            if any(not each.is_static for each in self._chain_of(child)):
+                continue
+            self._turn_over(child)
+            self.edges[child] = edge
+            found = True
+        return found
 
     def base_of(self, frame: str) -> str | None:
         """Return the frame of the robot, which stands in for a frame without a transform.
@@ -201,15 +308,46 @@ class Transforms:
         return moving[0] if len(moving) == 1 else None
 
     def _chain(self, frame: str) -> Iterator[Edge]:
-        """Yield the transforms from a frame upward."""
+        """Yield the transforms from a frame upward, to the chosen frame."""
         name: str | None = frame.lstrip("/")
-        if name not in self.edges:
+        if self.mounting is not None:
             name = self.base_of(frame)
+            if name is not None:
+                yield Edge(name, True, [0.0], [self.mounting])
+        elif name not in self.edges:
+            name = self.base_of(frame)
+        if name is not None:
+            yield from self._chain_of(name)
+
+    def _chain_of(self, name: str) -> Iterator[Edge]:
         for _ in range(len(self.edges)):  # no more steps than frames, so that a cycle ends
-            if name not in self.edges:
+            if name not in self.edges or name == self.frame:
                 return
             yield self.edges[name]
             name = self.edges[name].parent
+
+
+def planar(x: float, y: float, heading: float) -> RigidTransform:
+    """Return a pose in the plane, x, y [m] and heading [rad], as a transform."""
+    return RigidTransform.from_components((x, y, 0.0), Rotation.from_euler("z", heading))
+
+
+def _are_near(one: RigidTransform, other: RigidTransform, share: float = 1.0) -> bool:
+    """Return whether two poses are within a share of `STILL_M` and `STILL_RAD`."""
+    moved_m = np.linalg.norm(one.translation - other.translation)
+    return bool(moved_m <= share * STILL_M and (one.rotation.inv() * other.rotation).magnitude() <= share * STILL_RAD)
+
+
+def _problem(stamp: float, position: Vector, quaternion: Vector) -> str | None:
+    """Return what is wrong with a pose, such as one of an uninitialized message; None if nothing is."""
+    if not math.isfinite(stamp) or not all(map(math.isfinite, (*position, *quaternion))):
+        return "they are not finite"
+    if max(map(abs, position)) > MAX_PLACE_M:
+        return f"they are farther than {MAX_PLACE_M:g} m"
+    length = math.hypot(*quaternion)
+    if abs(length - 1) > MAX_NORM_ERROR:
+        return f"a rotation is a quaternion of length {length:.3g}, not 1"
+    return None
 
 
 def without_transform(frame: str, base: str | None) -> str:

@@ -1,21 +1,17 @@
 """Windows of a log: as many steps as the network was trained with, at its step time, moved onto its map."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from repro.maps.statistics import Statistics
 from repro.prediction.logs import ScanLog
+from repro.prediction.times import WindowSettings, check_times, ends_of, parts_of, steps_before
 from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
-MOST_BETWEEN_S = 30.0  # between two scans of a lidar
-MAX_AGE_STEPS = 5  # of the scan that stands in for a step; a larger gap leaves out the window
-
-
-def longest_gap_s(step_s: float) -> float:
-    """Return the time between two scans beyond which no window has both [s], given the time of a step [s]."""
-    return 2 * MAX_AGE_STEPS * step_s + 1e-6
+LEAST_SCANS = 10  # different ones in a window that is spaced by distance
 
 
 @dataclass(frozen=True)
@@ -41,9 +37,7 @@ class Window:
     held_out: Scans | None = None
 
 
-def cut(
-    log: ScanLog, *, steps: int, step_s: float, stride_s: float, center: str | tuple[float, float], size_m: float
-) -> Iterator[Window | str]:
+def cut(log: ScanLog, settings: WindowSettings, stride_s: float, size_m: float) -> Iterator[Window | str]:
     """Cut a log into windows, each of which ends with the scan nearest to `stride_s` after the one before.
 
     Each other step takes the scan nearest in time. A gap that no window can bridge divides the log: the first window
@@ -51,102 +45,69 @@ def cut(
 
     Args:
         log: the log.
-        steps: steps of a window, T.
-        step_s: time of a step [s].
-        stride_s: time between two windows [s].
-        center: center of the map: `start` (the first pose of the log), `robot` (the last pose of the window), or x, y
-            in the frame of the log [m].
+        settings: center and steps of the windows.
+        stride_s: time between two windows [s]; scans if they are spaced by distance.
         size_m: side of the map [m].
 
     Yields:
-        the windows, and for each one that cannot be used, each gap and each part that is too short, the reason.
+        the windows, and for each gap and each part that is too short, what is left out.
 
     Raises:
-        ValueError: the center is another word, no part of the log is as long as one window, or its scans are too rare
-            for steps of `step_s`.
+        InputError: no part of the log is as long as one window, or its scans are too rare for the steps.
     """
-    if isinstance(center, str) and center not in ("start", "robot"):
-        raise InputError(f"center: expected start, robot or x, y [m], got {center}")
-    length, longest_gap = (steps - 1) * step_s, longest_gap_s(step_s)
-    gaps = np.diff(log.stamps)
-    begins = np.flatnonzero(gaps > longest_gap) + 1
-    parts = np.split(log.stamps, begins)
-    _check_times(gaps, parts, steps, step_s)
+    check_times(log.stamps, settings)
     number = 0
-    for begin, stamps in zip((0, *begins), parts, strict=True):
+    for begin, end in parts_of(log.stamps, settings):
+        stamps = log.stamps[begin:end]
         if begin:
-            yield f"no scans for {gaps[begin - 1]:.1f} s before {stamps[0]:.2f} s"
-        duration = float(stamps[-1] - stamps[0])
-        if duration < length - step_s / 2:
-            yield f"{duration:.1f} s of scans from {stamps[0]:.2f} s, a window takes {length:.1f} s"
-            continue
-        for end in _ends(stamps, length, stride_s, step_s):
+            yield f"no scans for {stamps[0] - log.stamps[begin - 1]:.1f} s before {stamps[0]:.2f} s"
+        ends = ends_of(stamps, settings, stride_s)
+        if not len(ends):
+            duration = stamps[-1] - stamps[0]
+            yield f"{duration:.1f} s of scans from {stamps[0]:.2f} s, a window takes {settings.duration_s:.1f} s"
+        for last in ends:
             number += 1
-            try:
-                index = begin + steps_before(stamps, end, steps=steps, step_s=step_s)
-            except InputError as error:
-                yield str(error)
-                continue
-            origin = _center(center, log, index[-1]) - size_m / 2
-            last = index[-1] + 1
-            following = _on_map(log, slice(last, last + 1), origin) if last < begin + len(stamps) else None
+            index = begin + steps_before(stamps[: last + 1], settings)
+            origin = center_of(settings, log.poses[0], log.poses[begin + last]) - size_m / 2
+            after = slice(begin + last + 1, begin + last + 2)
+            following = _on_map(log, after, origin) if after.stop <= end else None
             corner = (float(origin[0]), float(origin[1]))
-            held_out = _held_out(log, last - 1, origin)
-            yield Window(number, float(end), _on_map(log, index, origin), corner, following, held_out)
+            held_out = _held_out(log, begin + int(last), origin)
+            yield Window(number, float(stamps[last]), _on_map(log, index, origin), corner, following, held_out)
 
 
-def _check_times(gaps: np.ndarray, parts: list[np.ndarray], steps: int, step_s: float) -> None:
-    """Check that scans with these times between them [s], in parts (S,) without a gap, have windows."""
-    length, longest_gap, between_s = (steps - 1) * step_s, longest_gap_s(step_s), float(np.median(gaps))
-    if between_s > MOST_BETWEEN_S:
-        raise InputError(f"the log has a scan every {between_s:.3g} s: expected times in seconds, not in ms or ns")
-    if between_s > longest_gap:
-        raise InputError(
-            f"the log has a scan every {between_s:.2g} s, steps of {step_s:g} s need one every {longest_gap:g} s: "
-            f"use prediction.step_s={between_s:.2g}"
-        )
-    longest = max(float(stamps[-1] - stamps[0]) for stamps in parts)
-    if longest < length - step_s / 2:
-        without = " without a gap" if len(parts) > 1 else ""
-        raise InputError(
-            f"the log has {longest:.1f} s of scans{without}, a window of {steps} steps takes {length:.1f} s"
-        )
+def spaced_by_distance(log: ScanLog, settings: WindowSettings, statistics: Statistics | None) -> WindowSettings:
+    """Return the windows of a log in which the robot drives as far as in those of the training (median).
 
-
-def _ends(stamps: np.ndarray, length: float, stride_s: float, step_s: float) -> np.ndarray:
-    """Return the times of the scans that end the windows of a part without a gap [s], given the length of a window [s].
-
-    They are those nearest to every `stride_s`, and each at most once; the first may be half a step early.
-    """
-    count = int(max(stamps[-1] - stamps[0] - length, 0) / stride_s + 1e-6) + 1
-    wanted = stamps[0] + length + stride_s * np.arange(count)
-    late_enough = stamps[stamps - stamps[0] >= length - step_s / 2]
-    return np.unique(late_enough[_nearest(late_enough, wanted)])
-
-
-def steps_before(stamps: np.ndarray, end: float, *, steps: int, step_s: float) -> np.ndarray:
-    """Return the index of the scan nearest in time to each step of a window.
+    The time of a step is counted in scans, of which a window has at least `LEAST_SCANS` different ones.
 
     Args:
-        stamps: times of the scans [s], (S,), increasing.
-        end: time of the last step [s].
-        steps: steps of the window, T.
-        step_s: time of a step [s].
-
-    Returns:
-        the indices, (T,), oldest step first.
+        log: the log, whose times are the numbers of its scans.
+        settings: center and steps of the windows.
+        statistics: those of the training.
 
     Raises:
-        ValueError: the window begins before the first scan, or a step has no scan within `MAX_AGE_STEPS` steps.
+        InputError: the statistics are not known, or the robot does not drive.
     """
-    times = end - step_s * np.arange(steps - 1, -1, -1)
-    if stamps[0] - times[0] > (0.5 + 1e-6) * step_s:
-        raise InputError(f"scans of {end - stamps[0]:.1f} s before {end:.2f} s, a window takes {end - times[0]:.1f} s")
-    index = _nearest(stamps, times)
-    gap = np.abs(stamps[index] - times).max()
-    if gap > MAX_AGE_STEPS * step_s:
-        raise InputError(f"no scan for {gap:.1f} s before {end:.2f} s")
-    return index
+    if statistics is None:
+        raise InputError("prediction.spacing=distance: the weights have no statistics, such as the path of the robot")
+    driven_m = float(np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum())
+    path_m = statistics.quantiles["path_m"][2]
+    if not driven_m > 0 or not path_m > 0:
+        raise InputError(
+            f"prediction.spacing=distance: the robot drives {driven_m:.3g} m in the log and {path_m:.3g} m in a window "
+            "of the training, and its scans cannot be spaced by distance"
+        )
+    scans = path_m * (len(log) - 1) / driven_m  # in a window
+    step = max(scans / settings.steps, LEAST_SCANS / settings.steps)
+    return replace(settings, step_s=float(step), spacing="distance")
+
+
+def center_of(settings: WindowSettings, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return the center of a map [m], (2,), given the first pose of the log and the last pose of the window, (3,)."""
+    if isinstance(settings.center, str):
+        return {"start": first, "robot": last}[settings.center][:2]
+    return np.array(settings.center)
 
 
 def on_map(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, origin: np.ndarray) -> Scans:
@@ -162,19 +123,6 @@ def on_map(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, origin: np
     poses[:, :2] -= origin
     poses[:, 2] = wrapped(poses[:, 2])
     return Scans(np.ascontiguousarray(ranges), angles, poses)
-
-
-def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
-    if len(stamps) == 1:
-        return np.zeros(len(times), dtype=int)
-    after = np.searchsorted(stamps, times).clip(1, len(stamps) - 1)
-    return np.where(times - stamps[after - 1] <= stamps[after] - times, after - 1, after)
-
-
-def _center(center: str | tuple[float, float], log: ScanLog, last: int) -> np.ndarray:
-    if isinstance(center, str):
-        return log.poses[{"start": 0, "robot": last}[center], :2]
-    return np.array(center, dtype=float)
 
 
 def _on_map(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans:

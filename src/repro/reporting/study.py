@@ -19,6 +19,7 @@ from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.errors import InputError
+from repro.system.files import is_locked
 from repro.world_config import is_moving
 
 
@@ -128,9 +129,8 @@ def _state(run: Run) -> str:
     try:
         status = run.status
         if status in (Status.training, Status.paused):
-            history = run.path / "history.csv"
-            epochs = max(len(history.read_text(encoding="utf-8").splitlines()) - 1, 0) if history.is_file() else 0
-            return f"{status}, {epochs} epochs"
+            is_stopped = status is Status.training and not is_locked(run.path)
+            return f"{'stopped' if is_stopped else status}, {run.epochs} epochs"
         return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics missing"
     except ValueError:
         return "cannot be read"

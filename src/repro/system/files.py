@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import logging
 import os
 import re
 import shutil
@@ -21,6 +22,7 @@ from repro.system.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+log = logging.getLogger(__name__)
 T = TypeVar("T")
 LEFTOVER = re.compile(r"(.+)\.[0-9a-f]{32}(\.old)?\.tmp")  # temporary names that this module creates
 
@@ -181,7 +183,7 @@ def sha256(path: Path) -> str:
 
 @contextmanager
 def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
-    """Hold an exclusive lock on a directory; a second process prints a message and waits.
+    """Hold an exclusive lock on a directory; a second process logs a message and waits.
 
     The lock uses flock, or on a shared file system without flock a file that only one process can create. If a machine
     crashed and left such a file, every later process waits: delete the file in the directory that the message names.
@@ -194,12 +196,23 @@ def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
     try:
         guard.acquire(timeout=0)
     except Timeout:
-        print(f"waiting: another process is working in {directory}", flush=True)
+        log.info("waiting: another process is working in %s", directory)
         guard.acquire()
     try:
         yield
     finally:
         guard.release()
+
+
+def is_locked(directory: Path, name: str = ".lock") -> bool:
+    """Return whether a process holds the lock of a directory, see `lock`; true if that cannot be seen."""
+    guard = FileLock(directory / name)
+    try:
+        guard.acquire(timeout=0)
+    except (Timeout, OSError):
+        return True
+    guard.release()
+    return False
 
 
 def first_line(error: Exception) -> str:

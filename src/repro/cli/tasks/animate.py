@@ -27,6 +27,7 @@ def run(job: Job) -> None:
     trained = job.outputs.run(key)
     if not trained.is_trained:
         raise InputError(f"{trained} is not trained: train it first, with the same options and seed=0")
+    trained.check(replace(job.config, seed=0))
     world = sample_world(job.spec, SHOWN_SEED + job.call.seed)
     print(f"simulating and drawing world {job.call.seed} of experiment {key.experiment}", flush=True)
     recording = simulate(world)

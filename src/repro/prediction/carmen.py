@@ -1,0 +1,124 @@
+"""Scans of the front lidar from CARMEN logs: http://carmen.sourceforge.net/program_carmen/logger.html."""
+
+import gzip
+import logging
+import math
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from repro.prediction.intake import LogScan
+from repro.system.errors import InputError
+
+LOGGER = logging.getLogger(__name__)
+RANGE_MAX_M = 81.83  # of the SICK LMS 200 in its longest setting, where a log does not say
+FLASER_SPACING_DEG = {101: 1, 180: 1, 181: 1, 201: 0.5, 360: 0.5, 361: 0.5, 401: 0.25, 540: 0.5, 541: 0.5}  # by count
+WORDS = ("FLASER", "ROBOTLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "# CARMEN")
+MAX_LINE = 10**7  # characters; a scan of 100,000 readings has a tenth
+
+
+def is_carmen(head: bytes) -> bool:
+    """Return whether a file that begins with some bytes is a CARMEN log."""
+    if b"\0" in head:
+        return False
+    lines = head.decode("utf-8-sig", "replace").splitlines()
+    return any(line.startswith(WORDS) for line in lines)
+
+
+def read_carmen(path: Path, *, is_packed: bool) -> Iterator[LogScan]:
+    """Read the scans of a file, plain or gzipped.
+
+    Raises:
+        InputError: it is damaged, has a line that does not follow the format, or no line of a lidar.
+    """
+    try:
+        with (
+            gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
+            if is_packed
+            else path.open(encoding="utf-8-sig", errors="replace") as lines
+        ):
+            yield from carmen_scans(_lines(lines, path), path)
+    except (gzip.BadGzipFile, zlib.error, EOFError) as error:
+        raise InputError(f"{path}: is damaged ({error})") from error
+
+
+def _lines(file: TextIO, path: Path) -> Iterator[str]:
+    while line := file.readline(MAX_LINE + 1):
+        if len(line) > MAX_LINE:
+            raise InputError(f"{path}: has a line of more than {MAX_LINE} characters: expected one line per scan")
+        yield line
+
+
+def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
+    """Read the scans of the front lidar from the lines of a CARMEN log.
+
+    Raises:
+        InputError: a line does not follow the format, and the message has its number; or none is of a lidar.
+    """
+    range_max_m, found = None, set[str]()
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        try:
+            if words[:1] == ["PARAM"] and _is_range(words):
+                range_max_m = float(words[2])
+            elif words[:1] == ["FLASER"]:
+                if range_max_m is None:
+                    range_max_m = RANGE_MAX_M
+                    LOGGER.warning(
+                        "%s: it states no maximum range before its first scan: %s m is taken, "
+                        "prediction.range_max_m=... chooses another",
+                        *(path, RANGE_MAX_M),
+                    )
+                yield _flaser(words, range_max_m)
+            elif words[:1] == ["ROBOTLASER1"]:
+                yield _robotlaser(words)
+            found.update(word for word in words[:1] if word in WORDS)
+        except (ValueError, IndexError) as error:
+            raise InputError(f"{path}: line {number} is no {words[0]} line of CARMEN ({error})") from error
+    if not found & {"FLASER", "ROBOTLASER1"}:
+        known = f"its lines are {', '.join(sorted(found))}" if found else "it has none of its words"
+        raise InputError(f"{path}: expected lines FLASER or ROBOTLASER1 of a CARMEN log; {known}")
+
+
+def _is_range(words: list[str]) -> bool:
+    return words[1:2] != [] and words[1].endswith(("front_laser_max", "laser_front_max_range"))
+
+
+def _flaser(words: list[str], range_max_m: float) -> LogScan:
+    """Read FLASER num_readings [ranges] x y theta odom_x odom_y odom_theta ipc_timestamp ipc_hostname timestamp."""
+    count = int(words[1])
+    ranges, rest = _floats(words[2 : 2 + count], count), words[2 + count :]
+    is_known = count in FLASER_SPACING_DEG or not count
+    known = ", ".join(map(str, FLASER_SPACING_DEG))
+    problem = None if is_known else f"of {count} readings, which do not tell their angles as {known} do"
+    spacing = math.radians(FLASER_SPACING_DEG.get(count, 1))
+    first = -spacing * (count // 2)
+    return LogScan(float(rest[6]), ranges, first, spacing, 0.0, range_max_m, _pose(rest[:3]), problem)
+
+
+def _robotlaser(words: list[str]) -> LogScan:
+    """Read ROBOTLASER1 type start_angle fov resolution maximum_range accuracy remission_mode num_readings [ranges]
+    num_remissions [remissions] laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv forward_safety_dist
+    side_safety_dist turn_axis timestamp hostname logger_timestamp.
+    """
+    first, view, spacing, range_max_m = _floats(words[2:6], 4).tolist()
+    count = int(words[8])
+    ranges, rest = _floats(words[9 : 9 + count], count), words[9 + count :]
+    rest = rest[1 + int(rest[0]) :]
+    is_consistent = not count > 1 or not view > 0 or abs(spacing * (count - 1) - view) <= 1.5 * spacing + 0.01 * view
+    problem = None if is_consistent else "with a field of view that contradicts the angle between its readings"
+    return LogScan(float(rest[11]), ranges, first, spacing, 0.0, range_max_m, _pose(rest[:3]), problem)
+
+
+def _pose(words: list[str]) -> tuple[float, float, float]:
+    x, y, heading = _floats(words, 3).tolist()
+    return x, y, heading
+
+
+def _floats(words: list[str], count: int) -> np.ndarray:
+    if len(words) != count:
+        raise InputError(f"expected {count} numbers, got {len(words)}")
+    return np.array(words, dtype=float)

@@ -1,0 +1,264 @@
+"""The times of scans and the steps of windows: one set of rules for logs, streams and nodes.
+
+A `Clock` keeps scans by their times, as they arrive, and `steps_before` takes the kept scan nearest to each step of a
+window. Logs, streams and nodes use both, so that they predict the same maps.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from repro.networks.predictor import Predictor
+from repro.system.errors import InputError
+
+T = TypeVar("T")
+MAX_AGE_STEPS = 5  # of the scan that stands in for a step; twice that between two scans divides a log
+MAX_BETWEEN_S = 30.0  # between two scans of a lidar
+MAX_STEPS = 10_000  # of a window
+MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
+TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
+SPACINGS = ("time", "distance")
+NOT_LATER = "not later than the one before"
+TOO_SOON = "less than half a step after the one before"
+ELSEWHERE = "far in time from those before and after"
+UNITS = {1e9: "ns", 1e6: "us", 1e3: "ms"}
+
+
+class TimesLost(InputError):
+    """The times of a log cannot order its scans into windows; their numbers can."""
+
+
+@dataclass(frozen=True)
+class WindowSettings:
+    """How windows are cut from scans.
+
+    Args:
+        center: center of the map: `robot` (the last pose of the window), `start` (the first pose of a log), or x, y in
+            the frame of the poses [m].
+        steps: steps of a window, T.
+        step_s: time of a step [s]; with `distance`, scans between two steps.
+        range_max_m: maximum range of the lidar [m], which replaces that of the scans; None keeps it.
+        spacing: `time`, or `distance`: the scans of a log count as evenly spaced, and time is their number.
+
+    Raises:
+        InputError: a value is outside of its range.
+    """
+
+    center: str | tuple[float, float] = "robot"
+    steps: int = 100
+    step_s: float = 0.1
+    range_max_m: float | None = None
+    spacing: str = "time"
+
+    def __post_init__(self) -> None:
+        if not float(self.steps).is_integer() or not 1 <= self.steps <= MAX_STEPS or not 0 < self.step_s < math.inf:
+            raise InputError(
+                f"expected 1 to {MAX_STEPS} steps and a positive step_s [s], got {self.steps} and {self.step_s}"
+            )
+        if self.range_max_m is not None and not self.range_max_m > 0:
+            raise InputError(f"range_max_m: expected a positive range [m], got {self.range_max_m}")
+        if self.spacing not in SPACINGS:
+            raise InputError(f"spacing: expected {' or '.join(SPACINGS)}, got {self.spacing}")
+        if isinstance(self.center, str) and self.center in ("robot", "start"):
+            return
+        try:
+            point = np.array(self.center, dtype=float)
+        except (TypeError, ValueError):
+            point = np.array(math.nan)
+        if point.shape != (2,) or not np.isfinite(point).all():
+            raise InputError(f"center: expected robot, start or x, y [m], got {self.center!r}")
+        object.__setattr__(self, "center", (float(point[0]), float(point[1])))
+
+    @property
+    def duration_s(self) -> float:
+        """Return the time from the first to the last step [s]."""
+        return (self.steps - 1) * self.step_s
+
+    @property
+    def longest_gap_s(self) -> float:
+        """Return the time between two scans beyond which no window has both [s]."""
+        return (2 * MAX_AGE_STEPS + TOLERANCE) * self.step_s
+
+    def is_filled(self, first_s: float, end_s: float) -> bool:
+        """Return whether the scans from a time on fill a window with this end [s]; its first scan may be half late."""
+        return end_s - first_s >= self.duration_s - (0.5 + TOLERANCE) * self.step_s
+
+
+def window_of(
+    predictor: Predictor,
+    center: str | tuple[float, float] = "robot",
+    steps: int | None = None,
+    step_s: float | None = None,
+    range_max_m: float | None = None,
+) -> WindowSettings:
+    """Return the windows for a network, those of its training where None is given.
+
+    Raises:
+        InputError: a value is outside of its range, or the network has learned fixed obstacles and the center moves.
+    """
+    settings = WindowSettings(center, *predictor.window(steps, step_s), range_max_m)
+    predictor.check_center(settings.center)
+    return settings
+
+
+class Kept(NamedTuple, Generic[T]):
+    """A scan that the clock keeps: its time [s], what came with it, and whether a part without a gap begins with it."""
+
+    stamp: float
+    scan: T
+    begins: bool
+
+
+class Clock(Generic[T]):
+    """Keeps scans by their times as they arrive.
+
+    A scan is left out if it is not later than the one before, or follows it by less than half a step. A gap of more
+    than ten steps, or a time that is earlier by more than a window, begins a new part. The scan after it may have a
+    wrong time: it waits for the next one, and is left out if that one continues the part before.
+
+    Args:
+        settings: steps of the windows.
+
+    Attributes:
+        reason: why the newest scan was not kept; None if it was.
+        left_out: number of scans that were left out, by reason.
+    """
+
+    def __init__(self, settings: WindowSettings) -> None:
+        self.settings = settings
+        self.reason: str | None = None
+        self.left_out: Counter[str] = Counter()
+        self._last_s: float | None = None
+        self._waiting: tuple[float, T] | None = None
+
+    def take(self, stamp: float, scan: T) -> list[Kept[T]]:
+        """Take a scan with its time [s] and return the scans that are kept from now on, in the order of their times."""
+        kept: list[Kept[T]] = []
+        self.reason = None
+        if self._waiting is not None:
+            if self._continues(stamp):
+                self.left_out[ELSEWHERE] += 1
+            else:
+                kept.append(Kept(*self._waiting, True))
+                self._last_s = self._waiting[0]
+            self._waiting = None
+        if self._last_s is not None and not self._continues(stamp):
+            self._waiting = stamp, scan
+            self.reason = f"the scan at {stamp:.2f} s is far in time from the one before: it waits for the next"
+        elif self._last_s is not None and stamp <= self._last_s:
+            self._leave_out(stamp, NOT_LATER)
+        elif self._last_s is not None and stamp - self._last_s < (0.5 - TOLERANCE) * self.settings.step_s:
+            self._leave_out(stamp, TOO_SOON)
+        else:
+            kept.append(Kept(stamp, scan, self._last_s is None))
+            self._last_s = stamp
+        return kept
+
+    def _continues(self, stamp: float) -> bool:
+        """Return whether a time [s] is near enough to that of the last scan for the same part."""
+        assert self._last_s is not None, "a scan was kept"
+        since = stamp - self._last_s
+        return -max(self.settings.duration_s, self.settings.step_s) <= since <= self.settings.longest_gap_s
+
+    def _leave_out(self, stamp: float, reason: str) -> None:
+        self.left_out[reason] += 1
+        self.reason = f"the scan at {stamp:.2f} s is {reason}"
+
+
+def steps_before(stamps: np.ndarray, settings: WindowSettings) -> np.ndarray:
+    """Return the index of the scan nearest in time to each step of the window that ends with the last scan.
+
+    Args:
+        stamps: times of the scans of a part without a gap [s], (S,), increasing.
+        settings: steps of the window.
+
+    Returns:
+        the indices, (T,), oldest step first.
+
+    Raises:
+        InputError: the window begins before the first scan.
+    """
+    end, first = float(stamps[-1]), float(stamps[0])
+    if not settings.is_filled(first, end):
+        raise InputError(f"scans of {end - first:.1f} s before {end:.2f} s, a window takes {settings.duration_s:.1f} s")
+    return _nearest(stamps, end - settings.step_s * np.arange(settings.steps - 1, -1, -1))
+
+
+def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np.ndarray:
+    """Return the indices of the scans that end the windows of a part without a gap, (W,).
+
+    They are the scans nearest to every `stride_s` from the end of the first window on, and each at most once.
+
+    Args:
+        stamps: times of the scans of the part [s], (S,), increasing.
+        settings: steps of the windows.
+        stride_s: time between two windows [s].
+    """
+    filled = np.flatnonzero([settings.is_filled(stamps[0], stamp) for stamp in stamps])
+    if not len(filled):
+        return filled
+    first_s = stamps[0] + settings.duration_s
+    count = int(max(stamps[-1] - first_s, 0) / stride_s + 1e-6) + 1
+    if count > 100 * len(filled):  # a stride far below the time between two scans would fill the memory
+        return filled
+    return np.unique(filled[_nearest(stamps[filled], first_s + stride_s * np.arange(count))])
+
+
+def check_times(stamps: np.ndarray, settings: WindowSettings) -> None:
+    """Check that scans with these times [s], (S,), have windows.
+
+    Raises:
+        TimesLost: they are too rare for the steps.
+        InputError: no part of them without a gap is as long as a window, or the times are not in seconds.
+    """
+    gaps = np.diff(stamps)
+    between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+    if between_s > MAX_BETWEEN_S:
+        raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns")
+    if between_s > settings.longest_gap_s:
+        raise TimesLost(
+            f"a scan every {between_s:.2g} s, steps of {settings.step_s:g} s need one every "
+            f"{settings.longest_gap_s:.3g} s"
+        )
+    parts = parts_of(stamps, settings)
+    longest = max(float(stamps[end - 1] - stamps[begin]) for begin, end in parts)
+    if not settings.is_filled(0.0, longest):
+        without = " without a gap" if len(parts) > 1 else ""
+        raise InputError(
+            f"the log has {longest:.1f} s of scans{without}, a window of {settings.steps} steps takes "
+            f"{settings.duration_s:.1f} s"
+        )
+
+
+def parts_of(stamps: np.ndarray, settings: WindowSettings) -> list[tuple[int, int]]:
+    """Return begin and end, exclusive, of the parts of kept scans without a gap, given their times [s], (S,)."""
+    gaps = np.diff(stamps)
+    begins = (np.flatnonzero((gaps > settings.longest_gap_s) | (gaps <= 0)) + 1).tolist()
+    return list(zip([0, *begins], [*begins, len(stamps)], strict=True))
+
+
+def check_stamp(stamp: float, step_s: float) -> None:
+    """Check that a time is in seconds and exact enough for steps of `step_s` [s].
+
+    Raises:
+        InputError: it is not finite, or seems to be in ns, us or ms.
+    """
+    if not math.isfinite(stamp):
+        raise InputError(f"time: expected finite seconds, got {stamp}")
+    if abs(stamp) < MAX_STAMP_S and np.spacing(abs(stamp)) < 0.01 * step_s:
+        return
+    unit = next((name for scale, name in UNITS.items() if abs(stamp) / scale > 1e8), "another unit")
+    raise InputError(
+        f"time: expected seconds, got {stamp:.4g}, which looks like {unit}: float64 resolves "
+        f"{np.spacing(abs(stamp)):.2g} there"
+    )
+
+
+def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    if len(stamps) == 1:
+        return np.zeros(len(times), dtype=int)
+    after = np.searchsorted(stamps, times).clip(1, len(stamps) - 1)
+    return np.where(times - stamps[after - 1] <= stamps[after] - times, after - 1, after)

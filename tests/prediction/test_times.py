@@ -1,0 +1,99 @@
+"""The clock of scans by its definition, and the windows of a stream against those of a log."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from repro.prediction.intake import LogScan
+from repro.prediction.logs import collect
+from repro.prediction.times import ELSEWHERE, Clock, TimesLost, WindowSettings, ends_of, steps_before
+from repro.prediction.windows import Window, cut
+
+WINDOWS = WindowSettings(steps=10)
+ANGLES = np.linspace(-0.5, 0.5, 5)
+
+
+def stream_windows(stamps: list[float]) -> dict[float, list[int]]:
+    """Return the scans of the windows that a stream predicts, by their end, as `PredictionStream` does."""
+    clock, part, found = Clock[int](WINDOWS), list[tuple[float, int]](), {}
+    for number, stamp in enumerate(stamps):
+        for kept in clock.take(stamp, number):
+            part = [] if kept.begins else part
+            part.append((kept.stamp, kept.scan))
+        if clock.reason is None:
+            try:
+                index = steps_before(np.array([each for each, _ in part]), WINDOWS)
+            except ValueError:
+                continue
+            found[stamp] = [part[place][1] for place in index]
+    return found
+
+
+@st.composite
+def logs(draw) -> list[float]:
+    """Return the times of a log at some rate, with gaps, jitter, wrong single times, and a clock that is set back."""
+    count, rate = draw(st.integers(12, 60)), draw(st.sampled_from([4, 10, 20, 33]))
+    jitter = draw(st.sampled_from([0.0, 0.3, 0.9]))
+    random = np.random.default_rng(draw(st.integers(0, 999)))
+    stamps = draw(st.sampled_from([0.0, 1.7e9])) + np.cumsum(1 + jitter * random.uniform(-1, 1, count)) / rate
+    for place in draw(st.lists(st.integers(1, count - 1), max_size=2)):
+        stamps[place:] += draw(st.sampled_from([0.15, 0.6, 1.01, 3.0, 30.0, -0.5, -2.0, -500.0]))
+    for place in draw(st.lists(st.integers(0, count - 1), max_size=3)):
+        stamps[place] += draw(st.sampled_from([-3.0, -1.0, -0.12, 0.04, 1.0, 2.0, 3.0, 1e4, -1e4]))
+    return stamps.tolist()
+
+
+@settings(max_examples=300, deadline=None)
+@given(logs())
+def test_the_windows_of_a_stream_are_those_of_the_log(stamps):
+    """Bit by bit, since both stack the same scans: also at window starts and where single times are wrong."""
+    scans = [
+        LogScan(stamp, np.full(5, 1.0 + n), -0.5, 0.25, 0.0, 99.0, (0.01 * n, 0, 0)) for n, stamp in enumerate(stamps)
+    ]
+    expected = stream_windows(stamps)
+    try:
+        log = collect(scans, "log", WINDOWS)  # type: ignore[arg-type]
+        windows = [each for each in cut(log, WINDOWS, 1e-9, 50.0) if isinstance(each, Window)]
+    except TimesLost:
+        return
+    except ValueError:  # too few scans, or too short for a window
+        assert not expected
+        return
+    found = {window.stamp: (window.scans.ranges[:, 0] - 1).astype(int).tolist() for window in windows}
+    assert found.items() <= expected.items()
+    for end in expected.keys() - found.keys():  # the first windows of a log are full ones, if it goes on
+        assert end - stamps[expected[end][0]] < WINDOWS.duration_s
+
+
+def kept(stamps: list[float]) -> tuple[list[float], Clock]:
+    clock = Clock[int](WINDOWS)
+    return [each.stamp for number, stamp in enumerate(stamps) for each in clock.take(stamp, number)], clock
+
+
+@pytest.mark.parametrize("wrong", [3.0, 500.0, -500.0])
+def test_a_single_wrong_time_costs_its_own_scan_only(wrong):
+    stamps = [0.1 * number for number in range(10)]
+    found, clock = kept([*stamps[:5], stamps[5] + wrong, *stamps[6:]])
+    assert found == [*stamps[:5], *stamps[6:]]
+    assert clock.left_out == {ELSEWHERE: 1}
+
+
+@pytest.mark.parametrize("shift", [3.0, -500.0])
+def test_a_gap_and_a_clock_that_is_set_begin_a_new_part_with_its_first_scan(shift):
+    stamps = [0.1 * number + shift * (number >= 5) for number in range(10)]
+    clock = Clock[int](WINDOWS)
+    found = [each for number, stamp in enumerate(stamps) for each in clock.take(stamp, number)]
+    assert [each.stamp for each in found] == stamps
+    assert [each.scan for each in found if each.begins] == [0, 5]
+
+
+def test_scans_at_half_a_step_are_kept_at_the_times_of_today():
+    """Float64 resolves 2e-7 s there, so that the time between two scans is below 0.05 s half of the time."""
+    stamps = (1.7e9 + 0.05 * np.arange(50)).tolist()
+    assert kept(stamps)[0] == stamps
+
+
+def test_a_stride_far_below_the_time_between_scans_ends_a_window_with_each():
+    stamps = 0.1 * np.arange(30)
+    assert ends_of(stamps, WINDOWS, 1e-12).tolist() == list(range(9, 30))
