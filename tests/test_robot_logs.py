@@ -193,7 +193,7 @@ def standing_lidar(people: bool) -> ScanLog:
     angles, stamps = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 541), np.arange(0, 15, 0.1)
     ranges = np.full((len(stamps), len(angles)), 5.0, dtype=np.float32)
     if people:
-        ranges[130:, np.abs(angles - 1.9) < 0.05] = 3.0
+        ranges[130:, np.abs(angles + 1.4) < 0.05] = 3.0
     return ScanLog(stamps, ranges, angles, np.zeros((len(stamps), 3)), range_max_m=11.0)
 
 
@@ -221,6 +221,7 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
         x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2
         angles = np.arctan2(y, x)
         assert not ((angles > view[0] + 0.05) & (angles < view[1] - 0.05)).any()  # held out
+        assert np.abs(angles).max() < math.pi / 2 + 0.05  # as far as the lidar swings
     assert [case.block for case in cases] == [0] * len(cases)
 
 

@@ -29,6 +29,7 @@ from repro.prediction.output import draw
 from repro.runs.provenance import environment
 from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
+from reproduce.real import logs
 from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
 from reproduce.real.logs import Case, cases_of
@@ -47,12 +48,12 @@ def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: 
     Args:
         path: the log.
         predictor: the network.
-        origin: checksums of log and network.
+        origin: checksums of log and network, and of the code that cuts windows.
         kept: the file from which they are read, or to which they are written.
     """
     if kept.is_file():
         with open_arrays(kept) as content:
-            if all(str(content[name]) == value for name, value in origin.items()):
+            if all(str(content.get(name)) == value for name, value in origin.items()):
                 return np.rint((LEVELS - 1) * content["free"]).astype(np.int64)
     free = []
     for case in tqdm(cases_of(path, predictor), desc=f"{path.name}, network", disable=None):
@@ -120,13 +121,11 @@ def compare(
 def compare_all(paths: list[Path], weights: str, kept: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Compare all maps of all logs; return the rows of the table and the chosen constants by log."""
     predictor = load_predictor(RESULTS / weights)
-    checksum = sha256(RESULTS / weights / "model.safetensors")
-    networks = {
-        path.name: predictions(
-            path, predictor, {"log": sha256(path), "weights": checksum}, kept / weights / f"{path.name}.npz"
-        )
-        for path in paths
-    }
+    origin = {"weights": sha256(RESULTS / weights / "model.safetensors"), "windows": sha256(Path(logs.__file__))}
+    networks = {}
+    for path in paths:
+        maps_of_log = kept / weights / f"{path.name}.npz"
+        networks[path.name] = predictions(path, predictor, {"log": sha256(path), **origin}, maps_of_log)
     samples = {path.name: sample(path, predictor, networks[path.name]) for path in paths}
     maps: dict[str, dict[str, Measured]] = defaultdict(dict)
     constants, groups = {}, tuple[str, ...]()
@@ -177,8 +176,8 @@ def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argpar
     table = pd.DataFrame(rows)
     table = table.sort_values("log", key=lambda logs: logs != MEAN, kind="stable")
     write_text(options.target / "held_out.csv", table.to_csv(index=False, float_format="%.4f"))
-    logs = {path.name: sha256(path) for path in options.logs}
-    write_json(options.target / "provenance.json", {"logs": logs, "constants": constants, **origin})
+    checksums = {path.name: sha256(path) for path in options.logs}
+    write_json(options.target / "provenance.json", {"logs": checksums, "constants": constants, **origin})
     shown = table[table["log"] == MEAN]
     print(shown[["weights", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]].to_string())
 

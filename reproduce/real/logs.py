@@ -5,7 +5,8 @@ Logs of driving robots are gzipped CARMEN files with poses corrected by a scan m
 such that the robot drives as far in a window as in the training, but at most ten steps have the same scan. The lidar is
 cropped to 90 degrees straight ahead.
 
-Bags of a standing lidar have no poses. A virtual lidar of 90 degrees at its place swings to the left and to the right.
+Bags of a standing lidar have no poses. A virtual lidar of 90 degrees at its place swings by 45 degrees to both sides.
+The beams that are held out are those that it sweeps and does not have at the end of the window.
 """
 
 import gzip
@@ -90,7 +91,7 @@ def read(path: Path) -> ScanLog:
 
 
 def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
-    """Yield the windows of a virtual lidar at the place of a standing one; all other beams are held out."""
+    """Yield the windows of a virtual lidar at the place of a standing one; others that it sweeps are held out."""
     settings = window_of(predictor)
     log = read_log(path, settings, ReadOptions(pose=(0.0, 0.0, 0.0)))
     virtual, beams = swinging(log)
@@ -99,7 +100,7 @@ def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
     first_s = log.stamps[0] + (predictor.steps - 1) * predictor.step_s
     for window in windows_of(virtual, path, predictor, settings, STANDING_STRIDE):
         number = int(np.searchsorted(log.stamps, window.stamp))
-        ranges = log.ranges[number].copy()
+        ranges = np.where(np.isin(np.arange(len(log.angles)), beams), log.ranges[number], np.nan)
         ranges[beams[number]] = np.nan
         held_out, moving = (
             Scans(each[None], log.angles, np.array([[grid.size_m / 2, grid.size_m / 2, 0.0]]))

@@ -3,6 +3,8 @@
 import gzip
 import math
 import os
+import shutil
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -520,3 +522,90 @@ def test_a_carmen_log_without_a_maximum_range_is_named(tmp_path, caplog):
 def write(path: Path, text: str) -> Path:
     path.write_text(text)
     return path
+
+
+def test_a_lidar_that_stands_needs_no_poses(tmp_path):
+    options = ReadOptions(pose=(1.0, 2.0, 0.5))
+    log = read_log(bag(tmp_path / "log.bag", 1, poses="none"), WINDOWS, options)
+    assert log.stamps == pytest.approx(STAMPS, abs=1e-6)
+    assert log.poses == pytest.approx(np.tile(options.pose, (SCANS, 1)))
+    np.savez(tmp_path / "log.npz", ranges=RANGES, angles=np.radians(np.arange(-90, 91)), stamps=STAMPS)
+    with pytest.raises(ValueError, match=r"lacks poses: .* For a lidar that stands, set prediction.pose=fixed"):
+        read_log(tmp_path / "log.npz", WINDOWS)
+    assert read_log(tmp_path / "log.npz", WINDOWS, options).poses == pytest.approx(log.poses)
+
+
+def test_a_mounting_places_the_lidar_on_the_robot(tmp_path):
+    log = read_log(write_lines(tmp_path / "log", [flaser(n) for n in range(SCANS)]), WINDOWS)
+    back = ReadOptions(mounting=(0.2, 0.1, math.pi))
+    mounted = read_log(tmp_path / "log", WINDOWS, back)
+    for (x, y, heading), found in zip(log.poses, mounted.poses, strict=True):
+        turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
+        assert found[:2] == pytest.approx((x, y) + turn @ (0.2, 0.1))
+        assert found[2] == pytest.approx(heading + math.pi)
+
+
+def test_topics_and_frames_of_a_log_that_is_no_bag_are_refused(tmp_path):
+    path = write_lines(tmp_path / "log", [flaser(n) for n in range(SCANS)])
+    with pytest.raises(ValueError, match="expected a bag for a topic or a frame of its poses, got CARMEN"):
+        read_log(path, WINDOWS, ReadOptions("/scan"))
+
+
+def test_scans_with_a_varying_number_of_readings_are_resampled(caplog):
+    """As of an LD19: 88 to 94 readings between the same limits, most often 91; a ramp tells the angle of a reading."""
+    scans = []
+    for step in range(40):
+        count = (91, 91, 88, 94)[step % 4]
+        ranges = np.linspace(2, 3, count)
+        scans.append(LogScan(0.1 * step, ranges, -1.0, 2.0 / (count - 1), 0.1, 30.0, (0.0, 0.0, 0.0)))
+    log = collect(scans, Path("log"), WINDOWS)
+    assert log.skipped == {}
+    assert np.abs(log.ranges - np.linspace(2, 3, 91)).max() <= 0.5 / 87 + 1e-6
+    assert log.ranges[0] == pytest.approx(np.linspace(2, 3, 91))
+    assert caplog.text.count("the number of beams varies") == 1
+
+
+def test_the_last_messages_of_a_database_that_was_not_closed_are_read(tmp_path):
+    """They are in its write-ahead log, as after a recorder was killed."""
+    directory = bag(tmp_path / "log", 2, poses="tf", storage=StoragePlugin.SQLITE3)
+    (path,) = directory.glob("*.db3")
+    open_one = sqlite3.connect(path)
+    open_one.execute("PRAGMA journal_mode=WAL")
+    open_one.execute("PRAGMA wal_autocheckpoint=0")
+    (topic,) = open_one.execute("SELECT id FROM topics WHERE name='/scan'").fetchone()
+    rows = open_one.execute("SELECT timestamp, data FROM messages WHERE topic_id=?", (topic,)).fetchall()
+    open_one.execute("DELETE FROM messages WHERE topic_id=? AND timestamp>?", (topic, rows[9][0]))
+    open_one.commit()
+    open_one.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    insert = "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)"
+    open_one.executemany(insert, [(topic, *row) for row in rows[10:]])
+    open_one.commit()
+    recording = shutil.copytree(directory, tmp_path / "killed")
+    open_one.close()
+    before = {file.name: file.read_bytes() for file in recording.iterdir()}
+    assert any(name.endswith("-wal") for name in before)
+    expect(read_log(recording, WINDOWS), atol=2e-3)
+    expect(read_log(recording / path.name, WINDOWS), atol=2e-3)
+    assert {file.name: file.read_bytes() for file in recording.iterdir()} == before
+
+
+def test_the_parts_of_a_bag_in_a_directory_are_one_log(tmp_path):
+    """The second one has the same scans again, and no poses."""
+    for name, poses in (("a.bag", "tf"), ("b.bag", "none")):
+        bag(tmp_path / name, 1, poses=poses)
+    log = read_log(tmp_path, WINDOWS)
+    assert log.skipped == {"not later than the one before": SCANS}
+    expect(replace(log, skipped={}), atol=2e-3)
+
+
+def test_a_directory_of_a_bag_has_regular_files_only(tmp_path):
+    directory = bag(tmp_path / "log", 2, poses="tf")
+    os.mkfifo(directory / "pipe")
+    with pytest.raises(ValueError, match="pipe: expected a regular file in the directory of a bag"):
+        read_log(directory, WINDOWS)
+
+
+def test_a_line_that_does_not_end_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("repro.prediction.carmen.MAX_LINE", 1000)
+    with pytest.raises(ValueError, match="has a line of more than 1000 characters"):
+        read_log(write_lines(tmp_path / "log", ["FLASER " + "1 " * 2000]), WINDOWS)

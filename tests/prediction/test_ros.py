@@ -94,3 +94,49 @@ def test_the_beams_of_a_lidar_point_where_its_transform_says(is_upside_down):
         own = -0.5 + 0.5 * np.arange(4)
         points = turn.apply(ranges[:, None] * np.stack([np.cos(own), np.sin(own), np.zeros(4)], axis=1))
         assert found == pytest.approx(points[:, :2] + (1, 2))
+
+
+def laser_scan(stamp: float = 5.0, **changes):
+    types = types_of(get_typestore(Stores.ROS2_HUMBLE))
+    time = types["Time"](int(stamp), round(stamp % 1 * 1e9))
+    values = {"angle_min": -0.5, "angle_max": 0.5, "angle_increment": 0.01, "time_increment": 0.0, "scan_time": 0.1}
+    values |= {"range_min": 0.0, "range_max": 30.0, "ranges": np.full(101, 2.0, np.float32)} | changes
+    return types["LaserScan"](types["Header"](time, "laser"), **values, intensities=np.zeros(0, np.float32))
+
+
+@pytest.mark.parametrize(("increment", "is_used"), [(0.001, True), (0.1, False), (math.nan, False), (-1.0, False)])
+def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(increment, is_used):
+    warnings: list[str] = []
+    scans = LaserScans(warnings.append)
+    for step in range(5):
+        stamp, middle = scans.times(laser_scan(5 + 0.1 * step, time_increment=increment))
+        assert middle - stamp == pytest.approx(0.05 if is_used else 0, abs=1e-6)
+    assert len(warnings) == (not is_used)
+    assert is_used or warnings[0].startswith("time_increment is ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "spacing", "problem"),
+    [
+        ({}, 0.01, None),
+        ({"angle_max": 0.51}, 0.01, None),  # the angle after the last beam
+        ({"angle_max": math.nan}, 0.01, None),
+        ({"angle_increment": 0.0}, 0.01, None),
+        ({"ranges": np.full(95, 2.0, np.float32)}, 1 / 94, None),  # of a lidar whose number of readings varies
+        ({"angle_increment": 0.0001}, 0.0001, "with angles that contradict one another"),
+        ({"ranges": np.full(51, 2.0, np.float32)}, 0.01, "with angles that contradict one another"),
+    ],
+)
+def test_the_angles_of_a_scan_are_checked_against_one_another(changes, spacing, problem):
+    scans = LaserScans(lambda _: None)
+    message = laser_scan(**changes)
+    scan = scans.convert(message, scans.times(message), (1.0, 2.0, 3.0))
+    assert (scan.problem, scan.pose) == (problem, (1.0, 2.0, 3.0))
+    assert scan.spacing == pytest.approx(spacing)
+
+
+def test_scans_without_times_have_those_of_their_arrival():
+    warnings: list[str] = []
+    scans = LaserScans(warnings.append)
+    assert scans.times(laser_scan(0.0), 7.5) == (7.5, 7.5)
+    assert warnings == ["the scans have no times: the times of their arrival are taken"]

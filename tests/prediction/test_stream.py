@@ -2,6 +2,7 @@
 
 import dataclasses
 import gc
+import threading
 import tracemalloc
 
 import numpy as np
@@ -291,3 +292,49 @@ def test_a_window_of_reversed_beams_or_another_byte_order_is_predicted(predictor
     swapped = Scans(log.ranges[:STEPS].astype(">f4"), log.angles.astype(">f8"), log.poses[:STEPS])
     for other in (reversed_beams, swapped):
         assert torch.equal(predictor.predict(other), predictor.predict(window))
+
+
+def test_a_stream_may_be_used_by_several_threads(small, log):
+    stream, failures = PredictionStream(small, log.angles, steps=STEPS), []
+
+    def update(first: int) -> None:
+        try:
+            for number in range(first, 30, 3):
+                stream.update(log.ranges[number], log.poses[number], log.stamps[number])
+        except Exception as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=update, args=(first,)) for first in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+    kept = [stamp for stamp, _, _ in stream._kept]
+    assert kept == sorted(set(kept))
+    assert bool(stream), "a stream without scans is no less a stream"
+
+
+def test_pixels_that_no_reading_supports_are_unknown(small, log):
+    """One beam of 4 m ahead supports the pixels along it, and nothing else."""
+    ranges = np.full_like(log.ranges[:STEPS], np.nan)
+    ranges[:, 40:51] = 4.0
+    stream = PredictionStream(small, log.angles, center=(25.0, 25.0), steps=STEPS)
+    poses = np.tile([25.0, 25.0, 0.0], (STEPS, 1))
+    *_, predicted = (stream.update(*scan) for scan in zip(ranges, poses, log.stamps, strict=False))
+    x, y = (Grid(32, 50.0).centers().numpy() - 25.0).T
+    is_supported = ~predicted.unknown.ravel()
+    assert is_supported.any()
+    assert (x[is_supported] > -1.6).all()
+    assert (np.hypot(x, y)[is_supported] < 6).all()
+
+
+def test_windows_of_few_valid_readings_are_refused(small, log):
+    stream = PredictionStream(small, log.angles, center=(25.0, 25.0), steps=STEPS)
+    ranges = np.full_like(log.ranges[:STEPS], np.nan)
+    ranges[:, 45] = 4.0
+    poses = np.tile([25.0, 25.0, 0.0], (STEPS, 1))
+    for number in range(STEPS - 1):
+        stream.update(ranges[number], poses[number], log.stamps[number])
+    with pytest.raises(ValueError, match=r"windows are with too few valid readings: .* the fewest have 1\.1%"):
+        stream.update(ranges[-1], poses[-1], log.stamps[STEPS - 1])

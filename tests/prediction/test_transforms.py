@@ -214,3 +214,88 @@ def test_why_a_frame_has_no_pose():
     )
     transforms.forget()
     assert transforms.why_unplaced("laser", 1.0).endswith("there are none yet")
+
+
+def moving(stamps, xs, child="base", parent="odom", transforms=None) -> Transforms:
+    transforms = transforms or Transforms()
+    for stamp, x in zip(stamps, xs, strict=True):
+        transforms.add(child, parent, stamp, (x, 0.0, 0.0))
+    return transforms
+
+
+def test_a_pose_is_missing_only_where_the_frame_moved_in_a_gap():
+    """Odometry that is silent while the robot stands, for 5 s, and then loses 5 s of its way."""
+    transforms = moving([0, 1, 6, 7, 12], [0, 1, 1, 2, 9])
+    assert transforms.pose_at("base", 3.0) == pytest.approx((1, 0, 0))
+    assert transforms.pose_at("base", 6.5) == pytest.approx((1.5, 0, 0))
+    assert transforms.pose_at("base", 9.0) is None
+
+
+@pytest.mark.parametrize("stamps", [(0.0, 0.1), (0.0, 2.0, 4.0, 6.0, 8.0)])
+def test_a_localization_that_is_rare_or_silent_keeps_its_last_correction(stamps):
+    transforms = moving(0.1 * np.arange(100), 0.1 * np.arange(100))
+    moving(stamps, [0.5 * number for number in range(len(stamps))], "odom", "map", transforms)
+    last = max(number for number, stamp in enumerate(stamps) if stamp <= 5.05)
+    assert transforms.pose_at("base", 5.05) == pytest.approx((5.05 + 0.5 * last, 0, 0))
+    assert transforms.has_later("base", 5.05, silent_s=5.0) == (stamps[-1] >= 5.05 or stamps[-1] < 5.0)
+
+
+def test_a_publisher_of_ros_1_that_repeats_a_mounting_each_second_holds_between():
+    transforms = moving(0.1 * np.arange(100), 0.1 * np.arange(100))
+    moving(1.0000001 * np.arange(1, 4), [0.2] * 3, "laser", "base", transforms)
+    for stamp in (0.05, 2.5, 8.05):
+        assert transforms.pose_at("laser", stamp) == pytest.approx((stamp + 0.2, 0, 0))
+
+
+@pytest.mark.parametrize("is_static_first", [True, False])
+def test_odometry_of_a_frame_below_a_static_one_places_both(is_static_first):
+    transforms = Transforms()
+    static = ("base_link", "base_footprint", 0.0, (0.3, 0.0, 0.0))
+    if is_static_first:
+        transforms.add(*static, is_static=True)
+    moving([1.0, 2.0], [5.0, 6.0], "base_link", "odom", transforms)
+    if not is_static_first:
+        transforms.add(*static, is_static=True)
+    transforms.add(*static, is_static=True)
+    assert transforms.pose_at("base_link", 1.5) == pytest.approx((5.5, 0, 0))
+    assert transforms.pose_at("base_footprint", 1.5) == pytest.approx((5.2, 0, 0))
+    assert not transforms.left_out
+
+
+def test_poses_may_be_taken_in_a_lower_frame():
+    transforms = Transforms(frame="odom")
+    moving([1.0, 2.0], [5.0, 6.0], transforms=transforms)
+    moving([1.0, 2.0], [50.0, 60.0], "odom", "map", transforms)
+    assert transforms.pose_at("base", 1.5) == pytest.approx((5.5, 0, 0))
+    assert transforms.root("base") == "odom"
+    transforms.frame = "earth"
+    assert transforms.pose_at("base", 1.5) is None
+    assert transforms.why_unplaced("base", 1.5) == "the frame earth is not above base, but odom, map"
+
+
+def test_a_mounting_replaces_the_transforms_of_the_lidar():
+    transforms = Transforms(mounting=(0.2, 0.0, math.pi))
+    transforms.add("laser", "base_link", 0.0, (9.0, 9.0, 0.0), is_static=True)
+    moving([1.0, 2.0], [5.0, 6.0], "base_link", "odom", transforms)
+    x, y, heading = transforms.pose_at("laser", 1.5)
+    assert (x, y, abs(heading)) == pytest.approx((5.7, 0, math.pi))
+
+
+@pytest.mark.parametrize("rotation", [(0, 0, 0, 6.9e-310), (0, 0, 0, 1e200), (1e200, 0, 0, 1e200), (0, 0, 0.5, 0.5)])
+@pytest.mark.parametrize("is_static", [True, False])
+def test_rotations_of_uninitialized_messages_are_left_out(rotation, is_static):
+    transforms = RigidTransforms()
+    transforms.add("base", "odom", 0.0, (1.0, 0.0, 0.0), tuple(map(float, rotation)), is_static=is_static)
+    assert not transforms.edges
+    (message,) = transforms.left_out
+    assert message.startswith("poses of base are left out: a rotation is a quaternion of length")
+
+
+def test_a_frozen_clock_and_made_up_frames_do_not_fill_the_memory():
+    transforms = Transforms(keep_s=30.0)
+    moving([5.0] * 3000, range(3000), transforms=transforms)
+    assert len(transforms.edges["base"].stamps) == 1
+    for number in range(2000):
+        transforms.add(f"frame{number}", "odom", 0.0, (0.0, 0.0, 0.0))
+    assert len(transforms.edges) == 1000
+    assert len(transforms.left_out) == 1
