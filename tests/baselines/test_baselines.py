@@ -1,17 +1,18 @@
 import itertools
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 import torch
-from conftest import prepared
+from conftest import ROOT, prepared
 from shapely import affinity
 
 from repro.baselines import tracker
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.registry import PREDICTORS, _climb, dilate, steps_since_free
+from repro.baselines.registry import PREDICTORS, TRACKER, _climb, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
@@ -186,3 +187,25 @@ def test_climbing_stops_where_no_step_improves():
 
 def test_every_baseline_has_a_title_and_a_predictor():
     assert set(PREDICTORS) == {*BASELINES, *OTHER_BOUNDS} - {"inference"}  # has published rows only
+
+
+FREE_ENDS = {  # an end of the candidates that has a meaning: no such effect, or one of unlimited length
+    "free_steps": {0, 100},  # never, or always while the window lasts
+    "coast_s": {0.0, 10.0},  # none, or to the end of the window
+    "speed_m_s": {TRACKER["speed_m_s"][0]},  # obstacles that stand still
+    "join": {0.0, 1000.0},  # no rise of the cost, any rise
+    "spread_m": {1000.0},  # nothing is known of the size
+}
+
+
+@pytest.mark.parametrize("scale", ["laptop", "workstation", "workstation256"])
+def test_no_published_setting_of_the_tracker_lies_at_an_end_of_its_candidates(scale):
+    origins = json.loads((ROOT / "reproduce" / "results" / scale / "provenance.json").read_text(encoding="utf-8"))
+    runs = {path: origin for path, origin in origins.items() if path.endswith("/tracker")}
+    assert len(runs) == 4
+    for path, origin in runs.items():
+        chosen = origin["steps"][-1]
+        for name, candidates in {**TRACKER, "free_steps": range(0, 101, 10)}.items():
+            ends = {candidates[0], candidates[-1]} - FREE_ENDS.get(name, set())
+            assert chosen[name] in candidates, (path, name)
+            assert chosen[name] not in ends, (path, name)

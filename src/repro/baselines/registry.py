@@ -33,13 +33,13 @@ Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
 Predict = Callable[..., Tensor]
 RADII = tuple(0.01 * number for number in range(11))  # around hits, as shares of the side of the map
 FREE = tuple(0.1 * number for number in range(11))  # how long a pixel stays free after a beam, as a share of T
-TRACKER = {  # searched one after another; a prior of speed of 0.001 m/s stands for obstacles that stand still
+TRACKER = {  # searched one after another; 1000 stands for no limit, a speed of 0.001 m/s for none
     "near_m": (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0),
     "radius_m": (2.25, 2.4, 2.55, 2.7, 2.85, 3.0, 3.15, 3.3),
-    "spread_m": (0.1, 0.2, 0.3, 0.4, 0.55, 0.75, 1.0),
+    "spread_m": (0.05, 0.1, 0.2, 0.3, 0.4, 0.55, 1.0, 2.0, 1000.0),
     "speed_m_s": (0.001, 0.1, 0.2, 0.4, 0.6, 1.0),
     "aspect": (1.1, 1.25, 1.4, 1.6, 1.8),
-    "join": (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0),
+    "join": (0.0, 1.0, 2.0, 5.0, 10.0, 50.0, 1000.0),
     "coast_s": (0.0, 2.0, 4.0, 5.0, 6.0, 8.0, 10.0),
     "margin_m": (-0.6, -0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4, 0.6),
 }
