@@ -126,21 +126,21 @@ def test_windows_unlike_those_of_the_training_are_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("content", "status", "message"),
     [
-        (b"", "is empty"),
-        (bytes(999), "of no known kind"),
-        (b"#ROSBAG V2.0\n", "cannot be read"),
-        (None, "no such file"),
+        (b"", 1, "is empty"),
+        (bytes(999), 1, "of no known kind"),
+        (b"#ROSBAG V2.0\n", 1, "cannot be read"),
+        (None, 2, "No such file"),
     ],
 )
-def test_a_file_that_is_no_log_ends_with_status_1_and_no_output(content, message, tmp_path):
+def test_a_file_that_is_no_log_ends_with_an_error_and_no_output(content, status, message, tmp_path):
     path = tmp_path / "log"
     if content is not None:
         path.write_bytes(content)
     before = cpu_seconds()
     done = predict(f"scans={path}", f"outputs={tmp_path / 'out'}")
-    assert done.returncode == 1
+    assert done.returncode == status
     assert message in done.stderr
     assert str(path) in done.stderr
     assert "Traceback" not in done.stderr

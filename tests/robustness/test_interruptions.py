@@ -33,7 +33,9 @@ RUN = Path("runs/exp3/fpn/projection/seed0")
 
 
 def start(outputs, *overrides):
-    command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *overrides]
+    given = {override.partition("=")[0] for override in overrides}
+    kept = (override for override in TINY if override.partition("=")[0] not in given)
+    command = [sys.executable, "run.py", *kept, f"outputs={outputs}", *overrides]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
     accept = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
