@@ -59,7 +59,7 @@ curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of t
 	for point in $(RECURRENT_POINTS); do \
 	    train $$point exp=3,4 model=convgru,light_convgru encoding=series10; \
 	done
-	$(PY) run.py task=curves scale=laptop
+	$(PY) reproduce/curves.py outputs/laptop
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope
@@ -91,7 +91,7 @@ demo: setup ## one HTML file that runs a network in the browser
 	$(PY) run.py task=demo $(SCALE_ARG) $(ARGS)
 
 docs: setup ## update the generated tables of README.md and docs/, and the published reports, from reproduce/results
-	$(PY) run.py task=docs
+	$(PY) -m repro.cli.documents
 
 clean: ## delete caches and .venv; outputs/ stays
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info

@@ -395,14 +395,14 @@ def test_a_number_takes_no_value_without_meaning(key):
 
 
 @pytest.mark.parametrize("call", ["train.lr=3", "encoding.parameters.decay=foo", "exp=9", "model=unte", "outputs=a#b"])
-def test_a_refusal_writes_nothing_and_takes_less_than_two_seconds_of_the_processor(call, tmp_path):
+def test_a_refusal_writes_nothing_and_takes_less_than_three_seconds_of_the_processor(call, tmp_path):
     command = [sys.executable, "run.py", f"outputs={tmp_path / 'out'}", call]
     before = cpu_seconds()
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stderr.startswith("error: this cannot be run\n")
     assert "Traceback" not in done.stderr
-    assert cpu_seconds() - before < 2
+    assert cpu_seconds() - before < 3
     assert not list(tmp_path.iterdir())
 
 

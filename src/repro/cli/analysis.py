@@ -91,7 +91,7 @@ def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
 
 
 def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
-    """Load the rows that task=generalization and task=curves wrote, where they did."""
+    """Load the rows that task=generalization and reproduce/curves.py wrote, where they did."""
     frames = {path.stem: read_rows(path) for path in outputs.curves.glob("*.csv")}
     path = outputs.analysis / f"{GENERALIZATION}.csv"
     if path.is_file():

@@ -4,6 +4,7 @@ import difflib
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Annotated, Any
 
 from pydantic import (
@@ -37,9 +38,15 @@ def _as_text(value: Any) -> Any:
 
 
 def _can_be_recorded(world: dict[str, Any]) -> dict[str, Any]:
-    if errors := world_errors(world):
+    if errors := _errors_of_world(json.dumps(world)):
         raise Refused(*errors)
     return world
+
+
+@lru_cache(8)
+def _errors_of_world(text: str) -> list[ConfigError]:
+    """Return the errors of a world, as JSON; the jobs of a sweep share it."""
+    return world_errors(json.loads(text))
 
 
 def _parameters_have_their_types(kind: Any, key: str, parameters: dict[str, Any]) -> None:

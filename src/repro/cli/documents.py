@@ -27,3 +27,7 @@ def _update(path: Path, text: str) -> None:
     if text != path.read_text(encoding="utf-8"):
         write_text(path, text)
         print(f"updated {path.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    update_docs()
