@@ -9,9 +9,8 @@ which was stopped goes on, and a changed map without a network takes minutes.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
-https://www.ipb.uni-bonn.de/datasets, and, in people/, of the bags of
-https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted, which
-have the license BSD-3-Clause (Angus Leigh, McGill University).
+https://www.ipb.uni-bonn.de/datasets. Rows of bags are not published yet. Bags of a lidar among people (BSD-3-Clause):
+https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted.
 """
 
 import argparse

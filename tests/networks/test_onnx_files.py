@@ -6,6 +6,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from huggingface_hub import PyTorchModelHubMixin
 from onnx import TensorProto, helper, numpy_helper
 
 from repro.maps.encodings import create_encoding
@@ -23,12 +24,15 @@ pytestmark = pytest.mark.slow
 STATISTICS = Statistics(4, {"hit_share": (0.1, 0.2, 0.3, 0.4, 0.5)})
 
 
+class Small(torch.nn.Sequential, PyTorchModelHubMixin):
+    """A network that saves itself."""
+
+
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     """Export a small predictor; return it and the file."""
     torch.manual_seed(0)
-    network = torch.nn.Sequential(torch.nn.Conv2d(2, 4, 3, padding=1), torch.nn.ReLU(), torch.nn.Conv2d(4, 1, 1))
-    network.save_pretrained = None
+    network = Small(torch.nn.Conv2d(2, 4, 3, padding=1), torch.nn.ReLU(), torch.nn.Conv2d(4, 1, 1))
     predictor = Predictor(network.eval(), Inverted(second="free", range_max_m=20.0), Grid(32, 40.0), STATISTICS)
     path = tmp_path_factory.mktemp("onnx") / "any name"
     assert predictor.save_onnx(path, "# Card") <= onnx_files.TOLERANCE

@@ -105,7 +105,7 @@ def test_the_published_card_and_statistics_are_complete():
     assert measured == pytest.approx({name: row[name] for name in CARD_METRICS}, abs=1e-4)
     statistics = load_predictor(PUBLISHED).statistics
     assert statistics.windows == 3000
-    assert set(statistics.quantiles) == set(TITLES)
+    assert set(statistics.quantiles) == {*TITLES} - {"valid_share"}  # younger than these weights
 
 
 def test_the_card_of_altered_worlds_does_not_claim_the_papers(tmp_path):

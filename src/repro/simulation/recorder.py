@@ -92,7 +92,7 @@ def record_experiment(
             spec.raw,
             fingerprint,
             dict(pairs),
-            {name: version(name) for name in ("ir-sim", "numpy", "repro")},
+            {name: version(name) for name in ("ir-sim", "numpy")},
             {shard.name: ShardEntry(**asdict(shard), sha256=sha256(directory / shard.name)) for shard in shards},
         )
         write_json(directory / "manifest.json", dataclasses.asdict(manifest))
