@@ -162,7 +162,7 @@ class PredictionStream:
         return predict_map(self.predictor, window, (float(origin[0]), float(origin[1])), stamp, self.reach_m)
 
     def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> None:
-        """Take a scan and forget those that no later window needs; `reason` says why it is left out."""
+        """Keep a scan and drop the scans that no later window needs; `reason` states why a scan is left out."""
         for kept in self._clock.take(stamp, (ranges, pose)):
             if kept.begins:
                 self._kept.clear()
