@@ -73,8 +73,8 @@ def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
 def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
-    settings = {"moving": (0.02, 0.1, 0.3), "radius_m": _radii_m(val)}
-    return tune(partial(_dilated, transitional_grid, "moving"), settings, val, test)
+    settings = {"moving": (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0), "radius_m": _radii_m(val)}
+    return tune(partial(_dilated, transitional_grid, "moving"), settings, val, test, climb=True)
 
 
 def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
