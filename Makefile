@@ -24,12 +24,13 @@ setup: .venv/ready ## create .venv and install the pinned packages
 .venv/ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python 3.11 to 3.13 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
 	@echo "setting up .venv: about 6 GB, some minutes (PyTorch with CUDA is most of it)"
+	@rm -rf .venv # a link to another environment is replaced, not emptied
 	@if command -v uv > /dev/null; then \
-	    uv venv --quiet --clear --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
+	    uv venv --quiet --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
 	    uv pip install --quiet --compile-bytecode --python $(PY) -r requirements.lock; \
 	    uv pip install --quiet --python $(PY) --no-deps -e .; \
 	else \
-	    $(PYTHON) -m venv --clear .venv; \
+	    $(PYTHON) -m venv .venv; \
 	    $(PY) -m pip install --quiet --disable-pip-version-check -r requirements.lock; \
 	    $(PY) -m pip install --quiet --disable-pip-version-check --no-deps -e .; \
 	fi

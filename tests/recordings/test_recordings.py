@@ -211,7 +211,8 @@ def test_parts_recorded_separately_give_the_same_recordings(tmp_path, monkeypatc
     assert {path.name: path.stat().st_mtime_ns for path in directory.glob("*.npz")} == before
 
 
-def test_recording_waits_for_a_part_in_progress(tmp_path, capsys):
+def test_recording_waits_for_a_part_in_progress(tmp_path, caplog):
+    caplog.set_level("INFO")
     directory = tmp_path / "parts"
     directory.mkdir()
     half = directory / f"train-0000.npz.{'0' * 32}.tmp"
@@ -223,7 +224,7 @@ def test_recording_waits_for_a_part_in_progress(tmp_path, capsys):
             kwargs={"workers": 1},
         )
         waiting.start()
-        while "waiting" not in capsys.readouterr().out:
+        while "waiting" not in caplog.text:
             assert waiting.is_alive()
             time.sleep(0.05)
         assert half.exists()
