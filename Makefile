@@ -1,20 +1,17 @@
 # Everything runs in .venv, created by `make setup` with python3 if it is 3.11 to 3.13, else with PYTHON=.
 PYTHON ?= python3
-ARGS ?= # further overrides of reproduce, analysis, curves and demo
+ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
 ENCODINGS := projection,negative,observed_free,stack4,stack10,exponential,ages
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
-# Points of the learning curves, px:pairs:epochs. 64:2000 is the laptop scale, 128:3000 the workstation scale.
-POINTS := 64:500:20 64:1000:10 64:4000:5 64:8000:5 32:2000:5 128:1000:10 128:2000:5 128:4000:5
-RECURRENT_POINTS := 64:500:20 64:1000:10 64:2000:5 64:4000:5 64:10000:5
 COMMA := ,
 SINGLE_ARGS = $(foreach arg,$(ARGS),$(if $(findstring $(COMMA),$(arg)),,$(arg))) # without sweeps
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce analysis curves test test-fast test-slurm test-ros stress check verify bench demo docs clean
+.PHONY: help setup reproduce analysis test test-fast test-slurm test-ros stress check verify bench demo docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -47,20 +44,6 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
 	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
-
-curves: setup ## learning curves of U-Net, extrapolated to paper scale, and of the ConvGRUs; 4 hours on 2 cores
-	$(PY) run.py -m task=record exp=1,2 scale=laptop scale.pairs.train=8000 outputs=outputs/curves
-	$(PY) run.py -m task=record exp=3,4 scale=laptop scale.pairs.train=10000 outputs=outputs/curves
-	train() { \
-	    IFS=: read -r px pairs epochs <<< "$$1"; \
-	    $(PY) run.py -m scale=laptop scale.size_px=$$px scale.pairs.train=$$pairs scale.max_epochs=$$epochs \
-	        recordings=outputs/curves/recordings outputs=outputs/curves/$${px}px-$$pairs "$${@:2}" $(ARGS); \
-	}; \
-	for point in $(POINTS); do train $$point exp=1,2,3,4; train $$point exp=3,4 decay=false; done; \
-	for point in $(RECURRENT_POINTS); do \
-	    train $$point exp=3,4 model=convgru,light_convgru encoding=series10; \
-	done
-	$(PY) reproduce/curves.py outputs/laptop
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope

@@ -157,30 +157,21 @@ def test_a_difference_is_added_once(published, later):
     assert rows["value"].tolist() == [0.1, 0.2]
 
 
-def test_the_robustness_of_a_new_network_is_added(published, later):
+def test_the_robustness_of_a_published_network_is_added_without_runs(published, tmp_path):
+    outputs = Outputs(tmp_path / "robustness" / "laptop")
+    outputs.analysis.mkdir(parents=True)
     columns = ["metric", "value", "low", "high", "shift", "trained", "tested", "seed", "model", "encoding"]
     noise = ["obstacle_iou", 0.4, 0.3, 0.5, "range noise [m]", "3", "0.1", 0]
     old, new = [*noise, "unet", "projection"], [*noise, "convgru", "series10"]
     directory = published / "laptop" / "analysis"
     pd.DataFrame([old], columns=columns).to_csv(directory / "generalization.csv", index=False)
     (directory / "generalization.png").write_bytes(b"old")
-    pd.DataFrame([old, new], columns=columns).to_csv(later.analysis / "generalization.csv", index=False)
-    directory = publish(later, published, Recipe("laptop")) / "analysis"
+    pd.DataFrame([old, new], columns=columns).to_csv(outputs.analysis / "generalization.csv", index=False)
+    runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
+    directory = publish(outputs, published, Recipe("laptop")) / "analysis"
+    pd.testing.assert_frame_equal(read_published(published / "laptop").sort_values(KEY, ignore_index=True), runs)
     assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
     assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_learning_curve_is_added_without_runs(published, tmp_path):
-    columns = ["model", "experiment", "encoding", "seed", "pairs", "size_px", "obstacle_iou"]
-    old, new = ("unet", "3", "projection", 0, 500, 32, 0.3), ("convgru", "3", "series10", 0, 500, 32, 0.4)
-    outputs = Outputs(tmp_path / "curve" / "laptop")
-    outputs.analysis.mkdir(parents=True)
-    for directory, rows in ((published / "laptop" / "analysis", [old]), (outputs.analysis, [old, new])):
-        pd.DataFrame(rows, columns=columns).to_csv(directory / "curves.csv", index=False)
-    runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
-    target = publish(outputs, published, Recipe("laptop"))
-    assert pd.read_csv(target / "analysis" / "curves.csv")["model"].tolist() == ["unet", "convgru"]
-    pd.testing.assert_frame_equal(read_published(target).sort_values(KEY, ignore_index=True), runs)
 
 
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):

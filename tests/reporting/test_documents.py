@@ -5,7 +5,6 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.documents import (
     bounds_to_markdown,
     claims_to_markdown,
-    extrapolated_to_markdown,
     methods_to_markdown,
     networks_to_markdown,
     with_results,
@@ -116,22 +115,6 @@ def test_bounds_are_shown_by_experiment_with_their_probabilistic_measures():
     assert titles == [[f"| {experiment}", name] for experiment in ("3", "4") for name in names]
     assert "0.040 [0.040, 0.040]" in lines[6]
     assert lines[4].count("0.800 [0.790, 0.810]") == 3
-
-
-def test_extrapolated_metrics_are_beside_those_of_the_paper_and_the_measured_ones():
-    rows = [
-        {"experiment": "3", "encoding": encoding, "metric": metric, "target": target, "pairs": pairs, "size_px": 256,
-         "value": 0.9, "low": 0.8, "high": 0.95, "paper": paper, "measured": measured}
-        for encoding in (PROJECTION, PROJECTION_NO_DECAY)
-        for metric, paper in (("accuracy", 0.948), ("obstacle_iou", None))
-        for target, pairs, measured in (("paper scale", 10_000, None), ("held-out point", 8000, 0.91))
-    ]  # fmt: skip
-    lines = extrapolated_to_markdown(pd.DataFrame(rows)).splitlines()
-    assert "10,000 pairs and 256 px" in lines[0]
-    assert lines[3] == "| Exp. | Acc. | Obstacle IoU | Acc. held out | Obstacle IoU held out |"
-    cell = "0.900 [0.800, 0.950]"
-    assert lines[5] == f"| 3 | {cell} (0.948) | {cell} | 0.900, 0.910 | 0.900, 0.910 |"
-    assert lines[6].startswith("| 3, no decay |")
 
 
 def test_a_published_table_without_a_column_is_named(tmp_path):

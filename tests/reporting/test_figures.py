@@ -15,7 +15,7 @@ from repro.evaluation.examples import Example, load_example
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.recordings import format
-from repro.reporting.comparison_figures import efficiency, pairs
+from repro.reporting.comparison_figures import efficiency
 from repro.reporting.figures import (
     data_collection,
     data_representation,
@@ -140,32 +140,6 @@ def test_networks_are_placed_by_the_time_of_their_training_below_the_bound():
     assert sorted(labels) == ["ConvGRU, series10", "Inference from scans", "U-Net", "Upper bound"]
     points = [line.get_xydata()[0] for line in figure.axes[0].get_lines() if line.get_marker() in "os"]
     assert sorted(map(tuple, points)) == [(3.4, 0.4), (5.2, 0.6)]
-
-
-def test_networks_are_compared_by_pairs_at_a_resolution_that_both_have():
-    rows = [
-        {"model": model, "experiment": experiment, "encoding": encoding, "pairs": pairs, "size_px": px}
-        | {"schedule": "short", "obstacle_iou": value}
-        for model, experiment, encoding, px, value in (
-            ("unet", "3", "projection", 32, 0.1),
-            ("unet", "3", "projection", 64, 0.4),
-            ("unet", "3", "projection-no-decay", 64, 0.3),
-            ("convgru", "3", "series10", 64, 0.5),
-            ("unet", "4", "projection", 64, 0.4),
-        )
-        for pairs in (500, 1000)
-    ]
-    bound = pd.DataFrame(
-        [("3", "privileged", "", "obstacle_iou", 0.8), ("4", "privileged", "", "obstacle_iou", 0.9)],
-        columns=["experiment", "model", "encoding", "metric", "value"],
-    )
-    frames = {"curves": pd.DataFrame(rows), "intervals": bound}
-    figure = pairs(frames)
-    assert [ax.get_title()[:12] for ax in figure.axes] == ["Experiment 3"]
-    lines = {line.get_label(): set(line.get_ydata()) for line in figure.axes[0].lines}
-    assert lines == {"Upper bound": {0.8}, "U-Net": {0.4}, "ConvGRU, series10": {0.5}}
-    assert pairs({**frames, "curves": frames["curves"].query("model == 'unet'")}) is None
-    assert pairs({"intervals": bound}) is None
 
 
 def test_figures_without_data_are_deleted(example, tmp_path):

@@ -56,7 +56,10 @@ def analyze(job: Job) -> None:
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator) | _written_by_other_tasks(outputs)
+    frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator)
+    shifts = outputs.analysis / f"{GENERALIZATION}.csv"  # of task=generalization
+    if shifts.is_file():
+        frames[GENERALIZATION] = read_rows(shifts)
     frames["audit"] = audits(results)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
@@ -88,15 +91,6 @@ def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
     with suppress(InputError):
         return applies(name, read_manifest(outputs.recordings(experiment)).world_spec)
     return True
-
-
-def _written_by_other_tasks(outputs: Outputs) -> dict[str, pd.DataFrame]:
-    """Load the rows that task=generalization and reproduce/curves.py wrote, where they did."""
-    frames = {path.stem: read_rows(path) for path in outputs.curves.glob("*.csv")}
-    path = outputs.analysis / f"{GENERALIZATION}.csv"
-    if path.is_file():
-        frames[GENERALIZATION] = read_rows(path)
-    return frames
 
 
 def _has_predictions(run: Run) -> bool:

@@ -34,8 +34,8 @@ def find(key: str, name: str) -> Path:
 
 def analysis_inputs(outputs: Outputs) -> str:
     """Return a hash of everything that the analysis depends on."""
-    others = [*outputs.curves.glob("*.csv"), outputs.analysis / f"{GENERALIZATION}.csv", WORLDS]
-    return inputs_hash(outputs, [*others, *sorted(outputs.figures.glob("*.png"))])
+    others = [outputs.analysis / f"{GENERALIZATION}.csv", WORLDS, *sorted(outputs.figures.glob("*.png"))]
+    return inputs_hash(outputs, others)
 
 
 def inputs_hash(outputs: Outputs, files: Iterable[Path] = ()) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
-from repro.reporting.comparison_figures import baselines, curves, encodings, generalization, pairs
+from repro.reporting.comparison_figures import baselines, encodings, generalization
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import LOOKS, STYLE, DataFrames, columns, marks, one_legend, save_or_delete
 
@@ -122,8 +122,6 @@ FIGURES: dict[str, Callable[[DataFrames], Figure | None]] = {
     "baselines": baselines,
     "encodings": encodings,
     "generalization": generalization,
-    "curves": curves,
-    "pairs": pairs,
 }
 
 

@@ -1,4 +1,4 @@
-"""Comparison figures: networks, inputs and baselines; generalization; learning curves."""
+"""Comparison figures: networks, inputs and baselines; generalization."""
 
 import math
 from itertools import cycle
@@ -12,7 +12,7 @@ from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
 from repro.maps.encodings import ENCODINGS
 from repro.reporting.names import experiment_title, model_title, predictor_title, tested_titles
-from repro.reporting.plots import ACCENT, INK, LOOKS, DataFrames, columns, one_legend
+from repro.reporting.plots import ACCENT, INK, LOOKS, DataFrames, one_legend
 from repro.reporting.results import OURS
 
 DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
@@ -97,71 +97,6 @@ def generalization(frames: DataFrames) -> Figure | None:
         ax.set_axis_off()
     if len(names) > 1:
         one_legend(figure, axes[0], rows=1)
-    return figure
-
-
-def curves(frames: DataFrames) -> Figure | None:
-    """Plot the learning curves, their extrapolation to paper scale and the paper's values; None without data."""
-    if "extrapolated" not in frames:
-        return None
-    extrapolated, points = frames["extrapolated"], frames["curves"].query("model == 'unet' and schedule == 'short'")
-    extrapolated = extrapolated[extrapolated["target"] == "paper scale"]
-    setups = list(dict.fromkeys(zip(extrapolated["experiment"], extrapolated["encoding"], strict=True)))
-    measures = {"accuracy": "accuracy", "specificity": "specificity"}
-    size = (0.6 + 2.2 * len(setups), 4.6)
-    figure, axes = plt.subplots(2, len(setups), figsize=size, layout="constrained", sharex=True, squeeze=False)
-    for column, (experiment, encoding) in zip(axes.T, setups, strict=True):
-        measured = points[(points["experiment"] == experiment) & (points["encoding"] == encoding)]
-        of_curve = (extrapolated["experiment"] == experiment) & (extrapolated["encoding"] == encoding)
-        targets = extrapolated[of_curve].set_index("metric")
-        for ax, metric in zip(column, measures, strict=True):
-            for look, (size_px, line) in zip(cycle(LOOKS), measured.groupby("size_px"), strict=False):
-                means = line.groupby("pairs")[metric].mean()
-                ax.plot(means.index, means, markersize=4, label=f"{size_px} px", **look)
-            aim = targets.loc[metric]
-            spread = [[aim["value"] - aim["low"]], [aim["high"] - aim["value"]]]
-            form = {"color": INK, "marker": "D", "markersize": 4, "capsize": 2, "markerfacecolor": "white"}
-            label = f"extrapolated, {aim['size_px']:.0f} px"
-            ax.errorbar(aim["pairs"], aim["value"], yerr=spread, linestyle="none", label=label, **form)
-            ax.plot(aim["pairs"], aim["paper"], color=INK, marker="_", markersize=12, linestyle="none", label="paper")
-            ax.set(xscale="log", xlim=(400, 16_000))
-        title = experiment_title(str(experiment), "\n{}")
-        column[0].set_title(title if encoding == PROJECTION else title.replace("\n", ", no decay\n"))
-        column[-1].set_xlabel("training pairs")
-    for ax, label in zip(axes[:, 0], measures.values(), strict=True):
-        ax.set_ylabel(label)
-    one_legend(figure, axes[0])
-    return figure
-
-
-def pairs(frames: DataFrames) -> Figure | None:
-    """Plot obstacle IoU against training pairs where several networks have a learning curve, else return None.
-
-    The networks are compared at the lowest resolution that all of them have. Lines show the bounds, from
-    intervals of the same resolution.
-    """
-    if "curves" not in frames:
-        return None
-    points = frames["curves"].query("schedule == 'short' and not encoding.str.endswith(@NO_DECAY)")
-    points = points[points["size_px"] == points.groupby("model")["size_px"].min().max()]
-    names = points.groupby("experiment")["model"].nunique()
-    points = points[points["experiment"].isin(names.index[names > 1])]
-    if points.empty:
-        return None
-    figure, axes = columns(points, 1, sharey=True)
-    for ax, (experiment, own_points) in zip(axes[0], points.groupby("experiment"), strict=True):
-        _draw_limits(ax, _titled(frames["intervals"]), str(experiment))
-        curves = own_points.groupby(["model", "encoding"])
-        groups = sorted(curves.groups, key=lambda each: rank(each[0]))
-        for (model, encoding), look in zip(groups, cycle(LOOKS), strict=False):
-            line = curves.get_group((model, encoding)).groupby("pairs")["obstacle_iou"].mean()
-            ax.plot(line.index, line, markersize=4, label=predictor_title(model, encoding), **look)
-        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="training pairs", xscale="log", ylim=(0, 1))
-        sizes = sorted(own_points["pairs"].unique())
-        ax.set_xticks(sizes, [f"{size:,}" for size in sizes], rotation=90)
-        ax.set_xticks([], minor=True)
-    axes[0, 0].set_ylabel("obstacle IoU")
-    one_legend(figure, axes[0], rows=2)
     return figure
 
 

@@ -28,8 +28,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `curves`), or one network or `average` for its rows
-    in both tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`), or one network or `average` for its rows in both
+    tables.
 
     Raises:
         ValueError: a mark is not closed before the next one.
@@ -196,38 +196,6 @@ def bounds_to_markdown(intervals: pd.DataFrame, recency: pd.DataFrame, caption: 
     return Cells(("Exp.", "Predictor", *heads), shown, caption).to_markdown()
 
 
-def extrapolated_to_markdown(extrapolated: pd.DataFrame) -> str:
-    """Return a table of U-Net extrapolated to paper scale, with the paper's numbers and the held-out points.
-
-    Args:
-        extrapolated: see `learning_curves.extrapolate`, with the paper's number of each metric as `paper`.
-    """
-    shown = {name: head for name, head in SUMMARY.items() if name in set(extrapolated["metric"])}
-    aim, held_out = (extrapolated[extrapolated["target"] == target] for target in ("paper scale", "held-out point"))
-    pairs, size_px = aim["pairs"].iloc[0], aim["size_px"].iloc[0]
-    inside = held_out["measured"].between(held_out["low"], held_out["high"])
-    lines = [
-        f"**U-Net extrapolated to {pairs:,.0f} pairs and {size_px:.0f} px from its learning curves** (paper). Brackets:"
-        f" intervals of 95 % for one training; {inside.sum()} of {len(inside)} held-out measurements are inside.",
-        "Held out: the largest training, extrapolated from the smaller ones, then measured.",
-        "",
-    ]
-    rows = []
-    for (experiment, encoding), own_rows in aim.groupby(["experiment", "encoding"], sort=False):
-        own_point = held_out[(held_out["experiment"] == experiment) & (held_out["encoding"] == encoding)]
-        cells = [_extrapolated(own_rows[own_rows["metric"] == name].iloc[0]) for name in shown]
-        points = [own_point[own_point["metric"] == name].iloc[0] for name in shown]
-        cells += [f"{row['value']:.3f}, {row['measured']:.3f}" for row in points]
-        rows.append((f"{experiment!s}{', no decay' if str(encoding).endswith(NO_DECAY) else ''}", *cells))
-    heads = ("Exp.", *shown.values(), *(f"{head} held out" for head in shown.values()))
-    return "\n".join(lines) + "\n" + Cells(heads, rows).to_markdown()
-
-
-def _extrapolated(row: pd.Series) -> str:
-    paper = f" ({row['paper']:.3f})" if pd.notna(row["paper"]) else ""
-    return with_interval(row["value"], row["low"], row["high"]) + paper
-
-
 def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
     selected = rows[(rows["experiment"] == experiment) & (rows["metric"] == metric)]
     return "".join(with_interval(row["value"], row["low"], row["high"]) for row in selected.to_dict("records"))
@@ -236,7 +204,6 @@ def _cell(rows: pd.DataFrame, experiment: str, metric: str) -> str:
 MADE: dict[str, Callable[[Path], str]] = {  # tables from other files than runs.csv
     "costs": lambda path: costs_to_markdown(_costs(path)),
     "claims": lambda path: claims_to_markdown(_analyzed(path, "claims")),
-    "curves": lambda path: extrapolated_to_markdown(_analyzed(path, "extrapolated")),
     "methods": lambda path: methods_to_markdown(
         _analyzed(path, "intervals"),
         _titled(path, "Networks, other inputs, baselines and the upper bound, with 95 % intervals"),

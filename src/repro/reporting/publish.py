@@ -30,7 +30,7 @@ from repro.system.files import clear_leftovers, lock, read_table, replacing_dire
 
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
     *("experiment", "comparison", "one", "other", "model", "encoding"),
-    *("seed", "trained", "shift", "tested", "source", "pairs", "size_px"),
+    *("seed", "trained", "shift", "tested", "source"),
 )
 Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
 
@@ -70,7 +70,7 @@ def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = Fa
 
     Args:
         outputs: the outputs directory of one scale, named after the scale or after the property that its runs share; it
-            may have an analysis of published runs alone, such as a learning curve.
+            may have an analysis of published runs alone, such as a test of generalization.
         results: reproduce/results.
         recipe: for the commands that repeat the trainings.
         force: whether to publish runs of uncommitted code or other settings, and to replace all published runs by runs

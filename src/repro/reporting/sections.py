@@ -30,17 +30,7 @@ COST = {
     "training_seconds": ("training [s]", 0),
     "peak_memory_gb": ("memory [GB]", 1),
 }
-EXTRAPOLATED = {
-    "pairs": ("pairs", 0),
-    "size_px": ("px", 0),
-    "value": ("extrapolated", 4),
-    "low": ("low", 4),
-    "high": ("high", 4),
-    "measured": ("measured", 4),
-    "paper": ("paper", 4),
-}
 DIFFERENCE = {"value": ("difference", 4), "low": ("low", 4), "high": ("high", 4)}
-EXTRAPOLATED_BY = ["experiment", "encoding", "target", "metric"]
 PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 
 
@@ -67,7 +57,6 @@ def tables_of_sections(frames: dict[str, pd.DataFrame], origins: dict[str, Prove
             cells_of(_sorted(frames["cost"]), CELL, COST, "Size of the networks, and time and memory of a training"),
         ],
         "generalization": _across(frames.get("generalization")),
-        "curves": [_extrapolated(frames.get("extrapolated"))],
         "provenance": [_origins(origins)],
     }
 
@@ -83,12 +72,6 @@ def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
     """Sort rows of cells as in the tables, by experiment, model and encoding."""
     order = frame.assign(rank=frame["model"].map(rank)).sort_values(["experiment", "rank", "model", "encoding"])
     return order.drop(columns="rank")
-
-
-def _extrapolated(frame: pd.DataFrame | None) -> Cells:
-    caption = "U-Net at the paper's scale, and at a held-out point"
-    rows = pd.DataFrame(columns=EXTRAPOLATED_BY) if frame is None else frame[frame["metric"] != "dice"]
-    return cells_of(rows, EXTRAPOLATED_BY, EXTRAPOLATED, caption)
 
 
 def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:

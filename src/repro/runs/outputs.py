@@ -35,11 +35,6 @@ class Outputs:
         return self.path / "analysis"
 
     @property
-    def curves(self) -> Path:
-        """Directory of the learning curves, beside the outputs directories that they are fitted to."""
-        return self.path.parent / "curves"
-
-    @property
     def tables(self) -> Path:
         return self.path / "tables"
 
