@@ -77,9 +77,7 @@ class NetworkParameters(TypedDict, total=False):
 
 NO_DECAY = "-no-decay"
 MOST_CHANNELS = 2  # of an encoding in each part of the window
-RECURRENT = ("convgru", "convlstm", "deeptracking", "light_convgru")  # architectures that need a series of images
-LOSSES = ("map", "visible")  # see `learning.losses`
-EVERY_PART = ("deeptracking",)  # architectures that predict a map after every part of a series, for the loss `visible`
+RECURRENT = ("convgru", "convlstm", "light_convgru")  # architectures that need a series of images
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 
@@ -130,4 +128,4 @@ class Training:
     dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
-    loss: Annotated[str, choice(*LOSSES)] = "map"
+    loss: Annotated[str, choice("map")] = "map"  # the only one, which the stored configurations of runs name

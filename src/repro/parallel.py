@@ -73,29 +73,27 @@ def use_idle_cores() -> None:
         use_one_thread()
 
 
-def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int = 1, loss: str = "map") -> float:
+def training_memory_gb(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> float:
     """Estimate the memory of one training on a CPU [GB], from above.
 
     The libraries and the scans that are being drawn take 1.45 GB, the images a byte per pixel, those of a series a bit,
     and 45 % more, and the activations of a batch the size of 600 float32 images per image, or of 60 per channel: a
-    recurrent network has them for every part of the window. The loss `visible`, with a map after every part, takes 4.4
-    times the activations. Measured trainings took from a quarter less to 5 % more.
+    recurrent network has them for every part of the window. Measured trainings took from a quarter less to 5 % more.
 
     Args:
         size_px: pixels along one side.
         batch_size: images per batch.
         pairs: pairs in memory, those of training and validation.
         channels: channels of the encoding; more than two are those of a series.
-        loss: name of the loss, see `config.LOSSES`.
     """
     images = channels if channels <= 2 else channels / 8
-    activations = 4 * 60 * max(10, channels) * batch_size * (4.4 if loss == "visible" else 1)
+    activations = 4 * 60 * max(10, channels) * batch_size
     return 1.45 + size_px**2 * (1.45 * (images + 1) * pairs + activations) / 1e9
 
 
-def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int = 1, loss: str = "map") -> int:
+def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int = 1) -> int:
     """Return how many trainings run at the same time: one per core, as many as the memory can hold, at least one."""
-    fitting = int(available_memory_gb() / training_memory_gb(size_px, batch_size, pairs, channels, loss))
+    fitting = int(available_memory_gb() / training_memory_gb(size_px, batch_size, pairs, channels))
     return max(1, min(count_cores(), fitting))
 
 

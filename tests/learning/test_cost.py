@@ -5,7 +5,6 @@ import pytest
 from repro.config import Encoding, PairCounts, Training
 from repro.learning import cost
 from repro.learning.cost import training_seconds, trainings_at_once
-from repro.learning.losses import MapLoss, VisibleLoss
 from repro.networks.model import Model, paper_model
 from repro.runs.config import Data, RunConfig
 
@@ -14,23 +13,13 @@ TRAINING = Training(learning_rate=1e-4, min_delta=1e-3, patience=5, batch_size=2
 PAPER = RunConfig("4", 0, paper_model("unet"), Encoding("projection", {}), Data("paper", 32, 50.0, PAIRS, ""), TRAINING)
 
 
-def test_the_loss_of_the_training_is_measured(monkeypatch):
-    series = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
-    config = replace(PAPER, model=Model("deeptracking"), encoding=series, train=replace(TRAINING, loss="visible"))
-    used = []
-    original = VisibleLoss.of_batch
-    monkeypatch.setattr(VisibleLoss, "of_batch", lambda *given: used.append(1) or original(*given))
-    assert training_seconds(config, "32-true", "cpu") > 0
-    assert used
-
-
 def test_a_recurrent_network_is_measured_with_its_series(monkeypatch):
     calls = []
     monkeypatch.setattr(cost, "seconds_per_image", lambda *given: calls.append(given) or 0.001)
     series = Encoding("series4", {"frames": 4, "range_max_m": 30.0})
     config = replace(PAPER, model=Model("light_convgru"), encoding=series, train=replace(TRAINING, max_epochs=5))
     assert training_seconds(config, "32-true", "cpu") == pytest.approx(0.001 * 10000 * 5)
-    ((model, encoding, *numbers, loss, accelerator),) = calls
+    ((model, encoding, *numbers, accelerator),) = calls
     assert (model, encoding.channels, encoding.frames, accelerator) == (Model("light_convgru"), 8, 4, "cpu")
-    assert (numbers, type(loss)) == ([32, 2, "32-true", 8], MapLoss)
+    assert numbers == [32, 2, "32-true", 8]
     assert trainings_at_once(replace(config, data=replace(config.data, size_px=4096))) == 1

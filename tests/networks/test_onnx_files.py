@@ -15,7 +15,6 @@ from repro.maps.projection import Inverted
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
 from repro.networks.convlstm import ConvLSTM
-from repro.networks.deeptracking import DeepTracking
 from repro.networks.light_convgru import LightConvGRU
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
@@ -65,7 +64,7 @@ def test_a_file_holds_the_whole_predictor(exported):
 
 
 @pytest.mark.parametrize(
-    ("network", "name"), [(LightConvGRU, "series4"), (ConvLSTM, "stack4"), (DeepTracking, "series4")]
+    ("network", "name"), [(LightConvGRU, "series4"), (ConvLSTM, "stack4")]
 )
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)

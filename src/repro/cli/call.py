@@ -21,7 +21,7 @@ from pydantic import (
 from repro.cli.errors import Refused
 from repro.cli.settings import Demo, Directory, Prediction, Publish, Runtime, Source
 from repro.cli.tasks import Task, tasks
-from repro.config import EVERY_PART, RECURRENT, Encoding, EncodingParameters, NetworkParameters, Scale, Training
+from repro.config import RECURRENT, Encoding, EncodingParameters, NetworkParameters, Scale, Training
 from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, choice, config_errors_of
 from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.parallel import has_gpu, training_memory_gb
@@ -155,16 +155,11 @@ class Call:
 
     @field_validator("train")
     @classmethod
-    def _suits_model_and_pairs(cls, train: Training, info: ValidationInfo) -> Training:
-        scale, model, encoding = (info.data.get(key) for key in ("scale", "model", "encoding"))
-        task = tasks().get(info.data.get("task", ""))
+    def _suits_the_pairs(cls, train: Training, info: ValidationInfo) -> Training:
+        scale, task = info.data.get("scale"), tasks().get(info.data.get("task", ""))
         if task and task.needs_batches and scale and train.batch_size > scale.pairs.train:
             expected = f"must be at most the {scale.pairs.train} training pairs"
             raise Refused(f"train.batch_size={train.batch_size}: {expected}")
-        is_series = model and encoding and model.kind in EVERY_PART and "series" in encoding.name
-        if train.loss == "visible" and not is_series:
-            expected = f"is for model={', '.join(EVERY_PART)} with encoding=series10 or encoding=series100"
-            raise Refused(f"train.loss=visible: {expected}")
         return train
 
     @field_validator("scans", "floor_map")
@@ -199,7 +194,7 @@ class Call:
         if precision.startswith("16"):
             raise Refused(f"runtime.precision={precision}: float16 needs a GPU, use auto, 32-true or bf16-mixed")
         pairs = scale.pairs.train + scale.pairs.val
-        needed = training_memory_gb(scale.size_px, batch, pairs, self.encoding.most_channels, self.train.loss)
+        needed = training_memory_gb(scale.size_px, batch, pairs, self.encoding.most_channels)
         there = total_memory_gb()
         if needed > there:
             size = f"at {scale.size_px} px and batches of {batch} a training takes about {needed:.0f} GB of memory"

@@ -60,8 +60,8 @@ def register() -> None:
         "default_scale": lambda: "paper" if has_gpu() else "laptop",
         "default_launcher": lambda: "basic" if has_gpu() else "cores",
         "home": os.path.expanduser,  # Hydra does not expand ~
-        "parallel_trainings": lambda size_px, batch_size, pairs, channels, loss: parallel_trainings(
-            size_px, batch_size, pairs.train + pairs.val, channels, loss
+        "parallel_trainings": lambda size_px, batch_size, pairs, channels: parallel_trainings(
+            size_px, batch_size, pairs.train + pairs.val, channels
         ),
         "most_channels": most_channels,
         "first_key": lambda mapping: next(iter(mapping or {}), ""),

@@ -6,7 +6,7 @@ import torch
 
 from repro.config import Training
 from repro.learning.kernels import accelerate, create_optimizer
-from repro.learning.losses import MapLoss, VisibleLoss, create_loss
+from repro.learning.losses import MapLoss
 from repro.maps.encodings import Encoding
 from repro.networks.create import check_interface, create_network
 from repro.networks.model import Model
@@ -26,7 +26,6 @@ def seconds_per_image(
     batch_size: int,
     precision: str,
     steps: int = 2,
-    loss: MapLoss | VisibleLoss | None = None,
     accelerator: str = "auto",
 ) -> float:
     """Measure forward pass, backward pass and optimizer step per image on this machine [s], after a warm-up step.
@@ -38,7 +37,6 @@ def seconds_per_image(
         batch_size: images per step.
         precision: precision of the trainer, such as 32-true or bf16-mixed.
         steps: measured steps.
-        loss: the training loss; None for that of the paper.
         accelerator: auto, cpu or gpu.
 
     Raises:
@@ -49,14 +47,14 @@ def seconds_per_image(
     check_interface(network, encoding.channels, size_px)
     network.to(device)
     accelerate(network, device)
-    optimizer, loss = create_optimizer(network, learning_rate=1e-3), loss or MapLoss()
+    optimizer, loss = create_optimizer(network, learning_rate=1e-3), MapLoss()
     image = torch.rand(batch_size, encoding.channels, size_px, size_px, device=device)
     image = image.to(memory_format=torch.channels_last)
     for step in range(steps + 1):
         if step == 1:  # the first step is a warm-up
             began = clock(device)
         with torch.autocast(device, MIXED.get(precision), enabled=precision in MIXED):
-            value = loss.of_batch(network, image, image[:, :1])
+            value = loss(network(image), image[:, :1])
         optimizer.zero_grad()
         value.backward()
         optimizer.step()
@@ -68,10 +66,10 @@ def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto
     device, size_px, train = resolve_device(accelerator), config.data.size_px, _training(config)
     quick = device == "cuda" or size_px <= 64  # a smaller batch suffices on a CPU at high resolution
     batch_size, steps = (train.batch_size, 8) if quick else (min(train.batch_size, 4), 2)
-    precision, loss = resolve_precision(precision, device), create_loss(train.loss, train.dice_eps)
+    precision = resolve_precision(precision, device)
     with one_thread() if device == "cpu" else nullcontext():
         seconds = seconds_per_image(
-            config.model, encoding_of(config), size_px, batch_size, precision, steps, loss, accelerator
+            config.model, encoding_of(config), size_px, batch_size, precision, steps, accelerator
         )
     return seconds * config.data.pairs.train * usual_epochs(config)
 
@@ -83,7 +81,7 @@ def trainings_at_once(config: RunConfig, accelerator: str = "auto") -> int:
     assert config.encoding, "a baseline is not trained"
     data, train = config.data, _training(config)
     pairs = data.pairs.train + data.pairs.val
-    return parallel_trainings(data.size_px, train.batch_size, pairs, config.encoding.most_channels, train.loss)
+    return parallel_trainings(data.size_px, train.batch_size, pairs, config.encoding.most_channels)
 
 
 def usual_epochs(config: RunConfig) -> int:

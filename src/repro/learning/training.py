@@ -28,7 +28,7 @@ from repro.learning.callbacks import Checkpoint, CPUContention, History, Stop, e
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.compilation import compile_network
 from repro.learning.kernels import accelerate, create_optimizer
-from repro.learning.losses import create_loss
+from repro.learning.losses import MapLoss
 from repro.maps.statistics import Statistics
 from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
@@ -50,7 +50,7 @@ class TrainingModule(L.LightningModule):
     def __init__(self, network: nn.Module, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
         super().__init__()
         self.network = network
-        self.loss = create_loss(settings.loss, settings.dice_eps)
+        self.loss = MapLoss(settings.dice_eps)
         self.pairs: dict[str, Pairs] = {"train": train, "val": val}
         self.settings = settings
         self.seed = seed
@@ -95,7 +95,7 @@ class TrainingModule(L.LightningModule):
 
     def _batch_loss(self, batch: tuple[Tensor, Tensor]) -> Tensor:
         image, target = batch
-        return self.loss.of_batch(self.network, image.to(memory_format=torch.channels_last), target)
+        return self.loss(self.network(image.to(memory_format=torch.channels_last)), target)
 
     def _epoch_seed(self) -> int:
         return self.seed * 1_000_003 + self.current_epoch
