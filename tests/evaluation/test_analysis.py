@@ -6,8 +6,8 @@ import pytest
 from conftest import ROOT, run_config
 
 from repro.config import PROJECTION
-from repro.evaluation.analysis import gather
-from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set, uncertainty
+from repro.evaluation.analysis import ANALYZED, gather
+from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
 from repro.evaluation.comparisons import averages, compared
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
@@ -99,17 +99,6 @@ def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     assert by_hit["obstacles"].sum() == 2 * area.sum()
 
 
-def test_uncertainty_of_seeds_that_agree_is_aleatoric_and_of_certain_seeds_that_differ_epistemic(test_set):
-    half = np.full_like(test_set.truth, 128)
-    agreeing = uncertainty([half, half], test_set.groups).set_index("recency")
-    assert np.allclose(agreeing["aleatoric"], np.log(2), atol=1e-4)
-    assert np.allclose(agreeing["epistemic"], 0)
-    certain = uncertainty([np.zeros_like(half), np.full_like(half, 255)], test_set.groups).set_index("recency")
-    assert np.allclose(certain["aleatoric"], 0)
-    assert np.allclose(certain["epistemic"], np.log(2))
-    assert set(certain.index) <= {"all", *RECENCY}
-
-
 def test_a_prediction_without_obstacles_has_no_recall(test_set):
     free = np.full_like(test_set.truth, 255)
     hits = by_last_hit([free], test_set, draw_weights(4, draws=50))
@@ -119,18 +108,7 @@ def test_a_prediction_without_obstacles_has_no_recall(test_set):
 @pytest.mark.slow
 def test_frames_are_gathered_from_all_evaluated_runs(outputs):
     frames = gather(outputs)
-    names = {
-        "intervals",
-        "differences",
-        "recency",
-        "ages",
-        "obstacles",
-        "uncertainty",
-        "calibration",
-        "reliability",
-        "cost",
-    }
-    assert set(frames) == names
+    assert set(frames) == set(ANALYZED)
     for name, frame in frames.items():
         keys = ["experiment", "model", "encoding"]
         assert set(frame.columns) >= ({"one", "other"} if name == "differences" else set(keys)), name
@@ -139,8 +117,6 @@ def test_frames_are_gathered_from_all_evaluated_runs(outputs):
     assert (rows["low"] <= rows["value"] + 1e-9).all()
     assert (rows["value"] <= rows["high"] + 1e-9).all()
     assert rows.loc[("unet", "accuracy"), "seeds"] == 2
-    methods = frames["calibration"]["method"].unique().tolist()
-    assert methods == ["uncalibrated", "temperature-scaled", "mean of 2 seeds"]
     assert (frames["cost"]["channels"] == 1).all()
     assert frames["differences"]["comparison"].unique().tolist() == ["networks"]
 
@@ -198,7 +174,7 @@ def test_damaged_and_copied_runs_are_left_out(outputs, tmp_path):
     first, second = (damaged.run(run_config(seed=seed).key).path for seed in (0, 1))
     shutil.rmtree(second)
     shutil.copytree(first, second)
-    assert "uncertainty" not in gather(damaged)  # a copy is no second seed
+    assert gather(damaged)["intervals"]["seeds"].max() == 1  # a copy is no second seed
     (first / "config.yaml").write_text("")
     with pytest.raises(ValueError, match=r"config\.yaml"):
         gather(damaged)

@@ -80,11 +80,10 @@ def test_networks_are_shown_with_their_share_of_the_bound_and_costs():
     )
     calibration = pd.DataFrame(
         [
-            ("3", "unet", "projection", "uncalibrated", "all", 0.15),
-            ("3", "unet", "projection", "temperature-scaled", "all", 0.14),
-            ("3", "unet", "projection", "uncalibrated", "1-10", 0.1),
+            ("3", "unet", "projection", "all", 0.15),
+            ("3", "unet", "projection", "1-10", 0.1),
         ],
-        columns=["experiment", "model", "encoding", "method", "recency", "log_loss"],
+        columns=["experiment", "model", "encoding", "recency", "log_loss"],
     )
     costs = pd.DataFrame(
         [("unet", "projection", 64, 5.55, 3.4, 6.2), ("convgru", "series10", 64, 0.155, 5.2, 8.8)],

@@ -56,7 +56,7 @@ def analyze(job: Job) -> None:
     inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs, errors, accelerator=job.call.runtime.accelerator)
+    frames = gather(outputs, errors)
     shifts = outputs.analysis / f"{GENERALIZATION}.csv"  # of task=generalization
     if shifts.is_file():
         frames[GENERALIZATION] = read_rows(shifts)

@@ -6,9 +6,7 @@ frames out.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,14 +15,13 @@ from tqdm import tqdm
 
 from repro.baselines.names import rank
 from repro.config import NO_DECAY
-from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set, uncertainty
+from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set
 from repro.evaluation.comparisons import Cell, averages, compared
-from repro.evaluation.evaluate import read_quantized, read_ssim, validation_quantized
+from repro.evaluation.evaluate import read_quantized, read_ssim
 from repro.evaluation.recency import GROUPS, RECENCY
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
-from repro.metrics.calibration import fit_temperature, reliability, summary, temperature_scaled
-from repro.metrics.counts import count_quantized, pooled_scores
-from repro.metrics.names import SUMMARY
+from repro.metrics.calibration import reliability, summary
+from repro.metrics.counts import count_quantized
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of
 from repro.runs.directories import Run
@@ -33,15 +30,7 @@ from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 
 ANALYZED = (  # tables of `gather`
-    "intervals",
-    "differences",
-    "recency",
-    "ages",
-    "obstacles",
-    "uncertainty",
-    "calibration",
-    "reliability",
-    "cost",
+    *("intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"),
 )
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
@@ -63,23 +52,6 @@ class Analysis:
 
 
 @dataclass(frozen=True)
-class _Shared:
-    """What all cells of an experiment share.
-
-    Args:
-        recordings: directory of the recordings.
-        test: the test recordings.
-        weights: weights of the bootstrap, see `metrics.bootstrap.draw_weights`.
-        accelerator: auto, cpu or gpu, for the predictions of the validation set.
-    """
-
-    recordings: Path
-    test: TestSet
-    weights: np.ndarray
-    accelerator: str
-
-
-@dataclass(frozen=True)
 class _Measurement:
     """The measurement of a cell.
 
@@ -94,17 +66,15 @@ class _Measurement:
     frames: dict[str, pd.DataFrame]
 
 
-def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: str = "auto") -> dict[str, pd.DataFrame]:
+def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.DataFrame]:
     """Gather the analysis of all evaluated runs below an outputs directory.
 
     Args:
         outputs: an outputs directory with its runs and recordings.
         errors: receives the message of every damaged run, whose cell is left out; None raises at the first damaged run.
-        accelerator: auto, cpu or gpu, for the predictions of the validation set.
 
     Returns:
-        the tables of `ANALYZED`, each a tidy frame, `uncertainty` of cells with several seeds only; empty if no run is
-        evaluated.
+        the tables of `ANALYZED`, each a tidy frame; empty if no run is evaluated.
 
     Raises:
         ValueError: a recording is damaged, or a run is and `errors` is None, or no network can be analyzed.
@@ -112,13 +82,13 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
     analysis, cells = Analysis(), _cells(outputs, errors)
     for experiment in sorted({experiment for experiment, *_ in cells}):
         own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
-        recordings, config = outputs.recordings(experiment), next(iter(own_cells.values()))[0].config()
-        test = load_test_set(recordings, grid_of(config))
-        shared = _Shared(recordings, test, draw_weights(len(test.truth) // 2), accelerator)
+        grid = grid_of(next(iter(own_cells.values()))[0].config())
+        test = load_test_set(outputs.recordings(experiment), grid)
+        weights = draw_weights(len(test.truth) // 2)
         measurements: dict[Cell, _Measurement] = {}
         for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
             try:
-                measurements[cell] = _measure_cell(runs, shared)
+                measurements[cell] = _measure_cell(runs, test, weights)
             except InputError as error:
                 if errors is None:
                     raise
@@ -129,7 +99,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None, *, accelerator: st
         draws = {cell: measurement.draws for cell, measurement in measurements.items()}
         counted = {cell: measurement.measured for cell, measurement in measurements.items()}
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
-        for cell, table, common in averages(counted, seeds, shared.weights):
+        for cell, table, common in averages(counted, seeds, weights):
             draws[cell] = table
             analysis.add("intervals", pd.DataFrame(intervals(table)).assign(seeds=common), _columns(cell))
         for rows, columns in compared(draws):
@@ -170,24 +140,22 @@ def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, np.ndarray]:
     return free, ssim
 
 
-def _measure_cell(runs: list[Run], shared: _Shared) -> _Measurement:
-    """Measure all seeds of a cell."""
-    test, few_weights = shared.test, shared.weights[:FEWER_DRAWS]
+def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> _Measurement:
+    """Measure all seeds of a cell; for the weights of the bootstrap see `metrics.bootstrap.draw_weights`."""
+    few_weights = weights[:FEWER_DRAWS]
     predictions, ssim = zip(*(_read_run(run, test) for run in runs), strict=True)
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
     measured = Measured(counts.sum(2), np.stack([by_world(values) / 2 for values in ssim]))
-    draws = resample(measured, shared.weights)
+    draws = resample(measured, weights)
     frames = {
         "intervals": pd.DataFrame(intervals(draws)).assign(seeds=len(runs)),
         "recency": by_recency(counts.sum(0), few_weights),
         "ages": by_age(counts.sum((0, 1))),
         "obstacles": by_last_hit(predictions, test, few_weights),
     }
-    if len(runs) > 1:
-        frames["uncertainty"] = uncertainty(predictions, test.groups)
     if runs[0].model.is_dir():
         frames["cost"] = _cost(runs)
-        frames["calibration"] = _calibration(counts.sum(1), _temperatures(runs, shared), predictions, test.truth)
+        frames["calibration"] = _calibration(counts.sum(1))
         frames["reliability"] = _reliability(counts.sum((0, 1)))
     return _Measurement(measured, draws, frames)
 
@@ -204,38 +172,12 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
     return pd.DataFrame([row])
 
 
-def _temperatures(runs: list[Run], shared: _Shared) -> list[float]:
-    """Fit the temperature of each run to its predictions of the validation set."""
-    validation = (validation_quantized(run, shared.recordings, accelerator=shared.accelerator) for run in runs)
-    return [fit_temperature(count_quantized(free, true)[:, 0].sum(0)) for free, true in validation]
-
-
-def _calibration(
-    counts: np.ndarray, temperatures: list[float], predictions: Sequence[np.ndarray], truth: np.ndarray
-) -> pd.DataFrame:
-    """Measure calibration: uncalibrated, temperature-scaled, and of the mean over seeds.
-
-    Args:
-        counts: counts of each seed by recency group, (S, G, 2, 256).
-        temperatures: temperature of each seed.
-        predictions: quantized predictions of each seed, (M, H, W).
-        truth: true maps, (M, H, W).
-    """
-    each = counts.sum(1)
-    rows = [{"method": "uncalibrated", "recency": "all", **_mean([summary(own) for own in each])}]
-    scaled = [summary(own, temperature_scaled(t)) for own, t in zip(each, temperatures, strict=True)]
-    rows.append(
-        {"method": "temperature-scaled", "recency": "all", **_mean(scaled), "temperature": float(np.mean(temperatures))}
-    )
-    if len(predictions) > 1:
-        mean = np.mean(predictions, axis=0).round().astype(np.uint8)
-        of_mean = count_quantized(mean, truth)[:, 0].sum(0)
-        score = {name: float(value) for name, value in pooled_scores(of_mean).items()}
-        kept = {name: score[name] for name in SUMMARY}
-        rows.append({"method": f"mean of {len(predictions)} seeds", "recency": "all", **summary(of_mean), **kept})
+def _calibration(counts: np.ndarray) -> pd.DataFrame:
+    """Measure the calibration over all pixels, averaged over seeds, and of each recency, from (S, G, 2, 256)."""
+    all_pixels = pd.DataFrame([summary(own) for own in counts.sum(1)]).mean().to_frame().T.assign(recency="all")
     by_name = _by_recency(counts.sum(0))
-    rows += [{"method": "uncalibrated", "recency": n, **summary(c)} for n, c in by_name.items() if c[0].sum()]
-    return pd.DataFrame(rows)
+    others = [{"recency": name, **summary(own)} for name, own in by_name.items() if own[0].sum()]
+    return pd.concat([all_pixels, pd.DataFrame(others)], ignore_index=True)
 
 
 def _reliability(counts: np.ndarray) -> pd.DataFrame:
@@ -251,5 +193,3 @@ def _by_recency(counts: np.ndarray) -> dict[str, np.ndarray]:
     return {name: counts[list(groups)].sum(0) for name, groups in RECENCY.items()}
 
 
-def _mean(rows: list[dict[str, float]]) -> dict[str, float]:
-    return {str(name): value for name, value in pd.DataFrame(rows).mean().items()}

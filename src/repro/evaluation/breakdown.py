@@ -9,20 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repro.evaluation.recency import (
-    BIN,
-    BINS,
-    GROUPS,
-    RECENCY,
-    age_bin,
-    newest_hits_of_obstacles,
-    obstacle_masks,
-    pixel_groups,
-)
+from repro.evaluation.recency import BIN, BINS, RECENCY, age_bin, newest_hits_of_obstacles, obstacle_masks, pixel_groups
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
-from repro.metrics.calibration import binary_entropy, brier, entropy, log_loss
-from repro.metrics.counts import LEVELS, average_precision, best_iou, pooled_scores, soft_iou
+from repro.metrics.calibration import brier, entropy, log_loss
+from repro.metrics.counts import average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.truth import true_maps
 
@@ -125,33 +116,6 @@ def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
         "log_loss": log_loss(counts),
         "entropy": entropy(counts),
     }
-
-
-def uncertainty(predictions: Sequence[np.ndarray], groups: np.ndarray) -> pd.DataFrame:
-    """Split the uncertainty of the seeds of a cell, by recency, into that of the data and that of the network.
-
-    Source: Depeweg et al. (2018): the entropy of the mean prediction is the mean entropy of the predictions (aleatoric)
-    plus the mutual information of prediction and seed (epistemic).
-
-    Args:
-        predictions: quantized predictions of each seed, uint8, (M, H, W).
-        groups: recency group of each pixel, (M, H, W).
-
-    Returns:
-        rows of recency, aleatoric and epistemic [nat per pixel].
-    """
-    total, aleatoric, pixels = (np.zeros(GROUPS) for _ in range(3))
-    for index, group in enumerate(groups.reshape(len(groups), -1)):
-        free = np.stack([each[index].ravel() for each in predictions]) / (LEVELS - 1)
-        total += np.bincount(group, binary_entropy(free.mean(0)), GROUPS)
-        aleatoric += np.bincount(group, binary_entropy(free).mean(0), GROUPS)
-        pixels += np.bincount(group, minlength=GROUPS)
-    rows = []
-    for name, chosen in {"all": range(GROUPS), **RECENCY}.items():
-        if number := pixels[list(chosen)].sum():
-            known, mean = total[list(chosen)].sum() / number, aleatoric[list(chosen)].sum() / number
-            rows.append({"recency": name, "aleatoric": mean, "epistemic": known - mean})
-    return pd.DataFrame(rows)
 
 
 def by_last_hit(predictions: Sequence[np.ndarray], test: TestSet, weights: np.ndarray) -> pd.DataFrame:

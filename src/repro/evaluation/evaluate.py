@@ -141,16 +141,6 @@ def read_ssim(run: Run) -> np.ndarray:
     return read_table(run.check_file("per_image.csv"), ("ssim",), run.evaluate_again)["ssim"].to_numpy()
 
 
-def validation_quantized(run: Run, recordings: Path, *, accelerator: str) -> tuple[np.ndarray, np.ndarray]:
-    """Predict the validation set with the best weights of a trained run; return quantized probabilities and true maps.
-
-    Raises:
-        ValueError: the run is not trained, or the recordings are not those it was trained on.
-    """
-    val, probability = _predict_split("val", run, recordings, accelerator)
-    return quantize(probability), val.maps[:, 0].cpu().numpy()
-
-
 def write_predictions(run: Run, probability: Tensor) -> None:
     """Write the probabilities of free (M, 1, H, W), quantized to uint8."""
     free = quantize(probability)

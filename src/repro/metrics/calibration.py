@@ -1,14 +1,13 @@
 """Calibration: agreement between predicted probabilities and observed frequencies.
 
 All functions take pixel counts by quantized probability, (..., 2, 256) with obstacles first
-(`metrics.counts.count_quantized`), and the probability of free of each quantized value, (256,). Sources: Murphy (1973)
-for the decomposition of the Brier score, Guo et al. (2017) for the expected calibration error and temperature scaling.
+(`metrics.counts.count_quantized`). Sources: Murphy (1973) for the decomposition of the Brier score, Guo et al. (2017) for
+the expected calibration error.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import entr
 
 from repro.metrics.counts import LEVELS, PROBABILITY
@@ -30,13 +29,8 @@ def log_loss(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.nd
 
 def entropy(counts: np.ndarray) -> np.ndarray:
     """Compute the mean entropy of the predicted probabilities [nat], (...), a measure of blur."""
-    each = binary_entropy(PROBABILITY)
+    each = entr(PROBABILITY) + entr(1 - PROBABILITY)
     return _mean(counts, np.stack([each, each]))
-
-
-def binary_entropy(probability: np.ndarray) -> np.ndarray:
-    """Compute the entropy of each probability [nat], (...)."""
-    return entr(probability) + entr(1 - probability)
 
 
 @dataclass(frozen=True)
@@ -63,20 +57,14 @@ class Reliability:
         return Reliability(*(values[inside] for values in vars(self).values()))
 
 
-def reliability(counts: np.ndarray, probability: np.ndarray = PROBABILITY, bins: int = BINS) -> Reliability:
-    """Compare predicted probability and observed frequency of obstacles in bins of equal width.
-
-    Args:
-        counts: pixels by truth and quantized probability, (2, 256).
-        probability: probability of free of each quantized value, (256,).
-        bins: number of bins.
-    """
-    predicted = 1 - probability
-    number = np.minimum((predicted * bins).astype(int), bins - 1)
-    pixels = np.bincount(number, counts.sum(0), bins)
-    summed = np.bincount(number, counts.sum(0) * predicted, bins)
-    obstacles = np.bincount(number, counts[0], bins)
-    edges, kept = np.arange(bins + 1) / bins, pixels > 0
+def reliability(counts: np.ndarray) -> Reliability:
+    """Compare predicted probability and observed frequency of obstacles in 15 bins of equal width, from (2, 256)."""
+    predicted = 1 - PROBABILITY
+    number = np.minimum((predicted * BINS).astype(int), BINS - 1)
+    pixels = np.bincount(number, counts.sum(0), BINS)
+    summed = np.bincount(number, counts.sum(0) * predicted, BINS)
+    obstacles = np.bincount(number, counts[0], BINS)
+    edges, kept = np.arange(BINS + 1) / BINS, pixels > 0
     columns = (edges[:-1], edges[1:], summed / pixels.clip(1), obstacles / pixels.clip(1), pixels.astype(np.int64))
     return Reliability(*(values[kept] for values in columns))
 
@@ -108,39 +96,25 @@ def _weighted(values: np.ndarray, pixels: np.ndarray) -> float:
     return float(np.average(values, weights=pixels)) if pixels.sum() else float("nan")
 
 
-def decompose_brier(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[str, float]:
+def decompose_brier(counts: np.ndarray) -> dict[str, float]:
     """Split the Brier score of (2, 256) into reliability - resolution + uncertainty; one bin per quantized value."""
     pixels, total = counts.sum(0), counts.sum()
     observed = counts[1] / np.maximum(pixels, 1)
     base = counts[1].sum() / total
     return {
-        "reliability": float((pixels * (probability - observed) ** 2).sum() / total),
+        "reliability": float((pixels * (PROBABILITY - observed) ** 2).sum() / total),
         "resolution": float((pixels * (observed - base) ** 2).sum() / total),
         "uncertainty": float(base * (1 - base)),
     }
 
 
-def fit_temperature(counts: np.ndarray) -> float:
-    """Fit the temperature that minimizes the log-loss on (2, 256) when it divides the logits."""
-    optimum = minimize_scalar(
-        lambda log: float(log_loss(counts, temperature_scaled(np.exp(log)))), bounds=(-3, 3), method="bounded"
-    )
-    return float(np.exp(optimum.x))
-
-
-def temperature_scaled(temperature: float) -> np.ndarray:
-    """Return the probability of free of each quantized value after its logit is divided by a temperature, (256,)."""
-    free = PROBABILITY.clip(_SMALLEST, 1 - _SMALLEST)
-    return 1 / (1 + ((1 - free) / free) ** (1 / temperature))
-
-
-def summary(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> dict[str, float]:
+def summary(counts: np.ndarray) -> dict[str, float]:
     """Compute all measures of calibration of (2, 256): Brier score and its parts, log-loss, calibration errors."""
-    diagram = reliability(counts, probability)
+    diagram = reliability(counts)
     return {
-        "brier": float(brier(counts, probability)),
-        **decompose_brier(counts, probability),
-        "log_loss": float(log_loss(counts, probability)),
+        "brier": float(brier(counts)),
+        **decompose_brier(counts),
+        "log_loss": float(log_loss(counts)),
         "calibration_error": calibration_error(diagram),
         "uncertain_error": uncertain_error(diagram),
     }

@@ -97,7 +97,7 @@ def obstacles(frames: DataFrames) -> Figure | None:
 
 
 def reliability(frames: DataFrames) -> Figure | None:
-    """Plot the reliability diagram of U-Net, uncalibrated; None without data."""
+    """Plot the reliability diagram of U-Net; None without data."""
     rows = _unet(frames["reliability"])
     rows = rows[rows["recency"] == "all"] if len(rows) else rows
     if rows.empty:

@@ -151,13 +151,13 @@ def networks_to_markdown(
 
     Args:
         intervals: see `methods_to_markdown`.
-        calibration: experiment, model, encoding, method, recency, log_loss.
+        calibration: experiment, model, encoding, recency, log_loss.
         costs: model, encoding, size_px, parameters_m, training_min, cpu_eager_ms, cpu_onnx_ms.
         caption: the caption.
         experiments: the experiments to show.
     """
     iou = intervals[intervals["metric"] == "obstacle_iou"].set_index(["experiment", "model", "encoding"])["value"]
-    of_map = calibration[(calibration["method"] == "uncalibrated") & (calibration["recency"] == "all")]
+    of_map = calibration[calibration["recency"] == "all"]
     log_loss = of_map.set_index(["experiment", "model", "encoding"])["log_loss"]
     measures = {"obstacle IoU": iou, "share of the bound": iou, "log loss [nat]": log_loss}
     heads = [f"Exp. {experiment}: {head}" for experiment in experiments for head in measures]

@@ -22,7 +22,6 @@ CALIBRATION = {
     "log_loss": ("log-loss", 4),
     "calibration_error": ("calibration error", 4),
     "uncertain_error": ("where uncertain", 4),
-    "temperature": ("temperature", 3),
 }
 COST = {
     "channels": ("channels", 0),
@@ -44,9 +43,7 @@ def tables_of_sections(frames: dict[str, pd.DataFrame], origins: dict[str, Prove
     calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
     calibration = calibration[calibration["model"].isin(NETWORKS)]
     return {
-        "calibration": [
-            cells_of(_sorted(calibration), [*CELL, "method"], CALIBRATION, "Calibration of the paper's networks")
-        ],
+        "calibration": [cells_of(_sorted(calibration), CELL, CALIBRATION, "Calibration of the paper's networks")],
         "baselines": [
             cells_of(
                 _to_the_papers(frames["differences"]),
