@@ -48,5 +48,3 @@ def test_the_loss_of_half_precision_logits_is_computed_in_float32():
     loss = MapLoss()(LOGITS.bfloat16(), TARGET)
     assert loss.dtype == torch.float32
     assert loss.item() == pytest.approx(BCE + DICE, rel=1e-2)
-
-

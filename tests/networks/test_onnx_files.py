@@ -63,9 +63,7 @@ def test_a_file_holds_the_whole_predictor(exported):
         again.save_onnx(path)
 
 
-@pytest.mark.parametrize(
-    ("network", "name"), [(LightConvGRU, "series4"), (ConvLSTM, "stack4")]
-)
+@pytest.mark.parametrize(("network", "name"), [(LightConvGRU, "series4"), (ConvLSTM, "stack4")])
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
     encoding = create_encoding(name, {"frames": 4})

@@ -1,7 +1,6 @@
 import pandas as pd
 import pytest
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.reporting.documents import (
     bounds_to_markdown,
     claims_to_markdown,

@@ -20,9 +20,8 @@ from repro.networks.predictor import load_predictor
 from repro.prediction.readers import read_log
 from repro.prediction.times import WindowSettings
 from repro.recordings.reader import read_manifest, read_shards
-from repro.reporting.verification import verify
+from repro.reporting.results import read_published
 from repro.runs.directories import Run
-from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.files import sha256
 
@@ -179,4 +178,4 @@ def test_published_results(tmp_path, marker):
     (tmp_path / "laptop").mkdir()
     (tmp_path / "laptop" / "runs.csv").write_bytes(pickled(marker))
     with pytest.raises((ValueError, UnicodeDecodeError)):
-        verify(Outputs(tmp_path / "outputs"), tmp_path / "laptop")
+        read_published(tmp_path / "laptop")

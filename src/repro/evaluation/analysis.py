@@ -191,5 +191,3 @@ def _reliability(counts: np.ndarray) -> pd.DataFrame:
 def _by_recency(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Sum the counts of the groups of pixels, (G, 2, 256), over each recency, (2, 256)."""
     return {name: counts[list(groups)].sum(0) for name, groups in RECENCY.items()}
-
-

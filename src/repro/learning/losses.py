@@ -42,4 +42,3 @@ class MapLoss(nn.Module):
         """Compute the loss of logits (B, 1, H, W) against true maps (B, 1, H, W) with 1 = free, in float32."""
         logits, target = logits.float(), target.float()
         return bce_loss(logits, target) + dice_loss(logits, target, self.eps)
-

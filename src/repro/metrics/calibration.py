@@ -1,8 +1,8 @@
 """Calibration: agreement between predicted probabilities and observed frequencies.
 
 All functions take pixel counts by quantized probability, (..., 2, 256) with obstacles first
-(`metrics.counts.count_quantized`). Sources: Murphy (1973) for the decomposition of the Brier score, Guo et al. (2017) for
-the expected calibration error.
+(`metrics.counts.count_quantized`). Sources: Murphy (1973) for the decomposition of the Brier score, Guo et al. (2017)
+for the expected calibration error.
 """
 
 from dataclasses import dataclass
