@@ -3,7 +3,7 @@ PYTHON ?= python3
 ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
-ENCODINGS := projection,negative,observed_free,stack4,stack10,exponential,ages
+ENCODINGS := projection,stack4,stack10,series10
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,

@@ -1,4 +1,4 @@
-"""Benchmark encodings of 10,000 runs: the projection point by point and vectorized, and with observed free space."""
+"""Benchmark encodings of 10,000 runs: the projection point by point and vectorized, and series of images."""
 
 import resource
 import time
@@ -10,7 +10,7 @@ from table import head, row
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
-from repro.maps.projection import Inverted, Projection
+from repro.maps.projection import Projection
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -23,16 +23,12 @@ def bench_projection() -> None:
     each = [simulate(sample_world(world_of("4"), seed)).scans for seed in range(100)]
     scans, grid = Scans.stack(each), Grid(256, 50.0)
     images, ours = _encode(Projection(), scans.tensors(), grid, rounds=20)
-    _, with_free = _encode(Inverted(second="free"), scans.tensors(), grid, rounds=5)
     began = time.perf_counter()
     slow = plain_projection(scans.ranges[0], scans.angles, scans.poses[0], 256)
     plain = (time.perf_counter() - began) * RUNS
     head(f"Projection to 256 x 256, {torch.get_num_threads()} threads", "way", f"{RUNS:,} runs", "ratio")
     row("one point at a time", f"{plain:.0f} s", "1 x")
     row("ours", f"{ours:.1f} s", f"{plain / ours:.0f} x")
-    row(
-        "ours, with the last time each pixel was observed free", f"{with_free:.1f} s", f"{with_free / ours:.1f} of ours"
-    )
     differing = np.count_nonzero(np.abs(slow - images[0, 0].numpy().astype(int)) > 1)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     for size_px in (64, 128):

@@ -61,7 +61,6 @@ class EncodingParameters(TypedDict, total=False):
 
     decay: bool
     oldest_gray: Gray
-    half_life: Positive
     range_max_m: Positive
     frames: FrameCount
 

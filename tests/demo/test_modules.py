@@ -25,7 +25,6 @@ GRID = Grid(128, 50.0)
 ENCODINGS = [
     {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}},
     {"name": "projection", "parameters": {"decay": False, "oldest_gray": 0.8}},
-    {"name": "negative", "parameters": {"decay": True, "oldest_gray": 0.8}},
     {"name": "stack4", "parameters": {"frames": 4}},
     {"name": "series10", "parameters": {"frames": 10, "range_max_m": 30.0}},
 ]

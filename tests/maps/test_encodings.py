@@ -6,11 +6,11 @@ import torch
 from conftest import ROOT
 from omegaconf import OmegaConf
 
-from repro.maps.encodings import ENCODINGS, Encoding, create_encoding
+from repro.maps.encodings import ENCODINGS, Encoding, create_encoding, kind_of
 from repro.maps.grid import Grid
-from repro.maps.projection import Inverted, Projection, newest_hits
+from repro.maps.projection import Projection
 from repro.maps.series import Series, Stack
-from repro.maps.visibility import newest_visible
+from repro.maps.visibility import newest_passed
 from repro.recordings.reader import read_shards
 from repro.scans import Scans
 from repro.world_config import plain
@@ -35,10 +35,8 @@ def scans(recorded):
 
 
 def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding():
-    assert set(ENCODINGS) == {path.stem for path in CONFIGURED} | {"series4"}
     assert [encoding.name for encoding in ALL] == [path.stem for path in CONFIGURED]
-    variants = {Projection(half_life=15), Inverted(), Inverted(second="hits"), Inverted(second="free")}
-    assert {Projection(), *variants, Stack(4), Stack(10), Series(10)} <= set(ALL)
+    assert {kind_of(encoding.name) for encoding in ALL} == set(ENCODINGS)
 
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
@@ -61,37 +59,6 @@ def test_images_and_inputs_have_the_expected_shape_type_and_range(scans, encodin
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
 def test_a_window_is_encoded_alone_as_in_a_batch(scans, encoding):
     assert torch.equal(encoding.encode(scans[1:2], GRID)[0], encoding.encode(scans, GRID)[1])
-
-
-def test_an_exponential_gray_is_halfway_after_its_half_life():
-    law = Projection(half_life=10, oldest_gray=0.8)._law(100)
-    assert law[-1] == 0
-    assert law[-11].item() == pytest.approx(0.4)
-    assert law[-21].item() == pytest.approx(0.6)
-    assert (law.diff() < 0).all()
-
-
-def test_a_negative_is_the_projection_with_inverted_inputs(scans):
-    plain, negative = Projection(), Inverted()
-    images = negative.encode(scans, GRID)
-    assert torch.equal(images, plain.encode(scans, GRID))
-    assert torch.allclose(negative.to_input(images), 1 - plain.to_input(images))
-
-
-def test_ages_are_the_projections_without_and_with_decay(scans):
-    images = Inverted(oldest_gray=0.5, second="hits").encode(scans, GRID)
-    assert torch.equal(images[:, :1], Projection(decay=False).encode(scans, GRID))
-    assert torch.equal(images[:, 1:], Projection(oldest_gray=0.5).encode(scans, GRID))
-
-
-def test_the_second_image_of_observed_free_is_where_beams_passed_last(scans):
-    images = Inverted(second="free").encode(scans, GRID)
-    assert torch.equal(images[:, :1], Projection().encode(scans, GRID))
-    passed = newest_visible(scans, GRID, 30.0, margin_m=-GRID.resolution_m / 2)
-    assert torch.equal(images[:, 1] < 255, passed > 0)
-    assert (images[:, 1][passed == 100] == 0).all()
-    just_hit = (newest_hits(scans, GRID) == 100) & (passed == 100)
-    assert just_hit.float().mean() < 0.002  # half a pixel short of its range, a beam hardly passes over what it hits
 
 
 def test_a_stack_encodes_each_part_of_the_window(scans):
@@ -123,15 +90,15 @@ def test_a_series_encodes_the_hits_and_the_free_pixels_of_each_part_of_the_windo
     for part in range(4):
         window = slice(25 * part, 25 * part + 25)
         alone = Scans(scans.ranges[:, window], scans.angles, scans.poses[:, window])
-        assert torch.equal(images[:, 4 + part] == 0, Inverted(second="free").encode(alone, GRID)[:, 1] < 255)
+        assert torch.equal(images[:, 4 + part] == 0, newest_passed(alone, GRID, 30.0) > 0)
     assert 0.02 < (images[:, 4:] == 0).float().mean() < 0.5
 
 
 def test_an_encoding_is_created_from_its_name_and_parameters():
     assert create_encoding("projection", {"decay": False, "oldest_gray": 0.5}) == Projection(False, 0.5)
-    with pytest.raises(ValueError, match=r"encoding must be one of .*projection.*got 'stack'"):
-        create_encoding("stack", {})
-    with pytest.raises(ValueError, match="encoding projection takes decay, oldest_gray, half_life, got dark"):
+    with pytest.raises(ValueError, match=r"encoding must be one of .*projection.*got 'stacks'"):
+        create_encoding("stacks", {})
+    with pytest.raises(ValueError, match="encoding projection takes decay, oldest_gray, got dark"):
         create_encoding("projection", {"dark": 1})
     assert create_encoding("stack4", {"frames": 4}) == Stack(4)
     with pytest.raises(ValueError, match=r"stack4 does not match its parameters .* describe stack5"):
@@ -141,17 +108,15 @@ def test_an_encoding_is_created_from_its_name_and_parameters():
 @pytest.mark.parametrize(
     ("name", "parameters", "message"),
     [
-        ("exponential", {"half_life": 0}, "half_life=0: must be greater than 0"),
-        ("observed_free", {"range_max_m": -1}, "range_max_m=-1: must be greater than 0"),
+        ("series4", {"frames": 4, "range_max_m": -1}, "range_max_m=-1: must be greater than 0"),
         ("stack4", {"frames": 0}, "frames=0: must be greater than or equal to 1"),
-        ("exponential", {"half_life": math.nan}, "half_life=nan: must be a finite number"),
-        ("observed_free", {"range_max_m": math.inf}, "range_max_m=inf: must be a finite number"),
+        ("series4", {"frames": 4, "range_max_m": math.inf}, "range_max_m=inf: must be a finite number"),
         ("stack4", {"frames": "x"}, "frames=x: must be a valid integer"),
         ("stack4", {"frames": True}, "frames=True: must be a valid integer"),
         ("stack4", {}, "frames: is missing"),
         ("projection", {"decay": "foo"}, "decay=foo: must be a valid boolean"),
         ("projection", {"oldest_gray": math.nan}, "oldest_gray=nan: must be"),
-        ("ages", {"oldest_gray": 1}, "oldest_gray=1: must be less than or equal to 0.996"),
+        ("projection", {"oldest_gray": 1}, "oldest_gray=1: must be less than or equal to 0.996"),
     ],
 )
 def test_invalid_parameters_are_refused(name, parameters, message):

@@ -11,7 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.maps.projection import Inverted
+from repro.maps.series import Series
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
 from repro.networks.convlstm import ConvLSTM
@@ -32,7 +32,7 @@ def exported(tmp_path_factory):
     """Export a small predictor; return it and the file."""
     torch.manual_seed(0)
     network = Small(torch.nn.Conv2d(2, 4, 3, padding=1), torch.nn.ReLU(), torch.nn.Conv2d(4, 1, 1))
-    predictor = Predictor(network.eval(), Inverted(second="free", range_max_m=20.0), Grid(32, 40.0), STATISTICS)
+    predictor = Predictor(network.eval(), Series(1, 20.0), Grid(32, 40.0), STATISTICS)
     path = tmp_path_factory.mktemp("onnx") / "any name"
     assert predictor.save_onnx(path, "# Card") <= onnx_files.TOLERANCE
     return predictor, path

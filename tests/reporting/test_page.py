@@ -34,7 +34,7 @@ def outputs(tmp_path_factory):
     """Run a small study with its analysis: U-Net with and without decay and with another input."""
     outputs = tmp_path_factory.mktemp("page") / "smoke"
     call(outputs, "decay=true,false", "hydra/launcher=basic", "-m")  # one process imports torch once
-    call(outputs, "encoding=observed_free")
+    call(outputs, "encoding=stack4")
     for task in ("generalization", "report"):
         call(outputs, f"task={task}")
     call(outputs, "task=analysis", options=("runtime.accelerator=cpu",))  # the runs know their scale
@@ -45,7 +45,7 @@ def test_an_input_of_several_images_is_shown_as_the_projection(outputs):
     runs = [run for run in Outputs(outputs).runs() if run.config().encoding]
     samples = load_samples(Outputs(outputs), runs[0].config().experiment, runs)
     for sample in samples:
-        assert sample["inputs"]["observed_free"] == sample["inputs"]["projection"]
+        assert sample["inputs"]["stack4"] == sample["inputs"]["projection"]
         assert sample["inputs"]["projection-no-decay"] != sample["inputs"]["projection"]
 
 
@@ -147,7 +147,7 @@ def test_the_page_works_in_a_browser_at_any_width(browser, outputs, width, schem
     tab.wait_for_function(f"{picture} !== {before!r}")
     assert tab.inner_text("#score") != words
     kinds = tab.locator("#model option").all_inner_texts()
-    assert {"U-Net", "U-Net, no decay", "U-Net, observed_free", "Tracker"} <= set(kinds)
+    assert {"U-Net", "U-Net, no decay", "U-Net, stack4", "Tracker"} <= set(kinds)
     seen = tab.evaluate("document.getElementById('input').toDataURL()")
     tab.select_option("#model", label="U-Net, no decay")
     tab.wait_for_function(f"document.getElementById('input').toDataURL() !== {seen!r}")

@@ -179,7 +179,7 @@ def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
 def test_a_network_without_a_file_in_conf_is_not_published():
     scale = Scale(*("tiny", "a minute", 32, PairCounts(24, 8, 8), 1e-3, 8, 3, False, None))
     with pytest.raises(ValueError, match=r"the published command needs a file of model big: add .*big\.yaml"):
-        usual_settings(scale, {}, "big", "ages")
+        usual_settings(scale, {}, "big", "stack4")
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):

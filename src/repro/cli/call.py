@@ -215,12 +215,12 @@ def _encoding_errors(encoding: Encoding) -> list[str]:
     """Return why an encoding cannot be created; imports torch for all but the paper's."""
     if encoding.name == "projection" and set(encoding.parameters) == {"decay", "oldest_gray"}:
         return []
-    from repro.maps.encodings import ENCODINGS, create_encoding
+    from repro.maps.encodings import ENCODINGS, create_encoding, kind_of
 
     try:
         create_encoding(encoding.name, encoding.parameters)
     except (TypeError, ValueError) as error:
-        key = "encoding.parameters" if encoding.name in ENCODINGS else "encoding.name"
+        key = "encoding.parameters" if kind_of(encoding.name) in ENCODINGS else "encoding.name"
         return [f"{key}: {error}"]
     return []
 

@@ -12,6 +12,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from repro.config import NO_DECAY
+from repro.maps.encodings import kind_of
 from repro.maps.grid import Grid
 from repro.networks.create import architecture_of
 from repro.networks.onnx_files import TOLERANCE, OnnxNetwork
@@ -20,8 +21,7 @@ from repro.reporting.names import model_title, predictor_title
 from repro.runs.keys import RunKey
 from repro.system.errors import InputError
 
-# the encodings that assets/encodings.js draws, with a number or without
-DRAWN_ENCODINGS = ("projection", "negative", "stack", "series")
+DRAWN_ENCODINGS = ("projection", "stack", "series")  # those that assets/encodings.js draws
 SMALLEST = 256  # values of a tensor that is stored as float16
 
 
@@ -61,7 +61,7 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     if predictor.has_fixed:
         raise InputError(f"{directory} was trained with fixed obstacles, which the demo does not have")
     name = predictor.encoding.name
-    if name.rstrip("0123456789") not in DRAWN_ENCODINGS:
+    if kind_of(name) not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
         raise InputError(f"{directory} has the encoding {name}, expected {expected}: the page draws no other")
     whole = _onnx_of(directory, predictor)

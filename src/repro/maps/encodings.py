@@ -14,7 +14,7 @@ from torch import Tensor
 
 from repro.fields import config_errors_of
 from repro.maps.grid import Grid
-from repro.maps.projection import Inverted, Projection
+from repro.maps.projection import Projection
 from repro.maps.series import Series, Stack
 from repro.scans import Scans
 from repro.system.errors import InputError
@@ -57,41 +57,36 @@ class Encoding(Protocol):
         """Convert images to the input of a network, float32 in [0, 1], of the same shape."""
 
 
-ENCODINGS: dict[str, type[Encoding]] = {
+ENCODINGS: dict[str, type[Encoding]] = {  # by their names, without the number of parts
     "projection": Projection,
-    "exponential": Projection,
-    "negative": Inverted,
-    "ages": Inverted,
-    "observed_free": Inverted,
-    "stack4": Stack,
-    "stack10": Stack,
-    "series4": Series,
-    "series10": Series,
-    "series100": Series,
-}
-IMPLIED: dict[str, dict[str, Any]] = {  # parameters that follow from the name, unless they are given
-    "exponential": {"half_life": 15.0},
-    "ages": {"second": "hits"},
-    "observed_free": {"second": "free"},
+    "stack": Stack,
+    "series": Series,
 }
 
 
 def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
-    """Create an encoding from its name and parameters.
+    """Create an encoding from its name and parameters; one that is None has its default.
 
     Raises:
         ValueError: the name or a parameter is unknown, or a value is not allowed.
     """
-    if name not in ENCODINGS:
+    kind = ENCODINGS.get(kind_of(name))
+    if kind is None:
         raise InputError(f"encoding must be one of {', '.join(ENCODINGS)}, got {name!r}")
-    known = list(signature(ENCODINGS[name]).parameters)
-    unknown = sorted(set(parameters) - set(known))
+    given = {key: value for key, value in parameters.items() if value is not None}
+    known = list(signature(kind).parameters)
+    unknown = sorted(set(given) - set(known))
     if unknown:
         raise InputError(f"encoding {name} takes {', '.join(known)}, got {', '.join(unknown)}")
     try:
-        encoding = ENCODINGS[name](**IMPLIED.get(name, {}) | parameters)
+        encoding = kind(**given)
     except ValidationError as error:
         raise InputError("; ".join(str(each) for each in config_errors_of(error))) from error
     if encoding.name != name:
         raise InputError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
     return encoding
+
+
+def kind_of(name: str) -> str:
+    """Return the name of an encoding without the number of its parts."""
+    return name.rstrip("0123456789")

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
-from repro.maps.encodings import ENCODINGS
 from repro.reporting.names import experiment_title, model_title, predictor_title, tested_titles
 from repro.reporting.plots import ACCENT, INK, LOOKS, DataFrames, one_legend
 from repro.reporting.results import OURS
@@ -33,9 +32,7 @@ def encodings(frames: DataFrames) -> Figure | None:
     rows = rows[rows["model"].isin(["unet", *RECURRENT])]
     inputs = rows.groupby("experiment")["encoding"].nunique()
     rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
-    order = {name: number for number, name in enumerate(ENCODINGS)}
-    rows = rows.assign(order=rows["encoding"].map(order))
-    names = rows.drop_duplicates("title").sort_values(["rank", "order", "model"], ascending=False)["title"].tolist()
+    names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
 
 

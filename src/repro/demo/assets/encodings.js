@@ -14,11 +14,11 @@ const f32 = Math.fround;
  *   Uint8Array, C * H * W; `toInput(images)` the Float32Array for the network
  */
 export function createEncoding({ name, parameters }) {
-  if (name === "projection" || name === "negative") {
+  if (name === "projection") {
     return {
       decays: parameters.decay,
       draw: (scans, grid, decay) => projection(scans, grid, parameters.decay && decay, parameters.oldest_gray),
-      toInput: name === "negative" ? inverted : (images) => Float32Array.from(images, (gray) => f32(gray / 255)),
+      toInput: (images) => Float32Array.from(images, (gray) => f32(gray / 255)),
     };
   }
   if (name === `stack${parameters.frames}` || name === `series${parameters.frames}`) {
