@@ -17,8 +17,12 @@ import numpy as np
 import pandas as pd
 import torch
 import yaml
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from torch.utils.flop_counter import FlopCounterMode
 
+from repro.baselines.names import LIMITS
+from repro.config import RECURRENT
 from repro.learning.cost import seconds_per_image
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
@@ -26,8 +30,9 @@ from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
-from repro.reporting.comparison_figures import efficiency
-from repro.reporting.plots import STYLE
+from repro.reporting.comparison_figures import titled
+from repro.reporting.names import experiment_title, model_title
+from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
 from repro.reporting.rows import read_rows
 from repro.reporting.tables import Table, costs_to_markdown
 from repro.scans import Scans
@@ -47,6 +52,7 @@ CELLS = [  # networks and their inputs
     *((name, "series10") for name in NETWORKS),
     *(("convlstm", "stack10"), ("convgru", "series10"), ("light_convgru", "series10")),
 ]
+DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
 LATENCIES = ("cpu_eager_ms", "cpu_onnx_ms", "cuda_eager_ms")
 
 
@@ -107,6 +113,42 @@ def measure(name: str, label: str, size_px: int, runs: pd.DataFrame) -> dict[str
 def model_named(name: str) -> Model:
     """Return a model of the paper, or the one in conf/model."""
     return paper_model(name) if name in NETWORKS else Model(**yaml.safe_load((MODELS / f"{name}.yaml").read_text()))
+
+
+def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
+    """Plot the obstacle IoU of networks against the time of their training, with the bounds as lines.
+
+    Args:
+        intervals: experiment, model, encoding, metric, value, low, high.
+        costs: model, encoding, training_min; rows without a time are left out.
+    """
+    rows = titled(intervals)
+    timed = costs.dropna(subset="training_min")[["model", "encoding", "training_min"]]
+    points = rows.merge(timed, on=["model", "encoding"])
+    experiments = sorted(points.loc[points["model"].isin(RECURRENT), "experiment"].unique()) or ["3", "4"]
+    names = points.sort_values(["rank", "encoding", "model"])["title"].drop_duplicates().tolist()
+    size = (1.6 + 3.0 * len(experiments), 3.4)
+    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
+    for ax, experiment in zip(axes[0], experiments, strict=True):
+        draw_limits(ax, rows, experiment)
+        for number, name in enumerate(names):
+            point = points[(points["experiment"] == experiment) & (points["title"] == name)]
+            look = {"marker": "osD^vP*X"[number % 8], "color": ACCENT if "GRU" in name else INK, "linestyle": "none"}
+            spread = [point["value"] - point["low"], point["high"] - point["value"]]
+            filled = None if (number + number // 8) % 2 == 0 else "white"
+            ax.errorbar(point["training_min"], point["value"], spread, label=name, markerfacecolor=filled, **look)
+        ax.set(title=experiment_title(experiment, "\n{}"), xlabel="training on one thread [min]")
+        ax.set_xlim(left=0)
+    axes[0, 0].set(ylabel="obstacle IoU", ylim=(0, 1))
+    one_legend(figure, axes[0], rows=3)
+    return figure
+
+
+def draw_limits(ax: Axes, rows: pd.DataFrame, experiment: str) -> None:
+    """Draw the upper bound and the inference from scans in an experiment as horizontal lines."""
+    for name, dashes in zip(LIMITS, DASHES, strict=True):
+        for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
+            ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))
 
 
 def note(runs: pd.DataFrame) -> str:

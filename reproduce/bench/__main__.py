@@ -24,7 +24,6 @@ PARTS = {  # with the time that each takes on 2 idle cores
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("parts", nargs="*", help=f"{', '.join(PARTS)}; default: all")
-    parser.add_argument("--compile", action="store_true", help="include torch.compile, which takes minutes per network")
     options = parser.parse_args()
     unknown = set(options.parts) - set(PARTS)
     if unknown:
@@ -33,10 +32,7 @@ def main() -> None:
     for name in options.parts or PARTS:
         bench, takes = PARTS[name]
         print(f"\n{name}: takes about {takes} on 2 idle cores", flush=True)
-        if name == "training":
-            bench_training(with_compile=options.compile)
-        else:
-            bench()
+        bench()
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.recordings.datasets import Pairs
 from repro.reporting.names import model_title
-from repro.system.devices import clock, compiles, has_bfloat16, resolve_device, resolve_precision
+from repro.system.devices import clock, has_bfloat16, resolve_device, resolve_precision
 from repro.system.memory import keep_freed_memory
 
 COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
@@ -44,20 +44,18 @@ Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it s
 _epoch: Epoch  # of this process
 
 
-def bench_training(with_compile: bool = False) -> None:
+def bench_training() -> None:
     """Compare our epoch with the plain one in every precision that this machine supports natively."""
     device = resolve_device()
     hardware = torch.cuda.get_device_name() if device == "cuda" else f"CPU, {torch.get_num_threads()} threads"
     for size_px, batch_size, pairs in SIZES[device]:
         head(f"Training at {size_px} px, batch {batch_size}, {hardware}", *COLUMNS)
-        for cells in training_rows(device, size_px, batch_size, pairs, with_compile):
+        for cells in training_rows(device, size_px, batch_size, pairs):
             row(*cells)
 
 
-def training_rows(
-    device: str, size_px: int, batch_size: int, pairs: int, with_compile: bool
-) -> Iterator[tuple[str, ...]]:
-    """Yield a row per network and variant: plain; ours in float32, in native bfloat16, and optionally compiled."""
+def training_rows(device: str, size_px: int, batch_size: int, pairs: int) -> Iterator[tuple[str, ...]]:
+    """Yield a row per network and variant: plain; ours in float32, in native bfloat16."""
     best = resolve_precision("auto", device)
     dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulation takes minutes
     peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}
@@ -66,10 +64,6 @@ def training_rows(
         ways: dict[str, tuple[Any, ...]] = {"plain, 32-true": (plain_epoch, *arguments)}
         for precision in sorted({"32-true", best}):
             ways[f"ours, {precision}"] = (our_epoch, *arguments, precision)
-        if with_compile and compiles(
-            network_of(name).to(device), torch.zeros(2, encoding_of(name).channels, size_px, size_px, device=device)
-        ):
-            ways[f"ours, {best}, compiled"] = (our_epoch, *arguments, best, True)
         with ExitStack() as processes:
             epochs = {way: _in_process(processes, *created) for way, created in ways.items()}
             for epoch in WARM_UPS * list(epochs.values()):
@@ -155,9 +149,7 @@ def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: st
     return epoch
 
 
-def our_epoch(
-    name: str, size_px: int, batch_size: int, pairs: int, device: str, precision: Any, compiled: bool = False
-) -> Epoch:
+def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str, precision: Any) -> Epoch:
     """Create an epoch of the training loop of `learning.training`, without validation."""
     encoding = encoding_of(name)
     shape = (pairs, encoding.channels, size_px, size_px)
@@ -167,8 +159,6 @@ def our_epoch(
     accelerate(network, device)
     keep_freed_memory()
     module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
-    if compiled:
-        network.compile()
 
     def epoch() -> tuple[float, float]:
         watch = EpochClock()

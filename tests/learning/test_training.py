@@ -10,7 +10,6 @@ from conftest import prepared, spent_budget
 from huggingface_hub import PyTorchModelHubMixin
 
 from repro.learning import callbacks, training
-from repro.learning.callbacks import CPUContention
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
 from repro.networks.create import OWN_ARCHITECTURES
@@ -153,32 +152,6 @@ def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
     assert losses(tmp_path)["epoch"].tolist() == [0, 1, 2]
 
 
-@pytest.mark.parametrize(
-    ("seconds", "used", "threads", "load", "says"),
-    [
-        (10, 12, 2, 2.5, "60% of the time of its 2 threads"),
-        (10, 19, 2, 2.5, ""),  # gets its share
-        (10, 12, 2, 1.2, ""),  # nothing else runs
-        (10, 5, 1, 2.5, ""),  # one thread waits for none
-        (4, 4, 2, 2.5, ""),  # too short to tell
-    ],
-)
-def test_cpu_contention_is_reported_once(monkeypatch, capsys, seconds, used, threads, load, says):
-    clock = {"monotonic": 100.0, "process_time": 50.0}
-    monkeypatch.setattr(callbacks, "time", SimpleNamespace(**{name: lambda n=name: clock[n] for name in clock}))
-    monkeypatch.setattr(torch, "get_num_threads", lambda: threads)
-    monkeypatch.setattr(callbacks.os, "getloadavg", lambda: (load, load, load))
-    monkeypatch.setattr(callbacks.os, "cpu_count", lambda: 2)
-    contention = CPUContention()
-    for _ in range(2):
-        contention.on_train_epoch_start(None, None)
-        clock = {"monotonic": clock["monotonic"] + seconds, "process_time": clock["process_time"] + used}
-        contention.on_train_epoch_end(None, None)
-    said = capsys.readouterr().out.splitlines()
-    assert len(said) == bool(says)
-    assert all(says in line and "OMP_NUM_THREADS=1" in line for line in said)
-
-
 @pytest.mark.slow
 def test_the_best_weights_are_saved_not_the_last(recorded, tmp_path):
     begin(tmp_path / "long", recorded, max_epochs=6, learning_rate=0.02)
@@ -253,47 +226,3 @@ def test_a_network_with_another_output_than_one_map_is_refused_before_the_traini
     with pytest.raises(ValueError, match=r"expected \(2, 1, 32, 32\) of \(2, 1, 32, 32\), got \(2, 2, 32, 32\)"):
         train(run, recorded, accelerator="cpu")
     assert run.status is Status.prepared
-
-
-class Refused(RuntimeError):
-    """A failure of a compiler."""
-
-
-def refuse_channels_last(graph, inputs):
-    if any(each.ndim == 4 and each.stride(1) == 1 and each.shape[1] > 1 for each in inputs):
-        raise Refused
-    return graph
-
-
-def refuse_bfloat16(graph, _):
-    if torch.is_autocast_enabled("cpu"):
-        raise Refused
-    return graph
-
-
-def refuse_kernels(graph, inputs):
-    if "pad" in graph.code:  # of `kernels.DepthwiseConv2d`
-        raise Refused
-    return graph
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("backend", "precision"),
-    [(refuse_channels_last, "32-true"), (refuse_bfloat16, "bf16-mixed"), (refuse_kernels, "32-true")],
-)
-def test_a_network_that_cannot_be_compiled_as_it_is_trained_is_trained_without(
-    recorded, tmp_path, monkeypatch, caplog, backend, precision
-):
-    torch.compiler.reset()
-    monkeypatch.setattr(torch.nn.Module, "compile", lambda self: compile_with(self, backend))
-    run = prepared(tmp_path / "run", max_epochs=1)
-    assert train(run, recorded, accelerator="cpu", precision=precision, compile=True) is Status.trained
-    assert "torch.compile failed (" in caplog.text
-    assert run.provenance().fact("compiled") is False
-    train(prepared(tmp_path / "plain", max_epochs=1), recorded, accelerator="cpu", precision=precision)
-    assert same_weights(tmp_path / "plain", run.path)
-
-
-def compile_with(network: torch.nn.Module, backend) -> None:
-    network._compiled_call_impl = torch.compile(network._call_impl, backend=backend)

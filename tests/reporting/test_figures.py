@@ -1,4 +1,5 @@
 import dataclasses
+import runpy
 import shutil
 
 import matplotlib.pyplot as plt
@@ -6,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from conftest import fake_run, run_config, world_spec
+from conftest import ROOT, fake_run, run_config, world_spec
 
 from repro.cli.figures import draw_figures
 from repro.config import PROJECTION, PairCounts
@@ -15,7 +16,6 @@ from repro.evaluation.examples import Example, load_example
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.recordings import format
-from repro.reporting.comparison_figures import efficiency
 from repro.reporting.figures import (
     data_collection,
     data_representation,
@@ -128,6 +128,7 @@ def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):
 
 
 def test_networks_are_placed_by_the_time_of_their_training_below_the_bound():
+    efficiency = runpy.run_path(str(ROOT / "reproduce" / "costs.py"))["efficiency"]
     columns = ["experiment", "model", "encoding", "metric", "value", "low", "high"]
     scores = {("unet", "projection"): 0.4, ("convgru", "series10"): 0.6}
     scores |= {("privileged", ""): 0.8, ("inference", ""): 0.7}

@@ -64,11 +64,11 @@ def page(outputs):
 def test_the_analysis_writes_all_frames_and_figures(outputs):
     names = {path.stem for path in outputs.glob("analysis/*.csv")}
     assert names == {
-        *("intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"),
+        *("intervals", "differences", "recency", "obstacles", "calibration", "reliability", "cost"),
         *("audit", "claims", "generalization"),
     }
     figures = {path.stem for path in outputs.glob("analysis/*.png")}
-    assert figures == {"recency", "ages", "obstacles", "reliability", "baselines", "encodings", "generalization"}
+    assert figures == {"recency", "obstacles", "reliability", "baselines", "encodings", "generalization"}
     claims = pd.read_csv(outputs / "analysis" / "claims.csv")
     assert claims["id"].tolist() == [claim.id for claim in CLAIMS]
     assert claims["verdict"].notna().all()

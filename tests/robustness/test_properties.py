@@ -163,7 +163,7 @@ def configuration(v):
         },
         "train": {"min_delta": 0, "patience": v["patience"], "max_epochs": 1, "dice_eps": 1e-6, **numbers},
         "runtime": {
-            "workers": 1, "accelerator": "cpu", "precision": "auto", "compile": False, "max_minutes": None,
+            "workers": 1, "accelerator": "cpu", "precision": "auto", "max_minutes": None,
             "part": 0, "parts": 1,
         },
         **{key: CONFIG[key] for key in ("format", "scans", "floor_map", "prediction", "demo", "publish")},

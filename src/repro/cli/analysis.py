@@ -10,8 +10,6 @@ import pandas as pd
 from repro.baselines.laws import applies
 from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.registry import PREDICTORS
-from repro.cli.inputs import GENERALIZATION, analysis_inputs, mark_up_to_date
-from repro.cli.jobs import Job
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.evaluation.samples import load_samples
@@ -31,13 +29,12 @@ from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
-def analyze(job: Job) -> None:
+def analyze(outputs: Outputs) -> None:
     """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
 
     Raises:
         ValueError: no network has been evaluated, or some runs are damaged; everything else is written.
     """
-    outputs = job.outputs
     damaged: list[str] = []
     errors: list[str] = []
     results = read_results(outputs, damaged)
@@ -53,13 +50,11 @@ def analyze(job: Job) -> None:
             evaluate_baseline(outputs, configs[experiment], name)
         except InputError as error:
             errors.append(str(error))
-    inputs = analysis_inputs(outputs)  # what another process adds during the analysis is not on the page
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs, errors)
-    shifts = outputs.analysis / f"{GENERALIZATION}.csv"  # of task=generalization
-    if shifts.is_file():
-        frames[GENERALIZATION] = read_rows(shifts)
+    if outputs.generalization.is_file():
+        frames["generalization"] = read_rows(outputs.generalization)
     frames["audit"] = audits(results)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
@@ -72,7 +67,6 @@ def analyze(job: Job) -> None:
         print(f"error: left out of the analysis: {message}", file=sys.stderr)
     if left_out:
         raise InputError(f"{len(left_out)} runs are left out of the analysis, see above")
-    mark_up_to_date(outputs.analysis, inputs)
 
 
 def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
@@ -81,7 +75,7 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
     for name in set(ANALYZED) - set(frames):
         (directory / f"{name}.csv").unlink(missing_ok=True)
     for name, frame in frames.items():
-        if name != GENERALIZATION:  # task=generalization may be writing it
+        if name != "generalization":  # task=generalization may be writing it
             write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(directory, frames)
 

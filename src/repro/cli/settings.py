@@ -66,7 +66,6 @@ class Runtime:
     workers: Annotated[int, Field(ge=1, le=MAX_WORKERS)]
     accelerator: Annotated[str, choice("auto", "cpu", "gpu"), AfterValidator(_has_device)]
     precision: Annotated[str, choice("auto", *PRECISIONS)]
-    compile: bool
     max_minutes: NotNegative | None
     part: Annotated[int, Field(ge=0)]
     parts: Annotated[int, Field(ge=1, le=10_000)]

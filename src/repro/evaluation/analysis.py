@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from repro.baselines.names import rank
 from repro.config import NO_DECAY
-from repro.evaluation.breakdown import TestSet, by_age, by_last_hit, by_recency, load_test_set
+from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.comparisons import Cell, averages, compared
 from repro.evaluation.evaluate import read_quantized, read_ssim
 from repro.evaluation.recency import GROUPS, RECENCY
@@ -30,7 +30,7 @@ from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 
 ANALYZED = (  # tables of `gather`
-    *("intervals", "differences", "recency", "ages", "obstacles", "calibration", "reliability", "cost"),
+    *("intervals", "differences", "recency", "obstacles", "calibration", "reliability", "cost"),
 )
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
@@ -150,7 +150,6 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> _Measu
     frames = {
         "intervals": pd.DataFrame(intervals(draws)).assign(seeds=len(runs)),
         "recency": by_recency(counts.sum(0), few_weights),
-        "ages": by_age(counts.sum((0, 1))),
         "obstacles": by_last_hit(predictions, test, few_weights),
     }
     if runs[0].model.is_dir():

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repro.evaluation.recency import BIN, BINS, RECENCY, age_bin, newest_hits_of_obstacles, obstacle_masks, pixel_groups
+from repro.evaluation.recency import BINS, RECENCY, age_bin, newest_hits_of_obstacles, obstacle_masks, pixel_groups
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import brier, entropy, log_loss
@@ -85,12 +85,6 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
             if np.isfinite([values[0, i], low[i], high[i]]).all()
         ]
     return pd.DataFrame(rows)
-
-
-def by_age(counts: np.ndarray) -> pd.DataFrame:
-    """Measure each age bin from counts (G, 2, 256); rows of age (lower edge of the bin in steps), metric, value."""
-    measured = pd.DataFrame(measures(counts[:BINS]))
-    return measured.assign(age=BIN * np.arange(BINS) + 1).melt("age", var_name="metric").dropna()
 
 
 def measures(counts: np.ndarray) -> dict[str, np.ndarray]:

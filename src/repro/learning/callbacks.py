@@ -1,14 +1,12 @@
-"""Callbacks at the end of every epoch: history, early stopping, time limit, weight averaging, CPU contention."""
+"""Callbacks at the end of every epoch: history, early stopping, time limit, weight averaging."""
 
 import math
-import os
 import time
 from pathlib import Path
 from typing import Any
 
 import lightning as L
 import pandas as pd
-import torch
 from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint, WeightAveraging
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
@@ -88,39 +86,6 @@ class Checkpoint(ModelCheckpoint):
         paths = {name: moved(state_dict[name]) for name in names if name in state_dict}
         best = {moved(path): score for path, score in state_dict.get("best_k_models", {}).items()}
         super().load_state_dict({**state_dict, **paths, "best_k_models": best, "dirpath": self.dirpath})
-
-
-class CPUContention(Callback):
-    """One message per training when other processes slow down a training on several threads.
-
-    Two conditions hold at the same time: the process used much less CPU time than its threads had available, and more
-    processes want to run than the machine has cores. With free cores, low CPU time only means that the threads had no
-    work.
-    """
-
-    LEAST_SECONDS = 5.0  # a shorter epoch is too short to measure
-    LEAST_SHARE = 0.75  # share of the available CPU time below which the training counts as slowed down
-
-    def __init__(self) -> None:
-        self.since = time.monotonic(), time.process_time()
-        self.is_reported = False
-
-    def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        self.since = time.monotonic(), time.process_time()
-
-    def on_train_epoch_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        threads = torch.get_num_threads()
-        seconds, used = time.monotonic() - self.since[0], time.process_time() - self.since[1]
-        share = used / (seconds * threads)
-        overloaded = os.getloadavg()[0] > (os.cpu_count() or 1)  # runnable processes, averaged over a minute
-        slowed = threads > 1 and seconds > self.LEAST_SECONDS and share < self.LEAST_SHARE
-        if overloaded and slowed and not self.is_reported:
-            print(
-                f"note: CPU contention: this training gets {share:.0%} of the time of its {threads} threads, which "
-                "wait for one another. With OMP_NUM_THREADS=1 it is faster beside other work",
-                flush=True,
-            )
-            self.is_reported = True
 
 
 def exponential_moving_average(decay: float) -> WeightAveraging:

@@ -24,9 +24,8 @@ from torch import Tensor, nn
 
 from repro.config import Training
 from repro.learning.budget import Budget
-from repro.learning.callbacks import Checkpoint, CPUContention, History, Stop, exponential_moving_average
+from repro.learning.callbacks import Checkpoint, History, Stop, exponential_moving_average
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
-from repro.learning.compilation import compile_network
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss
 from repro.maps.statistics import Statistics
@@ -107,7 +106,6 @@ def train(
     *,
     accelerator: str = "auto",
     precision: str = "auto",
-    compile: bool = False,
     budget: Budget | None = None,
 ) -> Status:
     """Train the network of a run directory, or resume its training.
@@ -118,8 +116,6 @@ def train(
         accelerator: auto, cpu, gpu, see `devices.resolve_device`.
         precision: precision in Lightning's terms, 32-true or bf16-mixed; auto is bf16-mixed on devices with native
             support and 32-true elsewhere.
-        compile: whether to compile the network with torch.compile; if this fails, training continues without it after
-            a message.
         budget: time limit; when it is reached, the run pauses at the end of the epoch. None is no limit.
 
     Returns:
@@ -144,8 +140,7 @@ def train(
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)
-        compiled = compile and _compile(module, device, precision)
-        run.begin_step("trained", Status.training, precision=precision, compiled=compiled)
+        run.begin_step("trained", Status.training, precision=precision)
         try:
             paused, facts = _fit(run, module, device, precision, budget)
         except FloatingPointError as error:
@@ -174,13 +169,6 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
 
 
-def _compile(module: TrainingModule, device: str, precision: str) -> bool:
-    """Compile the network if it can be compiled for the batches and the precision of the training; return whether."""
-    pairs = module.pairs["train"]
-    batch = (module.settings.batch_size, pairs.encoding.channels, *pairs.maps.shape[-2:])
-    return compile_network(module.network, batch, device, create_trainer(1, device, precision, []).precision_plugin)
-
-
 def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: Budget | None) -> tuple[bool, Facts]:
     """Train until early stopping, the last epoch or the time limit; return whether the limit came first, and facts."""
     settings = module.settings
@@ -190,7 +178,6 @@ def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: 
     callbacks = [
         history,
         stop,
-        *([CPUContention()] if device == "cpu" else []),
         *([exponential_moving_average(settings.ema_decay)] if settings.ema_decay else []),
         Checkpoint(checkpoints, "best", monitor="val_loss"),
         Checkpoint(checkpoints, "last"),

@@ -30,27 +30,6 @@ def write_analysis_figures(
     return [path for path in written if path]
 
 
-def ages(frames: DataFrames) -> Figure | None:
-    """Plot obstacle recall and entropy of U-Net by time since last seen; None without data."""
-    rows = _unet(frames["ages"])
-    if rows.empty:
-        return None
-    measures = {"obstacle_recall": "obstacle recall", "entropy": "entropy [nat]"}
-    figure, axes = columns(rows, len(measures), sharey="row")
-    for column, (experiment, own_rows) in zip(axes.T, rows.groupby("experiment"), strict=True):
-        for ax, metric in zip(column, measures, strict=True):
-            for encoding, line in own_rows[own_rows["metric"] == metric].groupby("encoding", sort=False):
-                look, label = DECAYS[str(encoding)]
-                ax.plot(line["age"], line["value"], markersize=3, label=label, **look)
-        column[0].set_title(experiment_title(str(experiment), "\n{}"))
-        column[-1].set_xlabel("time since last seen [steps]")
-    for ax, label in zip(axes[:, 0], measures.values(), strict=True):
-        ax.set_ylim(bottom=0)  # shared by the row
-        ax.set_ylabel(label)
-    one_legend(figure, axes[0])
-    return figure
-
-
 def recency(frames: DataFrames) -> Figure | None:
     """Plot obstacle recall and Brier score of U-Net by recency, with occluded and never in view; None without data."""
     rows = _unet(frames["recency"])
@@ -116,7 +95,6 @@ def reliability(frames: DataFrames) -> Figure | None:
 
 FIGURES: dict[str, Callable[[DataFrames], Figure | None]] = {
     "recency": recency,
-    "ages": ages,
     "obstacles": obstacles,
     "reliability": reliability,
     "baselines": baselines,

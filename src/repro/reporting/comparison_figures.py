@@ -5,21 +5,18 @@ from itertools import cycle
 
 import matplotlib.pyplot as plt
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repro.baselines.names import LIMITS, OTHER_BOUNDS, rank
+from repro.baselines.names import OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, RECURRENT
-from repro.reporting.names import experiment_title, model_title, predictor_title, tested_titles
+from repro.reporting.names import experiment_title, predictor_title, tested_titles
 from repro.reporting.plots import ACCENT, INK, LOOKS, DataFrames, one_legend
 from repro.reporting.results import OURS
-
-DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
 
 
 def baselines(frames: DataFrames) -> Figure | None:
     """Plot the obstacle IoU of all networks on the paper's input, our best input and the baselines, or None."""
-    rows = _titled(frames["intervals"])
+    rows = titled(frames["intervals"])
     shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
     rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
@@ -28,41 +25,12 @@ def baselines(frames: DataFrames) -> Figure | None:
 
 def encodings(frames: DataFrames) -> Figure | None:
     """Plot the obstacle IoU of U-Net on every encoding, and of a sequence network, with intervals, or None."""
-    rows = _titled(frames["intervals"])
+    rows = titled(frames["intervals"])
     rows = rows[rows["model"].isin(["unet", *RECURRENT])]
     inputs = rows.groupby("experiment")["encoding"].nunique()
     rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
     return _dots(rows, names) if len(names) > 1 else None
-
-
-def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
-    """Plot the obstacle IoU of networks against the time of their training, with the bounds as lines.
-
-    Args:
-        intervals: experiment, model, encoding, metric, value, low, high.
-        costs: model, encoding, training_min; rows without a time are left out.
-    """
-    rows = _titled(intervals)
-    timed = costs.dropna(subset="training_min")[["model", "encoding", "training_min"]]
-    points = rows.merge(timed, on=["model", "encoding"])
-    experiments = sorted(points.loc[points["model"].isin(RECURRENT), "experiment"].unique()) or ["3", "4"]
-    names = points.sort_values(["rank", "encoding", "model"])["title"].drop_duplicates().tolist()
-    size = (1.6 + 3.0 * len(experiments), 3.4)
-    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
-    for ax, experiment in zip(axes[0], experiments, strict=True):
-        _draw_limits(ax, rows, experiment)
-        for number, name in enumerate(names):
-            point = points[(points["experiment"] == experiment) & (points["title"] == name)]
-            look = {"marker": "osD^vP*X"[number % 8], "color": ACCENT if "GRU" in name else INK, "linestyle": "none"}
-            spread = [point["value"] - point["low"], point["high"] - point["value"]]
-            filled = None if (number + number // 8) % 2 == 0 else "white"
-            ax.errorbar(point["training_min"], point["value"], spread, label=name, markerfacecolor=filled, **look)
-        ax.set(title=experiment_title(experiment, "\n{}"), xlabel="training on one thread [min]")
-        ax.set_xlim(left=0)
-    axes[0, 0].set(ylabel="obstacle IoU", ylim=(0, 1))
-    one_legend(figure, axes[0], rows=3)
-    return figure
 
 
 def generalization(frames: DataFrames) -> Figure | None:
@@ -97,14 +65,7 @@ def generalization(frames: DataFrames) -> Figure | None:
     return figure
 
 
-def _draw_limits(ax: Axes, rows: pd.DataFrame, experiment: str) -> None:
-    """Draw the upper bound and the inference from scans in an experiment as horizontal lines."""
-    for name, dashes in zip(LIMITS, DASHES, strict=True):
-        for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
-            ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))
-
-
-def _titled(table: pd.DataFrame) -> pd.DataFrame:
+def titled(table: pd.DataFrame) -> pd.DataFrame:
     """Select the obstacle IoU of all cells with decay; add the title and the rank of each predictor."""
     rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
     titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]

@@ -35,6 +35,11 @@ class Outputs:
         return self.path / "analysis"
 
     @property
+    def generalization(self) -> Path:
+        """Rows of task=generalization, which task=analysis shows."""
+        return self.analysis / "generalization.csv"
+
+    @property
     def tables(self) -> Path:
         return self.path / "tables"
 

@@ -13,7 +13,6 @@ from typing import Any
 import torch
 
 from repro.system.errors import InputError
-from repro.system.files import first_line
 
 log = logging.getLogger(__name__)
 _AT_IMPORT = torch.get_num_threads()
@@ -96,17 +95,6 @@ def clock(device: str) -> float:
     if device == "cuda":
         torch.cuda.synchronize()
     return time.perf_counter()
-
-
-def compiles(network: torch.nn.Module, image: torch.Tensor) -> bool:
-    """Try torch.compile on a spare network, forward and backward, and log the reason if it fails."""
-    network.compile()
-    try:
-        network(image).sum().backward()
-    except Exception as error:  # the compiler may raise anything, and the network works without it
-        log.warning("torch.compile failed (%s: %s), continuing without it", type(error).__name__, first_line(error))
-        return False
-    return True
 
 
 def forget_peak_memory() -> None:

@@ -14,7 +14,6 @@ def run(job: Job) -> None:
     """
     import pandas as pd
 
-    from repro.cli.inputs import GENERALIZATION
     from repro.evaluation.generalization import across_experiments, across_start_headings, under_changes, updated
     from repro.recordings.reader import read_manifest
     from repro.reporting.names import predictor_title
@@ -39,7 +38,7 @@ def run(job: Job) -> None:
         )
     outputs.analysis.mkdir(parents=True, exist_ok=True)
     table = pd.concat(rows, ignore_index=True).assign(seed=job.call.seed, model=key.model, encoding=key.encoding)
-    path = outputs.analysis / f"{GENERALIZATION}.csv"
+    path = outputs.generalization
     with lock(outputs.analysis):
         if path.is_file():
             table = updated(read_rows(path), table)

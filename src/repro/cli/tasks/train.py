@@ -29,7 +29,6 @@ def run(job: Job) -> None:
         job.recordings,
         accelerator=runtime.accelerator,
         precision=runtime.precision,
-        compile=runtime.compile,
         budget=process_budget(runtime.max_minutes),
     )
     if status is Status.paused:
