@@ -30,7 +30,7 @@ from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
-from repro.reporting.comparison_figures import titled
+from repro.reporting.analysis_figures import titled
 from repro.reporting.names import experiment_title, model_title
 from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
 from repro.reporting.rows import read_rows

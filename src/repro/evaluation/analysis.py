@@ -6,7 +6,7 @@ frames out.
 """
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,22 +33,6 @@ ANALYZED = (  # tables of `gather`
     *("intervals", "differences", "recency", "obstacles", "calibration", "reliability", "cost"),
 )
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
-
-
-@dataclass
-class Analysis:
-    """Tidy rows by the name of the CSV file they are written to."""
-
-    rows: dict[str, list[pd.DataFrame]] = field(default_factory=lambda: defaultdict(list))
-
-    def add(self, name: str, frame: pd.DataFrame, columns: dict[str, Any]) -> None:
-        """Add rows with constant columns, which identify them, before their own."""
-        self.rows[name].append(
-            pd.DataFrame({**{name: [value] * len(frame) for name, value in columns.items()}, **frame})
-        )
-
-    def frames(self) -> dict[str, pd.DataFrame]:
-        return {name: pd.concat(rows, ignore_index=True) for name, rows in self.rows.items()}
 
 
 @dataclass(frozen=True)
@@ -79,7 +63,8 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
     Raises:
         ValueError: a recording is damaged, or a run is and `errors` is None, or no network can be analyzed.
     """
-    analysis, cells = Analysis(), _cells(outputs, errors)
+    tables: dict[str, list[pd.DataFrame]] = defaultdict(list)
+    cells = _cells(outputs, errors)
     for experiment in sorted({experiment for experiment, *_ in cells}):
         own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
         grid = grid_of(next(iter(own_cells.values()))[0].config())
@@ -95,18 +80,23 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
                 errors.append(str(error))
         for cell, measurement in measurements.items():
             for name, frame in measurement.frames.items():
-                analysis.add(name, frame, _columns(cell))
+                tables[name].append(_identified(frame, _columns(cell)))
         draws = {cell: measurement.draws for cell, measurement in measurements.items()}
         counted = {cell: measurement.measured for cell, measurement in measurements.items()}
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
         for cell, table, common in averages(counted, seeds, weights):
             draws[cell] = table
-            analysis.add("intervals", pd.DataFrame(intervals(table)).assign(seeds=common), _columns(cell))
-        for rows, columns in compared(draws):
-            analysis.add("differences", pd.DataFrame(rows), columns)
-    if errors and "calibration" not in analysis.rows:
+            rows = pd.DataFrame(intervals(table)).assign(seeds=common)
+            tables["intervals"].append(_identified(rows, _columns(cell)))
+        tables["differences"] += [_identified(pd.DataFrame(found), columns) for found, columns in compared(draws)]
+    if errors and "calibration" not in tables:
         raise InputError(f"no run can be analyzed: {errors[0]}")
-    return analysis.frames()
+    return {name: pd.concat(frames, ignore_index=True) for name, frames in tables.items() if frames}
+
+
+def _identified(rows: pd.DataFrame, columns: dict[str, Any]) -> pd.DataFrame:
+    """Return rows with constant columns, which identify them, before their own."""
+    return pd.DataFrame({**{name: [value] * len(rows) for name, value in columns.items()}, **rows})
 
 
 def _columns(cell: Cell) -> dict[str, Any]:

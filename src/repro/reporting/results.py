@@ -11,7 +11,7 @@ from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import EXTRA_METRICS, METRICS, TABLE_METRICS
 from repro.networks.model import NETWORKS
 from repro.reporting.paper import are_papers, audit, read_paper
-from repro.reporting.rows import MEASURED, check_runs, conflicts, keys_of, read_rows, settings_cell
+from repro.reporting.rows import MEASURED, conflicts, keys_of, read_rows, settings_cell
 from repro.runs.directories import Run
 from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.outputs import Outputs
@@ -89,7 +89,7 @@ def read_published(directory: Path) -> pd.DataFrame:
     """Load the runs.csv of a published directory, with the columns of `read_results`.
 
     Raises:
-        ValueError: the directory has no runs.csv, or it cannot be read, see `rows.check_runs`.
+        ValueError: the directory has no runs.csv, or it cannot be read, or it has a run twice or without its metrics.
     """
     path = directory / "runs.csv"
     if not path.is_file():
@@ -98,7 +98,10 @@ def read_published(directory: Path) -> pd.DataFrame:
             f"no results are published in {directory}; published results: {', '.join(published) or 'none'}"
         )
     rows = read_rows(path, (*KEY, *MEASURED, "scale", "size_px", *FACTS))
-    check_runs(rows, path)
+    wrong = [name for name in MEASURED if not pd.to_numeric(rows[name], errors="coerce").between(-1, 1).all()]
+    if wrong or rows.empty or rows.duplicated(KEY).any():
+        expected = f"one row per run, with {', '.join(wrong or MEASURED)} from -1 to 1"
+        raise InputError(f"{path} cannot be read (expected {expected}): restore it from git")
     return _with_all_metrics(rows)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from repro.metrics.names import METRICS, TABLE_METRICS
+from repro.metrics.names import METRICS
 from repro.runs.config import RunConfig
 from repro.runs.keys import KEY, RunKey
 from repro.system.errors import InputError
@@ -19,12 +19,6 @@ from repro.system.files import first_line
 
 Settings = dict[str, Any]
 MEASURED = (*METRICS, "obstacle_iou")  # metrics that every evaluated run has
-NUMBERS = {  # columns of numbers, also after one of the prefixes
-    *(*TABLE_METRICS, *MEASURED, "log_loss", "value", "low", "high", "measured", "claimed", "tolerance"),
-    *("seed", "seeds", "size_px", "train_pairs", "test_pairs", "pairs", "epochs", "training_seconds"),
-    *("parameters_m", "training_min", "cpu_eager_ms", "cpu_onnx_ms"),
-}
-PREFIXES = ("paper_", "delta_", "std_", "published_")
 FIX = "restore or delete it"
 
 
@@ -42,56 +36,20 @@ def read_rows(path: Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         columns: the columns that it must have.
 
     Raises:
-        ValueError: the file cannot be read, lacks a column, or has text in a column of numbers.
+        ValueError: the file cannot be read, lacks a column, or has a seed that is no integer.
     """
     types = dict.fromkeys(("experiment", "encoding", "trained", "tested"), str)
     try:
         rows = pd.read_csv(path, dtype=types)
-    except (OSError, ValueError) as error:
+        rows = rows.astype({"seed": "Int64"}) if "seed" in rows else rows  # baselines have no seed
+    except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{path} cannot be read ({first_line(error)}): {FIX}") from error
     if not isinstance(rows.index, pd.RangeIndex):  # pandas takes the first values of such rows as their names
         raise InputError(f"{path} cannot be read (its rows have more values than its header has columns): {FIX}")
     missing = [name for name in columns if name not in rows]
     if missing:
         raise InputError(f"{path} cannot be read (it lacks the columns {', '.join(missing)}): {FIX}")
-    for name in map(str, rows.columns):
-        if name in NUMBERS or any(name.removeprefix(prefix) in NUMBERS for prefix in PREFIXES):
-            _check_numbers(rows[name], path)
-    rows = rows.astype({"seed": "Int64"}) if "seed" in rows else rows  # baselines have no seed
     return rows.assign(encoding=rows["encoding"].fillna("")) if "encoding" in rows else rows
-
-
-def _check_numbers(column: pd.Series, path: Path) -> None:
-    """Check that a column has nothing but numbers and empty cells, and that of seeds integers."""
-    is_seed, numbers = column.name == "seed", pd.to_numeric(column, errors="coerce")
-    wrong = column.notna() & (numbers.mod(1).ne(0) if is_seed else numbers.isna())
-    if wrong.any():
-        kind, value = "an integer" if is_seed else "a number", column[wrong].iloc[0]
-        raise InputError(f"{path} cannot be read ({column.name}: expected {kind}, got {value}): {FIX}")
-
-
-def check_runs(rows: pd.DataFrame, path: Path) -> None:
-    """Check rows of runs: there is at least one, each has its metrics and sizes, and no run is there twice.
-
-    Args:
-        rows: see `results.read_results`.
-        path: the file that they come from, for the message.
-
-    Raises:
-        ValueError: the rows are not of this form.
-    """
-    if rows.empty:
-        raise InputError(f"{path} cannot be read (expected one row per run, got none): {FIX}")
-    for name in ("experiment", "model", "scale", "size_px", "test_pairs", *MEASURED):
-        wrong = ~rows[name].between(-1, 1) if name in MEASURED else rows[name].isna()
-        if wrong.any():
-            line, value = rows.index[wrong][0] + 2, rows.loc[wrong, name].iloc[0]
-            expected = "a number from -1 to 1" if name in MEASURED else "a value"
-            raise InputError(f"{path} cannot be read (line {line}, {name}: expected {expected}, got {value}): {FIX}")
-    again = rows.duplicated(KEY)
-    if again.any():
-        key = keys_of(rows[again])[0]
-        raise InputError(f"{path} cannot be read (expected one row per run, got {key.path} more than once): {FIX}")
 
 
 def settings_cell(config: RunConfig) -> str:
