@@ -300,7 +300,7 @@ def test_a_sweep_ends_with_its_failed_jobs_and_their_errors(whole, tmp_path):
     assert text.index("Tables:") < text.index("failed:")
     last = text.split("failed:")[1].strip().splitlines()
     assert len(last) == 1
-    assert last[0].startswith("exp=3 model=fpn encoding=projection decay=true seed=0: ")
+    assert last[0].startswith("exp=3: ")
     assert "train.batch_size is 4, requested 8" in last[0]
     assert (outputs / "runs/exp4/fpn/projection/seed0/metrics.csv").is_file()
     assert not list(outputs.glob(".failures*"))

@@ -61,7 +61,6 @@ def _prepare_process() -> None:
     # and joblib replaces a worker whose memory has grown by 300 MB, as between two trainings
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), quiet]))
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # errors come here, not to Hydra
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: the workers of a sweep end with it
 
 
@@ -136,10 +135,15 @@ def _run_sweep(calls: list[Call], jobs: list[Composed]) -> int:
         tables = tuple({call.decay: "main" if call.decay else "ablation" for call in calls}.values())
         outputs = sorted({Path(call.outputs) for call in calls})
         left_out = [error for path in outputs for error in print_tables(Outputs(path), tables)]
-    failed = [f"  {' '.join(job.overrides)}: {line}" for job, line in zip(jobs, results, strict=True) if line]
+    failed = [f"  {_name(job, jobs)}: {line}" for job, line in zip(jobs, results, strict=True) if line]
     if failed:
         print("failed:", *failed, sep="\n", file=sys.stderr)
     return int(bool(failed or left_out))
+
+
+def _name(job: Composed, jobs: list[Composed]) -> str:
+    """Return the overrides of a job that the others of its call do not share."""
+    return " ".join(each for each in job.overrides if any(each not in other.overrides for other in jobs))
 
 
 def run_composed(config: DictConfig) -> str | None:
