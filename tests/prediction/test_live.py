@@ -2,10 +2,6 @@
 
 import copy
 import math
-import runpy
-import sys
-import types as python_types
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,9 +15,8 @@ from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
-from repro.prediction.live import MAX_OTHERS, MAX_WAITING, LiveMapper, two_numbers
+from repro.prediction.live import MAX_OTHERS, MAX_WAITING, LiveMapper
 from repro.prediction.logs import ScanLog
-from repro.prediction.ros import occupancy
 from repro.prediction.stream import StreamMap, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import cut
@@ -131,6 +126,31 @@ def test_maps_with_transforms_are_those_of_the_batch(predictor, lag, center):
         if step >= lag:
             robot.mapper.add_transforms(base(step - lag))
     check(robot, expected(predictor, 40, center))
+
+
+def test_scans_wait_for_transforms_that_lag_more_and_more(predictor):
+    """As on a busy computer: up to 8 s behind the scans, and then in time again."""
+    robot = Robot(predictor)
+    robot.mapper.add_transforms(MOUNT, is_static=True)
+    robot.mapper.add_transforms(base(-1))
+    sent, count = 0, 200
+    for step in range(count):
+        robot.mapper.add_scan(scan(step))
+        while sent <= step - min(step // 2, 80) or sent <= (step - 100 if step < 150 else step):
+            robot.mapper.add_transforms(base(sent))
+            sent += 1
+    check(robot, expected(predictor, count))
+
+
+def test_scans_do_not_wait_for_odometry_that_is_silent_from_the_beginning(predictor):
+    """A robot that stands, with two equal poses at its start."""
+    robot = Robot(predictor)
+    for step in (0, 1):
+        robot.mapper.add_transforms(transform(step, "odom", "laser", POSES[0]))
+    for step in range(70):
+        robot.mapper.add_scan(scan(step))
+    assert robot.warnings == []
+    assert len(robot.maps) > 70 - STEPS - 30 - 1, "all but the newest three seconds"
 
 
 @pytest.mark.parametrize("ahead", [10, 15, 1e5])
@@ -382,79 +402,6 @@ def test_maps_go_on_after_one_wrong_time(predictor, kind, wrong):
 def test_a_center_that_is_none_is_refused_at_the_start(predictor, center):
     with pytest.raises(ValueError, match="center: expected robot"):
         Robot(predictor, center=center)
-
-
-def test_parameters_of_two_numbers():
-    assert two_numbers("25,-3.5") == (25, -3.5)
-    assert two_numbers("") is None
-    for text in ("1", "1,2,3", "a,b"):
-        with pytest.raises(ValueError, match="expected two numbers"):
-            two_numbers(text)
-
-
-@pytest.fixture
-def ros2(monkeypatch):
-    """Stand-ins for the modules of ROS 2, with the message types of rosbags and the names of rclpy."""
-
-    class Node:
-        parameters: ClassVar[dict] = {}
-
-        def __init__(self, name: str) -> None:
-            self.subscribers, self.sent = {}, []
-
-        def declare_parameter(self, name: str, default):
-            return python_types.SimpleNamespace(value=self.parameters.get(name, default))
-
-        def create_publisher(self, kind, topic: str, qos):
-            assert (kind, topic) == (TYPES["OccupancyGrid"], "predicted_map")
-            return python_types.SimpleNamespace(publish=self.sent.append)
-
-        def create_subscription(self, kind, topic: str, callback, qos) -> None:
-            self.subscribers[topic] = (kind, callback)
-
-        def get_logger(self):
-            return python_types.SimpleNamespace(warning=print)
-
-    durability = python_types.SimpleNamespace(TRANSIENT_LOCAL="transient local")
-    modules = {
-        "rclpy": {},
-        "rclpy.node": {"Node": Node},
-        "rclpy.qos": {"QoSProfile": dict, "DurabilityPolicy": durability, "qos_profile_sensor_data": None},
-        "geometry_msgs.msg": {},
-        "nav_msgs.msg": {},
-        "sensor_msgs.msg": {},
-        "std_msgs.msg": {},
-        "tf2_msgs.msg": {},
-    }
-    for name, content in modules.items():
-        module = python_types.ModuleType(name)
-        vars(module).update(content or TYPES)
-        monkeypatch.setitem(sys.modules, name, module)
-    return Node
-
-
-def test_the_node_of_ros_2_publishes_grids(ros2, predictor, tmp_path):
-    """The wiring of the node, with types that check and serialize ROS 2 messages."""
-    predictor.save(tmp_path / "model")
-    ros2.parameters = {"weights": str(tmp_path / "model"), "center": "25,25", "steps": STEPS, "undecided": "0.4,0.6"}
-    node = runpy.run_path(str(ROOT / "examples" / "ros2_node.py"))["MapPrediction"]()
-    kinds = {topic: kind for topic, (kind, _) in node.subscribers.items()}
-    assert kinds == {"/tf": TYPES["TFMessage"], "/tf_static": TYPES["TFMessage"], "scan": TYPES["LaserScan"]}
-    send = {topic: callback for topic, (_, callback) in node.subscribers.items()}
-    send["/tf_static"](MOUNT)
-    send["/tf"](base(-1))
-    for step in range(25):
-        send["scan"](scan(step))
-        send["/tf"](base(step))
-    maps = expected(predictor, 25)
-    assert len(node.sent) == len(maps)
-    for message, batch in zip(node.sent, maps, strict=True):
-        assert message.data.typecode == "b", "rclpy takes arrays of int8 as they are"
-        message.data = np.array(message.data, np.int8)
-        again = STORE.deserialize_cdr(STORE.serialize_cdr(message, message.__msgtype__), message.__msgtype__)
-        difference = np.abs(again.data - occupancy(batch.free, (0.4, 0.6), batch.unknown).astype(int))
-        assert (difference > 0).mean() < 0.001, "but for rounding"
-        assert again.header.frame_id == "odom"
 
 
 def test_the_maximum_range_of_a_driver_may_be_replaced(predictor):

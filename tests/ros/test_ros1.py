@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -14,21 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
+from programs import EXAMPLE, batch_maps, check_maps, started
 from rosbags.highlevel import AnyReader
 
-from repro.networks.predictor import load_predictor
 from repro.prediction.readers import read_log
-from repro.prediction.ros import occupancy, seconds
-from repro.prediction.stream import predict_map
 from repro.prediction.times import WindowSettings
-from repro.prediction.windows import cut
 
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
-EXAMPLE, WEIGHTS = (
-    ROOT / "examples" / "rooms.npz",
-    ROOT / "reproduce" / "results" / "rooms-16000" / "exppeople-convgru",
-)
-SCANS, STEPS = 120, 100
+SCANS = 120
 SPEED = 0.5  # at which the bag is played: the tests may share their cores
 
 
@@ -65,32 +57,6 @@ def ros(tmp_path_factory):
     }
     with started(["roscore", "-p", str(port)], environment, "started core service"):
         yield environment
-
-
-@contextmanager
-def started(command: list[str], environment: dict[str, str], ready: str | Path):
-    """Run a program until the end of the block, from when it prints a text or creates a file; return its output."""
-    log = Path(environment["ROS_HOME"]) / f"{Path(command[1] if command[0] == DEBIAN else command[0]).name}.log"
-    with log.open("w") as output:
-        process = subprocess.Popen(
-            command, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
-        )
-        try:
-            for _ in range(600):
-                if ready.exists() if isinstance(ready, Path) else ready in log.read_text(errors="replace"):
-                    break
-                assert process.poll() is None, log.read_text(errors="replace")
-                time.sleep(0.1)
-            else:
-                raise AssertionError(f"{command} is not ready after 60 s: {log.read_text(errors='replace')}")
-            yield log
-        finally:
-            process.send_signal(signal.SIGINT)
-            try:
-                process.wait(20)
-            except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
 
 
 @contextmanager
@@ -133,7 +99,7 @@ def test_a_recorded_bag_is_read(log):
 def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     maps = bag.with_name("maps.bag")
     node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=12.5,12.5"]
-    with started(node, ros, "waiting for scans") as output, record(maps, ["/predicted_map"], ros):
+    with started(node, ros, "waiting for scans", "node") as output, record(maps, ["/predicted_map"], ros):
         time.sleep(1)  # for the recorder to find the node
         subprocess.run(
             ["rosbag", "play", "-q", "-d", "1", "-r", str(SPEED), str(bag)], env=ros, check=True, timeout=120
@@ -141,21 +107,7 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
         time.sleep(2)
     with AnyReader([maps]) as reader:
         received = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
-    assert len(received) == SCANS - STEPS + 1, output.read_text()  # a map for every scan
-    assert "skipped" not in output.read_text()
-
-    predictor = load_predictor(WEIGHTS)
-    windows = list(cut(log, WindowSettings((12.5, 12.5), STEPS), 0.1, 25.0))
-    assert len(windows) == len(received)
-    for window, grid in zip(windows, received, strict=True):
-        assert seconds(grid.header.stamp) == pytest.approx(window.stamp, abs=1e-6)
-        assert grid.header.frame_id == "odom"
-        assert (grid.info.width, grid.info.height, grid.info.resolution) == (128, 128, np.float32(25 / 128))
-        assert (grid.info.origin.position.x, grid.info.origin.position.y) == (0, 0)
-        assert grid.info.origin.orientation.w == 1
-        predicted = predict_map(predictor, window.scans, window.origin, window.stamp)
-        expected = occupancy(predicted.free, unknown=predicted.unknown)
-        assert np.array_equal(grid.data, expected)
+    check_maps(received, batch_maps(log), output.read_text())
 
 
 def test_the_recorded_bag_is_predicted(bag, tmp_path):

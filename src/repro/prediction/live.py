@@ -1,4 +1,4 @@
-"""Maps from ROS messages as they arrive: the same for every version of ROS, which has its node in examples/."""
+"""Maps from ROS messages as they arrive: the same for every version of ROS."""
 
 import threading
 from collections import deque
@@ -18,7 +18,8 @@ from repro.prediction.transforms import Transforms, without_transform
 from repro.system.errors import InputError
 
 KEEP_S = 30.0  # age up to which poses are remembered
-WAIT_S = 3.0  # for the poses of a scan; transforms may be late on a busy computer
+SILENT_S = 3.0  # without poses of a frame, after which the scans do not wait for them if the last one still holds
+WAIT_S = 10.0  # for the poses of a scan; transforms may be late on a busy computer
 WAIT_FOR_FRAME_S = 1.0  # for a transform of the lidar
 MAX_WAITING = 200  # scans that wait for their poses or for the network
 MAX_OTHERS = 10  # scans in a row with other beams, after which the window begins again
@@ -32,26 +33,11 @@ class _Waiting:
     times: tuple[float, float]
 
 
-def two_numbers(text: str) -> tuple[float, float] | None:
-    """Read a parameter of two numbers, `x,y`; None for an empty one.
-
-    Raises:
-        ValueError: it is neither.
-    """
-    try:
-        numbers = tuple(float(word) for word in text.split(",")) if text else None
-    except ValueError:
-        numbers = ()
-    if numbers is None or len(numbers) == 2:
-        return numbers
-    raise InputError(f"expected two numbers, x,y, got {text!r}")
-
-
 class LiveMapper:
     """Predicts a map for every scan, once poses before and after it are known.
 
-    A scan waits until its pose can be interpolated, as in the prediction from a bag, at most `WAIT_S`, and the first
-    ones for one another, see `Intake`. The methods may be called from several threads.
+    A scan waits until its pose can be interpolated, as in the prediction from a bag, at most until one arrives that is
+    later by `WAIT_S`, and the first ones for one another, see `Intake`. Several threads may call the methods.
 
     Args:
         predictor: the network.
@@ -111,6 +97,7 @@ class LiveMapper:
                 self.waiting.popleft()
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
             self.newest_s = max(self.newest_s, stamp)
+            self.transforms.note_scan(self.newest_s)
             self._predict()
 
     def add_transforms(self, message: Any, *, is_static: bool = False) -> None:
@@ -153,7 +140,7 @@ class LiveMapper:
             frame, middle_s = self.waiting[0].message.header.frame_id, self.waiting[0].times[1]
             is_placed = frame in self.transforms or frame in self.without_transform or bool(self.transforms.mounting)
             is_late = self.newest_s > middle_s + (WAIT_S if is_placed else WAIT_FOR_FRAME_S)
-            has_later = self.transforms.has_later(frame, middle_s, self.newest_s - WAIT_S)
+            has_later = self.transforms.has_later(frame, middle_s, SILENT_S)
             if not is_late and not (is_placed and has_later):
                 return
             if is_late and not is_placed:

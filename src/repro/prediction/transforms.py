@@ -48,6 +48,7 @@ class Edge:
     stamps: list[float] = field(default_factory=list)
     poses: list[RigidTransform] = field(default_factory=list)
     moves: bool = False  # whether two of its poses differ
+    heard_s: float = -math.inf  # time of the newest scan when its last pose arrived
 
     def at(self, stamp: float, *, is_correction: bool = False) -> RigidTransform | None:
         """Return the pose at a time.
@@ -99,6 +100,7 @@ class Transforms:
     ) -> None:
         self.keep_s, self.frame = keep_s, frame and frame.lstrip("/")
         self.mounting = None if mounting is None else planar(*mounting)
+        self.now_s = -math.inf  # time of the newest scan
         self.edges: dict[str, Edge] = {}
         self.left_out: dict[str, None] = {}  # messages about poses that cannot be used, in the order of their arrival
 
@@ -139,7 +141,7 @@ class Transforms:
             if is_static and not edge.is_static:
                 return
         if not edge.stamps or (edge.is_static and (is_static or edge.parent == parent)):
-            self.edges[child] = Edge(parent, is_static, [stamp], [pose])
+            self.edges[child] = Edge(parent, is_static, [stamp], [pose], heard_s=self.now_s)
         elif edge.parent != parent:
             self._leave_out(f"poses of {child} in {parent} are left out: it has poses in {edge.parent}")
         elif not is_static:
@@ -149,6 +151,7 @@ class Transforms:
         if self.keep_s is not None and stamp < edge.stamps[-1] - DISORDER_S:  # its time or that of the last is wrong
             edge.stamps, edge.poses = [], []
         edge.insert(stamp, pose)
+        edge.heard_s = self.now_s
         if self.keep_s is not None and edge.stamps[0] < edge.stamps[-1] - 2 * self.keep_s:
             old = bisect_left(edge.stamps, edge.stamps[-1] - self.keep_s) - 1
             del edge.stamps[:old], edge.poses[:old]
@@ -180,8 +183,16 @@ class Transforms:
         if len(self.left_out) < MAX_MESSAGES:
             self.left_out[message] = None
 
+    def note_scan(self, stamp: float) -> None:
+        """Note the time of the newest scan [s], where scans and poses arrive live, see `has_later`."""
+        if self.now_s == -math.inf:
+            for edge in self.edges.values():
+                edge.heard_s = stamp
+        self.now_s = stamp
+
     def forget(self) -> None:
         """Remove all poses that are not static; their frames stay, so that scans wait for new ones."""
+        self.now_s = -math.inf
         for edge in self.edges.values():
             if not edge.is_static:
                 edge.stamps, edge.poses, edge.moves = [], [], False
@@ -248,19 +259,22 @@ class Transforms:
         needed = f"poses of {name} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
         return f"it needs {needed}; there are {span}"
 
-    def has_later(self, frame: str, stamp: float, silent_s: float = -math.inf) -> bool:
+    def has_later(self, frame: str, stamp: float, silent_s: float = math.inf) -> bool:
         """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change.
 
         Args:
             frame: the frame.
             stamp: the time [s].
-            silent_s: a frame without poses since this time [s] is not waited for.
+            silent_s: time without poses of a frame [s], after which none are expected; what counts is when they arrive,
+                since poses may lag behind the scans by more.
         """
-        chain = list(self._chain(frame))
-        return not all(edge.is_static for edge in chain) and all(
-            edge.is_static or (len(edge.stamps) > 1 and (edge.stamps[-1] >= stamp or edge.stamps[-1] < silent_s))
-            for edge in chain
-        )
+        chain, has_odometry = list(self._chain(frame)), False
+        for edge in chain:
+            is_silent = edge.heard_s < self.now_s - silent_s and edge.at(stamp, is_correction=has_odometry) is not None
+            if not edge.is_static and (len(edge.stamps) < 2 or edge.stamps[-1] < stamp) and not is_silent:
+                return False
+            has_odometry = has_odometry or edge.moves
+        return not all(edge.is_static for edge in chain)
 
     def root(self, frame: str) -> str:
         """Return the last parent of a frame."""

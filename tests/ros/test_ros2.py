@@ -1,0 +1,132 @@
+"""A ROS 2 robot is recorded to a bag while the node maps its scans; its maps are those of the batch: make test-ros2."""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+from programs import EXAMPLE, batch_maps, check_maps, started
+
+from repro.prediction.readers import read_log
+from repro.prediction.times import WindowSettings
+
+if "REPRO_ROS2" not in os.environ:
+    pytest.skip("needs ROS 2: make test-ros2", allow_module_level=True)
+
+os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)  # of this run alone
+import rclpy
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import OccupancyGrid
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.serialization import serialize_message
+from robot import messages, mounting
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:module .sre_:DeprecationWarning")]  # of its parser
+NODE = str(Path(sys.executable).with_name("repro-ros2-node"))
+SCANS = 150
+TF = "tf2_msgs/msg/TFMessage"
+START_S = 1_700_000_000
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def stamp(since_start_s: float) -> Time:
+    seconds, nanoseconds = divmod(round(since_start_s * 1e9), 10**9)
+    return Time(sec=START_S + seconds, nanosec=nanoseconds)
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory):
+    """Return the maps of the batch from a bag of the messages, as ROS 2 serializes them."""
+    path, store = tmp_path_factory.mktemp("bag") / "robot", get_typestore(Stores.ROS2_JAZZY)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        kinds = {"/scan": "sensor_msgs/msg/LaserScan", "/tf": TF, "/tf_static": TF}
+        topics = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()}
+        writer.write(topics["/tf_static"], 0, serialize_message(mounting(stamp(0))))
+        for since_start_s, message in messages(EXAMPLE, SCANS, stamp):
+            topic = "/scan" if isinstance(message, LaserScan) else "/tf"
+            writer.write(topics[topic], round((1 + since_start_s) * 1e9), serialize_message(message))
+    return batch_maps(read_log(path, WindowSettings()))
+
+
+class Robot:
+    """Publishes the messages of a robot, and receives the maps."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node("robot")
+        self.static = self.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self.scans = self.node.create_publisher(LaserScan, "/scan", qos_profile_sensor_data)
+        self.poses = self.node.create_publisher(TFMessage, "/tf", 100)
+        self.maps: list[OccupancyGrid] = []
+        self.node.create_subscription(OccupancyGrid, "predicted_map", self.maps.append, LATCHED)
+
+    def drive(self, late_s: float) -> None:
+        """Publish scans at 10 Hz and tf at 50 Hz, some seconds later than the scans [s]; at first four times as fast.
+
+        No map ends with the first scans: they fill the window.
+        """
+        while min(each.get_subscription_count() for each in (self.static, self.scans, self.poses)) == 0:
+            time.sleep(0.05)
+        self.static.publish(mounting(stamp(0)))
+        due = [
+            (at + late_s * isinstance(message, TFMessage), message) for at, message in messages(EXAMPLE, SCANS, stamp)
+        ]
+        start = time.monotonic()
+        for at, message in sorted(due, key=lambda event: event[0]):
+            time.sleep(max(start + at - 0.75 * min(at, 9.0) - time.monotonic(), 0))
+            (self.scans if isinstance(message, LaserScan) else self.poses).publish(message)
+
+
+@pytest.fixture
+def robot():
+    rclpy.init()
+    robot, executor = Robot(), SingleThreadedExecutor()
+    executor.add_node(robot.node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    yield robot
+    executor.shutdown()
+    thread.join()
+    rclpy.shutdown()
+
+
+@contextmanager
+def busy(processes: int):
+    """Keep cores busy until the end of the block."""
+    with ExitStack() as stack:
+        for _ in range(processes):
+            process = stack.enter_context(subprocess.Popen([sys.executable, "-S", "-c", "while True: pass"]))
+            stack.callback(process.kill)
+        yield
+
+
+@pytest.mark.parametrize(("processes", "late_s"), [(0, 0.0), (2 * (os.cpu_count() or 1), 0.0), (0, 6.0)])
+def test_the_maps_of_the_node_are_those_of_the_batch(robot, maps, tmp_path, processes, late_s):
+    """Idle, under load, and with transforms that are later than the scans."""
+    environment = os.environ | {"ROS_HOME": str(tmp_path), "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
+    command = [NODE, "--ros-args", "-p", "center:=12.5,12.5"]
+    with started(command, environment, "waiting for scans") as output, busy(processes):
+        robot.drive(late_s)
+        end = time.monotonic() + 30
+        while len(robot.maps) < len(maps) and time.monotonic() < end:
+            time.sleep(0.1)
+        check_maps(robot.maps, maps, output.read_text())
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [("steps:=20000", "steps"), ("mounting:=1,2", "mounting: expected 3 numbers with commas between them, got '1,2'")],
+)
+def test_wrong_parameters_end_the_node_with_a_message(parameter, message):
+    done = subprocess.run([NODE, "--ros-args", "-p", parameter], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr, done.stderr
