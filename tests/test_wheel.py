@@ -1,0 +1,68 @@
+"""The wheel in a folder that is no checkout: networks by name, the prediction of a log, and a sweep."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS, FILES = ("conf", "src"), ("pyproject.toml", "README.md", "LICENSE")
+SWEEP = "-m exp=3,4 decay=false model=unet scale=smoke scale.pairs.train=8 scale.pairs.val=2 scale.pairs.test=2"
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    """Build the wheel from a copy of its sources and unpack it."""
+    directory = tmp_path_factory.mktemp("wheel")
+    for name in FOLDERS:
+        shutil.copytree(ROOT / name, directory / "sources" / name)
+    for name in FILES:
+        shutil.copyfile(ROOT / name, directory / "sources" / name)
+    build = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", directory]
+    subprocess.run([*build, directory / "sources"], check=True)
+    (wheel,) = directory.glob("*.whl")
+    assert wheel.stat().st_size < 3e6
+    with zipfile.ZipFile(wheel) as file:
+        file.extractall(directory / "site")
+    return directory / "site"
+
+
+def call(site: Path, folder: Path, code: str, *arguments: str) -> str:
+    """Run Python in a folder with the unpacked wheel; return what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys, repro; assert {str(site)!r} in repro.__file__; {code}", *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+MAIN = "from repro.cli.main import main; sys.exit(main())"
+
+
+def test_networks_are_loaded_by_name(site, tmp_path):
+    names = ["rooms", "drive", "exp1", "exp2", "exp3", "exp4"]
+    code = "[print(repro.load_predictor(name).grid.size_px) for name in sys.argv[1:]]"
+    assert call(site, tmp_path, code, *names).split() == ["128"] * 6
+
+
+def test_a_log_is_predicted(site, tmp_path):
+    shutil.copyfile(ROOT / "examples" / "rooms.npz", tmp_path / "rooms.npz")
+    call(site, tmp_path, MAIN, "task=predict", "scans=rooms.npz")
+    assert list(tmp_path.glob("outputs/**/*.png"))
+
+
+def test_a_sweep_trains_and_tabulates(site, tmp_path):
+    text = call(site, tmp_path, MAIN, *SWEEP.split(), "scale.max_epochs=1")
+    assert "| 4 | U-Net |" in text
+    assert (tmp_path / "outputs/smoke/runs/exp3/unet/projection-no-decay/seed0/metrics.csv").is_file()
