@@ -207,7 +207,7 @@ def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second(predictor):
 def robot_that_sees_free_space() -> Robot:
     """Return a robot whose network, not trained, takes misses as free up to 30 m."""
     torch.manual_seed(0)
-    encoding = create_encoding("observed_free", {})
+    encoding = create_encoding("series10", {"frames": 10})
     network = create_network(paper_model("unet"), in_channels=encoding.channels).eval()
     return Robot(Predictor(network, encoding, Grid(32, 50.0)))
 
