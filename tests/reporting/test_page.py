@@ -108,7 +108,7 @@ def test_the_page_is_well_formed_and_self_contained(page):
 
 
 def test_the_page_has_every_claim_section_and_the_caption(page, outputs):
-    assert '<a href="#tables">Tables</a>' in page
+    assert '<a href="#generalization">Generalization under distribution shift</a>' in page
     assert f"python run.py task=analysis scale=smoke outputs={outputs}" in page
     assert "This is the smoke test" in page
     assert 'class="badge' not in page

@@ -47,7 +47,7 @@ def recency(frames: DataFrames) -> Figure | None:
             kinds = {label: measured[measured["encoding"] == name] for name, (_, label) in DECAYS.items()}
             marks(ax, {label: kind.set_index("recency") for label, kind in kinds.items()}, names)
         column[0].set_title(experiment_title(str(experiment), "\n{}"))
-        column[-1].tick_params("x", rotation=40)
+        plt.setp(column[-1].get_xticklabels(), rotation=40, ha="right", rotation_mode="anchor")
         column[-1].set_xlabel("time since last seen [steps]")
     for ax, label in zip(axes[:, 0], measures.values(), strict=True):
         ax.set_ylim(bottom=0)

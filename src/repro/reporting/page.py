@@ -68,16 +68,19 @@ class Report:
 
 def render(report: Report) -> str:
     """Return the report as one string of HTML; the smoke test and worlds that are not the paper's have no claims."""
+    title = "Predicting dynamic map states from limited field-of-view sensor data"
+    title += "" if report.claims.empty else ", reproduced"
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     is_smoke = report.scale == "smoke"
     has_claims = not is_smoke and not report.claims.empty
     navigation = [("summary", "Summary"), ("tables", "Tables")]
-    navigation += [("claims", "Claims")] if has_claims else []
-    navigation += [("samples", "Samples")] if report.samples else []
+    navigation += [("claims", "Claims of the paper")] if has_claims else []
+    navigation += [("samples", "Test recordings")] if report.samples else []
     audit = report.frames["audit"].query("model == 'average'")
     intervals = report.frames["intervals"].set_index([*CELL, "metric"])
     counted = Counter(report.claims["verdict"])
     return environment.get_template("report.html").render(
+        title=title,
         scale=report.scale,
         outputs=report.outputs,
         is_smoke=is_smoke,
@@ -100,26 +103,27 @@ def render(report: Report) -> str:
 
 
 def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
-    """Return the rows of a table; each cell has our value, its interval, the difference to the paper and a tint.
+    """Return the rows of a table; each cell has our value, its interval, the paper's value and a tint.
 
     An interval of other seeds than those of the row is left out.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
     for _, row in table.frame.iterrows():
         cells = []
         for metric in TABLE_METRICS:
-            cell = {"value": f"{row[metric]:.3f}", "interval": "", "delta": "", "tint": 0, "side": "above"}
+            cell = {"value": f"{row[metric]:.3f}", "interval": "", "paper": "", "tint": 0, "side": "above"}
             key = (*row[CELL], metric)
             if key in intervals.index and intervals.loc[key, "seeds"] == row["seeds"]:
                 cell["interval"] = interval(*intervals.loc[key, ["low", "high"]])
             delta = row[f"delta_{metric}"]
             if pd.notna(delta):
-                cell |= {"delta": f"{100 * delta:+z.1f}", "side": "above" if delta > 0 else "below"}
+                cell |= {"paper": f"{row[f'paper_{metric}']:.3f}", "side": "above" if delta > 0 else "below"}
                 cell["tint"] = round(min(abs(delta) / 0.1, 1) * 0.45, 3)
             cells.append(cell)
-        title, is_average = row_title(row), row["model"] == "average"
-        rows.append({"experiment": row["experiment"], "model": title, "strong": is_average, "cells": cells})
-    return {"caption": table.caption, "rows": rows}
+        experiment, strong = row["experiment"], "strong" if row["model"] == "average" else ""
+        look = "first" if rows and rows[-1]["experiment"] != experiment else strong
+        rows.append({"experiment": experiment, "model": row_title(row), "look": look, "cells": cells})
+    return {"caption": table.caption, "has_paper": table.has_paper, "rows": rows}
 
 
 def _all_free(intervals: pd.DataFrame) -> str:

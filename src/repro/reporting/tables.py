@@ -19,7 +19,7 @@ from repro.system.files import write_text
 
 HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}
 TABLE_TITLES = {
-    "main": "Prediction metrics across all four experiments for all models",
+    "main": "Prediction metrics",
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
 TABLE_ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # encoding of the networks in each table
@@ -42,11 +42,17 @@ class Table:
     caption: str
     note: str = ""
 
+    @property
+    def has_paper(self) -> bool:
+        """Whether the paper has numbers for some rows; it has none for other worlds."""
+        return bool(self.frame.filter(like="paper_").notna().any(axis=None))
+
     def to_markdown(self) -> str:
         """Return the table as Markdown, one row per model: our number, and the paper's in brackets."""
         if self.frame.empty:
             return f"**{self.caption}**\n"
-        return f"**{self.caption}** Ours (paper).\n\n" + self._cells().to_markdown()
+        brackets = " Ours (paper)." if self.has_paper else ""
+        return f"**{self.caption}**{brackets}\n\n" + self._cells().to_markdown()
 
     def to_latex(self) -> str:
         """Return the table as LaTeX, see `to_markdown`."""
@@ -176,9 +182,9 @@ def missing(results: pd.DataFrame, encoding: str) -> str:
     return f" Not trained: {'; '.join(parts)}."
 
 
-def _comparable(settings: Settings) -> Settings:
-    """Return the settings without those of the model if it is a network of our own, which no other network has."""
-    if settings.get("model.encoder_name"):
+def _comparable(model: str, settings: Settings) -> Settings:
+    """Return the settings without those of the model, unless it is one of the paper's, which share them."""
+    if model in NETWORKS:
         return settings
     return {key: value for key, value in settings.items() if not key.startswith("model.")}
 
@@ -187,7 +193,7 @@ def _unlike(networks: pd.DataFrame) -> str:
     """Name the networks of a table that were trained with other settings than most."""
     if "settings" not in networks:  # all were published before the column existed
         return ""
-    settings = [_comparable(each) for each in read_cells(networks["settings"])]
+    settings = list(map(_comparable, networks["model"], read_cells(networks["settings"])))
     reference = usual(settings)
     texts = [", ".join(f"{key}={value}" for key, value in changed(each, reference).items()) for each in settings]
     groups = networks.assign(changed=texts).query("changed != ''").groupby(["changed", "model"])
