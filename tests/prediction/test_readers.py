@@ -443,6 +443,17 @@ def truncated(path: Path) -> Path:
     return path
 
 
+def mcap(path: Path) -> Path:
+    (written,) = bag(path, 2, poses="tf").glob("*.mcap")
+    return written
+
+
+def with_profile(path: Path, profile: bytes) -> Path:
+    data = path.read_bytes()
+    path.write_bytes(data[:17] + len(profile).to_bytes(4, "little") + profile + data[25:])
+    return path
+
+
 NO_LOGS = {
     "missing": (lambda path: path, "no such file"),
     "empty": (lambda path: (path.write_bytes(b"") and path) or path, "is empty"),
@@ -464,6 +475,9 @@ NO_LOGS = {
     "mcap header only": (lambda path: (path.write_bytes(b"\x89MCAP0\r\n"), path)[1], "the bag cannot be read"),
     "sqlite header only": (lambda path: (path.write_bytes(b"SQLite format 3\0"), path)[1], "the bag cannot be read"),
     "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
+    "truncated mcap": (lambda path: truncated(mcap(path)), r"the bag cannot be read .*mcap recover"),
+    "mcap of ros1": (lambda path: with_profile(mcap(path), b"ros1"), "profile 'ros2', got 'ros1': .*rosbags-convert"),
+    "mcap of no profile": (lambda path: with_profile(mcap(path), b""), "profile 'ros2', got ''"),
     "bag without poses": (lambda path: bag(path.with_suffix(".bag"), 1, poses="none"), "no poses"),
     "bag without scans": (lambda path: bag(path.with_suffix(".bag"), 1, poses="tf", scans=0), "no messages of sensor"),
     "one scan": (lambda path: write_lines(path, [flaser(0)]), "1 scans can be used"),

@@ -1,7 +1,7 @@
 from dataclasses import asdict
 
 import pytest
-from conftest import ROOT, fake_run
+from conftest import ROOT, fake_run, run_config
 
 import repro.world_config
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
@@ -20,7 +20,7 @@ EXPERIMENTS = repro.world_config.read_world(ROOT / "conf" / "world" / "paper.yam
 
 
 def test_the_study_has_the_papers_24_trainings(tmp_path):
-    keys = list(Study(Outputs(tmp_path), EXPERIMENTS, 0).runs())
+    keys = list(Study(Outputs(tmp_path), EXPERIMENTS, 0, {}).runs())
     ablation = [key for key in keys if key.encoding == PROJECTION_NO_DECAY]
     assert len(keys) == 24
     assert ablation == keys[16:]
@@ -29,7 +29,7 @@ def test_the_study_has_the_papers_24_trainings(tmp_path):
 
 
 def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
-    study = Study(Outputs(tmp_path), EXPERIMENTS, 0)
+    study = Study(Outputs(tmp_path), EXPERIMENTS, 0, {})
     assert study.progress(RunKey("3", "fpn", PROJECTION, 0)) == (
         "training exp 3, FPN (0 of the 24 trainings of the study are finished)"
     )
@@ -55,6 +55,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     lost = fake_run(tmp_path, "3", "segformer", 0.9)
     lost.metrics.unlink()
     (lost.path.parent / "seed0-old").mkdir()
+    fake_run(tmp_path, "3", "upernet", 0.9, worlds="others")
     fake_run(tmp_path, "3", "tracker", 0.9)
     directory = outputs.recordings("3")
     directory.mkdir(parents=True)
@@ -66,7 +67,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
         write_json(outputs.recordings(name) / "manifest.json", asdict(Manifest(1, {}, "", pairs, {}, shards)))
     write_text(outputs.recordings("7") / "manifest.json", "{")
     experiments = {name: EXPERIMENTS[name] for name in "34"} | dict.fromkeys("567", EXPERIMENTS["1"])
-    text = describe_outputs(Study(outputs, experiments, 0), PAIRS)
+    text = describe_outputs(Study(outputs, experiments, 0, {"3": run_config().data.worlds}), PAIRS)
     for row in (
         "| 3 | 100 of 208 |",
         "| 4 | complete |",
@@ -76,19 +77,21 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
         "| 3 | projection | U-Net | evaluated |  |",
         "| 3 | projection | FPN | missing | paused, 2 epochs |",
         "| 3 | projection | Segformer | evaluated, metrics missing |  |",
+        "| 3 | projection | UPerNet | of another world |  |",
         "| 3 |  | Tracker | evaluated |",
         "| 4 | projection-no-decay | U-Net | failed |  |",
         "| 4 | projection | FPN | cannot be read |  |",
     ):
         assert row in text, text
-    assert "Of the study's 28 trainings with seed 0: 24 missing" in text
+    assert "Of the study's 28 trainings with seed 0: 23 missing" in text
+    assert "1 of another world" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
     assert " of training remain, estimated from finished trainings" in text
 
 
 def test_a_training_that_no_process_runs_is_stopped(tmp_path):
     run = fake_run(tmp_path, "3", "fpn", 0.9, status=Status.training)
-    study = Study(Outputs(tmp_path), {"3": EXPERIMENTS["3"]}, 0)
+    study = Study(Outputs(tmp_path), {"3": EXPERIMENTS["3"]}, 0, {})
     assert "| FPN | stopped, 0 epochs |" in describe_outputs(study, PAIRS)
     with run.exclusive():
         assert "| FPN | training, 0 epochs |" in describe_outputs(study, PAIRS)

@@ -280,6 +280,19 @@ def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
         assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
 
 
+def test_earlier_predictions_survive_a_full_disk(small_disk):
+    earlier = small_disk / "smoke/predictions/rooms/windows.csv"
+    earlier.parent.mkdir(parents=True)
+    earlier.write_text("earlier")
+    (small_disk / "others").write_bytes(bytes(2_900_000))
+    command = [sys.executable, "run.py", "task=predict", "scans=examples/rooms.npz", f"outputs={small_disk / 'smoke'}"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1, done.stdout
+    assert "No space left on device: free some space" in done.stderr
+    assert [path.name for path in earlier.parent.parent.iterdir() if path.is_dir()] == ["rooms"]
+    assert {path.name: path.read_text() for path in earlier.parent.iterdir()} == {"windows.csv": "earlier"}
+
+
 def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     status, text = finish(start(small_disk / "smoke"))

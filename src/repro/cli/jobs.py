@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repro.cli.call import Call
 from repro.learning.budget import Budget
@@ -13,6 +14,9 @@ from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.system.places import project_directory
 from repro.world_config import WorldSpec, world_spec
+
+if TYPE_CHECKING:
+    from repro.reporting.study import Study
 
 ROOT = project_directory()
 RESULTS = ROOT / "reproduce" / "results"
@@ -41,6 +45,14 @@ class Job:
     @property
     def run(self) -> Run:
         return self.outputs.run(self.key)
+
+    @property
+    def study(self) -> "Study":
+        from repro.reporting.study import Study  # imports pandas
+
+        experiments = self.call.world["experiments"]
+        worlds = {name: spec_fingerprint(world_spec(self.call.world, name)) for name in experiments}
+        return Study(self.outputs, experiments, self.call.seed, worlds)
 
     @property
     def recordings(self) -> Path:

@@ -11,7 +11,6 @@ from repro.networks.model import NETWORKS, paper_model
 from repro.parallel import count_cores
 from repro.recordings.format import recordings_in
 from repro.reporting.names import duration
-from repro.reporting.study import Study
 from repro.runs.config import RunConfig
 from repro.world_config import world_spec
 
@@ -26,9 +25,11 @@ def print_plan(job: Job) -> None:
     missing = {name: sum(wanted.values()) - recordings_in(job.outputs.recordings(name), wanted) for name in experiments}
     seconds = sum(recording_seconds(world_spec(job.call.world, name), count) for name, count in missing.items())
     seconds /= min(job.call.runtime.workers, count_cores())
-    runs = Study(job.outputs, experiments, job.call.seed).runs()
-    trainings = {name: sum(k.model == name and not run.is_trained for k, run in runs.items()) for name in NETWORKS}
-    evaluations = sum(not run.is_evaluated for run in runs.values())
+    study = job.study
+    runs = study.runs()
+    untrained = [key.model for key, run in runs.items() if not study.is_trained(run)]
+    trainings = {name: untrained.count(name) for name in NETWORKS}
+    evaluations = sum(not (study.is_trained(run) and run.is_evaluated) for run in runs.values())
     recordings, runtime = sum(missing.values()), job.call.runtime
     for line in plan_study(job.config, runtime, recordings, seconds, trainings, evaluations):
         print(line, flush=True)

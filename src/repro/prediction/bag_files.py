@@ -14,6 +14,7 @@ from repro.system.errors import InputError
 from repro.system.files import first_line
 
 SUFFIXES = {b"#ROSBAG": ".bag", b"\x89MCAP0\r": ".mcap", b"SQLite ": ".db3"}  # by the first seven bytes
+PROFILE_START, PROFILE_END = 21, 64  # of the name in an MCAP, after its magic and the head of its first record [bytes]
 MAX_FILES = 1000  # of one bag
 MAX_METADATA_BYTES = 10**7
 
@@ -30,7 +31,9 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
     """
     with tempfile.TemporaryDirectory() as directory:
         try:
-            paths = [_readable(part, Path(directory) / str(number)) for number, part in enumerate(bag_parts(path))]
+            parts = bag_parts(path)
+            _check_profiles(parts)
+            paths = [_readable(part, Path(directory) / str(number)) for number, part in enumerate(parts)]
             with AnyReader(paths, default_typestore=get_typestore(Stores.LATEST)) as bag:
                 yield bag
         except InputError:
@@ -70,6 +73,25 @@ def kind_of(path: Path) -> str | None:
     """Return the suffix that rosbags expects of a file with this content; None if it is no bag."""
     with path.open("rb") as file:
         return SUFFIXES.get(file.read(7))
+
+
+def _check_profiles(parts: list[Path]) -> None:
+    """Check that MCAP files have messages of ROS 2, the only ones that rosbags reads from them.
+
+    Raises:
+        InputError: one names another profile, or none.
+    """
+    for path in (file for part in parts for file in (part.glob("*.mcap") if part.is_dir() else [part])):
+        with path.open("rb") as file:
+            head = file.read(PROFILE_END)
+        if SUFFIXES.get(head[:7]) == ".mcap" and len(head) == PROFILE_END:
+            length = int.from_bytes(head[PROFILE_START - 4 : PROFILE_START], "little")
+            profile = head[PROFILE_START:][:length].decode(errors="replace")
+            if profile != "ros2":
+                raise InputError(
+                    f"{path}: expected an MCAP with the profile 'ros2', got {profile!r}: give the .bag of ROS 1 that "
+                    "it was made from, or convert that with rosbags-convert"
+                )
 
 
 def _readable(path: Path, scratch: Path) -> Path:

@@ -83,7 +83,8 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
     hits = Projection().encode(window.scans.tensors(), grid)[0, 0]
     _image(axes[0], hits.numpy(), extent, "hits of the window, dark is recent")
     _image(axes[1], 255 * free, extent, f"predicted map at {window.stamp:.1f} s")
-    _image(axes[2], np.full_like(free, 255), extent, "last scan" + (", red; held out, orange" if window.held_out else ""))
+    held_out = ", red; held out, orange" if window.held_out else ""
+    _image(axes[2], np.full_like(free, 255), extent, f"last scan{held_out}")
     for scan, color in ((window.held_out, "#e08a00"), (window.scans, "#b3261e")):
         if scan:
             points, hit = (each[-1] for each in scan.points())

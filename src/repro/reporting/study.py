@@ -31,11 +31,13 @@ class Study:
         outputs: the outputs directory.
         experiments: `world.experiments` of the configuration.
         seed: seed of the trainings.
+        worlds: fingerprints of their worlds by experiment; a run of others is none of the study.
     """
 
     outputs: Outputs
     experiments: Mapping[str, Mapping[str, Any]]
     seed: int
+    worlds: Mapping[str, str]
 
     def runs(self) -> dict[RunKey, Run]:
         """Return the run of each training; its directory may be missing. The paper's world has 24 trainings."""
@@ -53,7 +55,7 @@ class Study:
         runs = self.runs()
         if key not in runs:
             return None
-        trained = sum(_is_trained(run) for run in runs.values())
+        trained = sum(self.is_trained(run) for run in runs.values())
         title = f"training exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
         left = self.seconds_left()
         estimate = f", the rest takes about {duration(left)} one after the other" if left else ""
@@ -64,20 +66,25 @@ class Study:
         runs = self.runs()
         durations: dict[str, list[float]] = {}
         for key, run in runs.items():
-            if _is_trained(run):
+            if self.is_trained(run):
                 durations.setdefault(key.model, []).append(run.provenance().fact("training_seconds") or 0.0)
         if not durations:
             return None
         usual = mean(mean(seconds) for seconds in durations.values())
-        left = [key.model for key, run in runs.items() if not _is_trained(run)]
+        left = [key.model for key, run in runs.items() if not self.is_trained(run)]
         return sum(mean(durations[model]) if model in durations else usual for model in left)
 
+    def is_trained(self, run: Run) -> bool:
+        """Whether a training of the study is finished; false if its run cannot be read."""
+        try:
+            return run.is_trained and not self.is_of_another_world(run)
+        except InputError:
+            return False
 
-def _is_trained(run: Run) -> bool:
-    try:
-        return run.is_trained
-    except InputError:
-        return False
+    def is_of_another_world(self, run: Run) -> bool:
+        """Whether a run has other worlds than its experiment in this study."""
+        config = run.config()
+        return self.worlds.get(config.experiment, config.data.worlds) != config.data.worlds
 
 
 def describe_outputs(study: Study, pairs: PairCounts) -> str:
@@ -90,7 +97,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     outputs, planned = study.outputs, study.runs()
     recorded = [(experiment, _recorded(outputs, experiment, pairs)) for experiment in study.experiments]
     existing, others = outputs.named_runs()
-    states = {key: _state(run) for key, run in (planned | existing).items()}
+    states = {key: _state(run, study) for key, run in (planned | existing).items()}
     seeds = sorted({key.seed for key in states if key.seed is not None})
     rows: dict[tuple[str, str, str], dict[int | None, str]] = {}
     for key, state in states.items():
@@ -122,11 +129,13 @@ def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
     return f"{recorded} of {sum(wanted.values())}" if recorded else "missing"
 
 
-def _state(run: Run) -> str:
+def _state(run: Run, study: Study) -> str:
     """Return the status of a run in a few words."""
     if not run.path.is_dir():
         return "missing"
     try:
+        if study.is_of_another_world(run):
+            return "of another world"
         status = run.status
         if status in (Status.training, Status.paused):
             is_stopped = status is Status.training and not is_locked(run.path)

@@ -154,7 +154,8 @@ def caption(results: pd.DataFrame) -> str:
     return (
         f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
         f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
-        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}{_unlike(networks)}"
+        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}"
+        f"{_other_worlds(networks)}{_unlike(networks)}"
     )
 
 
@@ -180,6 +181,13 @@ def missing(results: pd.DataFrame, encoding: str) -> str:
             names.setdefault(where, []).append(model_title(model))
     parts = [", ".join(models) + where for where, models in names.items()]
     return f" Not trained: {'; '.join(parts)}."
+
+
+def _other_worlds(networks: pd.DataFrame) -> str:
+    """Name the experiments of other worlds than the paper's beside some of the paper's."""
+    is_other = networks.get("papers_worlds", pd.Series(True, networks.index)).eq(False)  # older results lack it
+    others = sorted(networks.loc[is_other, "experiment"].unique())
+    return f" Not the paper's worlds: exp {', '.join(others)}." if others and not is_other.all() else ""
 
 
 def _comparable(model: str, settings: Settings) -> Settings:

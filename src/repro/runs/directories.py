@@ -55,7 +55,7 @@ class Run:
             ValueError: metrics.csv cannot be read.
         """
         self.check_file(self.metrics.name)
-        fix = "delete it and run the same command with task=evaluate"
+        fix = f"{'delete it and ' if self.metrics.is_file() else ''}run the same command with task=evaluate"
         return read_table(self.metrics, METRICS, fix).iloc[0]
 
     @property

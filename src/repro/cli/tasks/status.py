@@ -6,9 +6,9 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Print the status of an outputs directory."""
-    from repro.reporting.study import Study, describe_outputs
+    from repro.reporting.study import describe_outputs
 
-    print(describe_outputs(Study(job.outputs, job.call.world["experiments"], job.call.seed), job.call.scale.pairs))
+    print(describe_outputs(job.study, job.call.scale.pairs))
 
 
 TASK = Task(run, once=True)

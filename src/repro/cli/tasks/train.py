@@ -10,14 +10,13 @@ def run(job: Job) -> None:
     from repro.evaluation.evaluate import validate
     from repro.learning.training import train
     from repro.parallel import use_idle_cores
-    from repro.reporting.study import Study
     from repro.runs.provenance import Status
     from repro.system.devices import resolve_device
 
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
-        progress = Study(job.outputs, job.call.world["experiments"], job.call.seed).progress(job.key)
+        progress = job.study.progress(job.key)
         print(f"{progress}, {job.run}" if progress else f"training {job.run}", flush=True)
         if job.run.epochs:
             print(f"resuming after epoch {job.run.epochs} of {job.call.train.max_epochs}", flush=True)
