@@ -104,7 +104,7 @@ class View:
             ax.plot(*goal, "*", color="#b3261e", markersize=11)
             ax.set(xlim=extent[:2], ylim=extent[2:], xlabel="x [m]")
         axes[0].set(ylabel="y [m]", title="true map, beams of the lidar")
-        axes[1].legend([self.path], ["path of A* on the predicted map"], loc="lower left", fontsize=8)
+        self.figure.legend([self.path], ["path of A* on the predicted map"], loc="outside lower right", fontsize=8)
         self.title = axes[1].set_title("")
 
     def show(self, frame: Frame) -> None:

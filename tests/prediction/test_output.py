@@ -79,4 +79,4 @@ def test_the_figure_shows_the_beams_that_were_held_out():
     figure = draw(replace(first, held_out=held_out), np.ones((100, 100)), GRID)
     others, last, *_ = figure.axes[2].lines
     assert (len(others.get_xdata()), len(last.get_xdata())) == (2, 3)
-    assert figure.axes[2].get_title() == "last scan, orange: held out"
+    assert figure.axes[2].get_title() == "last scan, red; held out, orange"

@@ -19,9 +19,13 @@ def run(job: Job) -> None:
     from repro.system.files import write_text
 
     runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
-    networks = [load_demo_network(find("demo.networks", name)) for name in job.call.demo.networks]
+    networks = []
+    for number, name in enumerate(job.call.demo.networks, start=1):
+        print(f"network {number} of {len(job.call.demo.networks)}, exported and compared: {name}", flush=True)
+        networks.append(load_demo_network(find("demo.networks", name)))
     page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
     path = job.outputs.path / "demo.html"
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, page)
     print(f"{path} ({len(page) / 1e6:.1f} MB)")
 

@@ -112,7 +112,7 @@ export const actions = {
 };
 
 function inputNote({ encoding: { name } }) {
-  if (name.startsWith("series")) return "hits dark, observed free blue";
+  if (name.startsWith("series")) return "hits dark, free blue";
   return name.startsWith("stack") ? "recent hits are dark" : "all hits are black";
 }
 
