@@ -5,7 +5,8 @@
     python run.py task=publish scale=workstation
 
 The other arguments are those of run.py. Where reproduce/results/<scale> has the weights of the paper's U-Net in an
-experiment, its paired differences to the baselines are written to analysis/differences.csv.
+experiment, its paired differences to the baselines are written to analysis/differences.csv. The other tables of the
+analysis have the intervals of the baselines.
 """
 
 import itertools
@@ -17,6 +18,7 @@ from hydra._internal.utils import get_args_parser
 from repro.cli import compose, main
 from repro.cli.jobs import RESULTS, Job, resolve
 from repro.config import PROJECTION
+from repro.evaluation.analysis import gather
 from repro.evaluation.evaluate import evaluate_baseline, read_predictions
 from repro.metrics.paired import paired_differences
 from repro.networks.predictor import load_predictor
@@ -26,6 +28,7 @@ from repro.system.devices import one_thread
 from repro.system.files import write_text
 
 NETWORK = "unet"
+COLUMNS = ["experiment", "comparison", "one", "other", "model", "encoding"]
 
 
 def differences(job: Job, names: list[str]) -> pd.DataFrame:
@@ -53,11 +56,13 @@ def run(names: list[str], arguments: list[str]) -> None:
         jobs = [resolve(call) for call in main.read_calls(parsed, composed)]
     for job, name in itertools.product(jobs, names):
         evaluate_baseline(job.outputs, job.config, name)
-    rows = pd.concat([differences(job, names) for job in jobs])
-    if len(rows):
-        columns = ["experiment", "comparison", "one", "other", "model", "encoding"]
-        table = rows[[*columns, *rows.columns.drop(columns)]].to_csv(index=False, float_format="%.6g")
-        write_text(jobs[0].outputs.analysis / "differences.csv", table)
+    outputs = jobs[0].outputs
+    outputs.analysis.mkdir(exist_ok=True)
+    frames = gather(outputs)
+    if len(rows := pd.concat([differences(job, names) for job in jobs])):
+        frames["differences"] = rows[[*COLUMNS, *rows.columns.drop(COLUMNS)]]
+    for name, frame in frames.items():
+        write_text(outputs.analysis / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
 
 
 if __name__ == "__main__":
