@@ -159,7 +159,7 @@ def test_the_average_is_over_the_seeds_that_all_networks_have():
     for number, name in enumerate(NETWORKS):
         cell = ("3", name, PROJECTION)
         seeds[cell] = [0, 1, 2] if name == "unet" else [1, 0]
-        counted[cell] = Measured(counts[: len(seeds[cell])] + number, np.full((len(seeds[cell]), 5), 0.5))
+        counted[cell] = Measured(counts[: len(seeds[cell])] + number, {"ssim": np.full((len(seeds[cell]), 5), 0.5)})
     ((cell, table, common),) = list(averages(counted, seeds, weights))
     assert (cell, common) == (("3", "average", PROJECTION), 2)
     own = [pooled_scores(counts[:2].sum(1) + 5 * number)["accuracy"].mean() for number in range(len(NETWORKS))]

@@ -13,7 +13,7 @@ def measured(shares, worlds=200, pixels=400, seed=0):
         right = rng.binomial(pixels, (share + hard).clip(0, 1))
         counts[number, :, 1, 255], counts[number, :, 1, 0] = right, pixels - right
         counts[number, :, 0, 0] = 50
-    return Measured(counts, np.full((len(shares), worlds), 0.5))
+    return Measured(counts, {"ssim": np.full((len(shares), worlds), 0.5)})
 
 
 def value_of(table, metric):

@@ -14,7 +14,7 @@ import torch
 import yaml
 from conftest import prepared, spent_budget
 
-from repro.evaluation.evaluate import evaluate, read_quantized, read_ssim
+from repro.evaluation.evaluate import evaluate, read_per_image, read_quantized
 from repro.learning.training import train
 from repro.networks.predictor import load_predictor
 from repro.prediction.readers import read_log
@@ -122,7 +122,7 @@ def test_predictions(run, marker):
 def test_rows(run, marker):
     (run.path / "per_image.csv").write_bytes(pickled(marker))
     with pytest.raises(ValueError, match="is not what was evaluated"):
-        read_ssim(run)
+        read_per_image(run)
 
 
 def test_configurations(run, marker):

@@ -17,7 +17,7 @@ from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.comparisons import Cell, averages, compared
-from repro.evaluation.evaluate import read_quantized, read_ssim
+from repro.evaluation.evaluate import read_per_image, read_quantized
 from repro.evaluation.recency import GROUPS, RECENCY
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
@@ -40,7 +40,7 @@ class _Measurement:
     """The measurement of a cell.
 
     Args:
-        measured: counts and SSIM of its seeds.
+        measured: counts and metrics of images of its seeds.
         draws: its metrics in every draw of the bootstrap.
         frames: its rows by the name of the CSV file they are written to.
     """
@@ -119,23 +119,26 @@ def _cells(outputs: Outputs, errors: list[str] | None) -> dict[Cell, list[Run]]:
     return dict(sorted(cells.items(), key=lambda item: (item[0][0], item[0][2].endswith(NO_DECAY), rank(item[0][1]))))
 
 
-def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, np.ndarray]:
-    """Read the quantized predictions, (M, H, W), and the SSIM, (M,), of a run on the test set."""
-    free, ssim = read_quantized(run), read_ssim(run)
-    if free.shape != test.truth.shape or len(ssim) != len(free):
+def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Read the quantized predictions, (M, H, W), and the metrics of images, each (M,), of a run on the test set."""
+    free, of_images = read_quantized(run), read_per_image(run)
+    images = len(of_images["ssim"])
+    if free.shape != test.truth.shape or images != len(free):
         raise InputError(
-            f"{run} has predictions of shape {free.shape} and {len(ssim)} SSIM values for test maps of shape "
+            f"{run} has predictions of shape {free.shape} and {images} SSIM values for test maps of shape "
             f"{test.truth.shape}: {run.evaluate_again}"
         )
-    return free, ssim
+    return free, of_images
 
 
 def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> _Measurement:
     """Measure all seeds of a cell; for the weights of the bootstrap see `metrics.bootstrap.draw_weights`."""
     few_weights = weights[:FEWER_DRAWS]
-    predictions, ssim = zip(*(_read_run(run, test) for run in runs), strict=True)
+    predictions, of_images = zip(*(_read_run(run, test) for run in runs), strict=True)
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
-    measured = Measured(counts.sum(2), np.stack([by_world(values) / 2 for values in ssim]))
+    names = of_images[0]
+    per_world = {name: np.stack([by_world(each[name]) / 2 for each in of_images]) for name in names}
+    measured = Measured(counts.sum(2), per_world)
     draws = resample(measured, weights)
     frames = {
         "intervals": pd.DataFrame(intervals(draws)).assign(seeds=len(runs)),

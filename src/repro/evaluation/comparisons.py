@@ -30,7 +30,8 @@ def averages(
         draws = []
         for cell in cells:
             chosen = [seeds[cell].index(seed) for seed in common]
-            draws.append(resample(Measured(counted[cell].counts[chosen], counted[cell].ssim[chosen]), weights))
+            per_world = {name: values[chosen] for name, values in counted[cell].per_world.items()}
+            draws.append(resample(Measured(counted[cell].counts[chosen], per_world), weights))
         yield (
             (experiment, "average", encoding),
             {name: np.mean([each[name] for each in draws], axis=0) for name in draws[0]},

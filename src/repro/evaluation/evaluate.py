@@ -14,8 +14,9 @@ import pandas as pd
 from torch import Tensor
 
 from repro.baselines.registry import PREDICTORS
+from repro.metrics.bootstrap import IN_INTERVALS
 from repro.metrics.counts import quantize
-from repro.metrics.scores import THRESHOLD, checked_probabilities, confusion, scores, ssim
+from repro.metrics.scores import IMAGE_METRICS, checked_probabilities, confusion, scores
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import Pairs, grid_of, load_pairs_of_run
 from repro.recordings.reader import check_worlds, recordings_hash
@@ -123,22 +124,20 @@ def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.Data
     probability = checked_probabilities(free, maps)
     truth = maps.cpu().float()
     counts = confusion(probability, truth)
-    similarity = ssim(probability, truth)
-    binary = ssim((probability >= THRESHOLD).float(), truth)
-    per_image = pd.DataFrame(
-        {"ssim": similarity, "ssim_binary": binary, **{k: v.numpy() for k, v in scores(counts).items()}}
-    )
-    pooled = {name: value.item() for name, value in scores(counts.sum(0)).items()}
-    return pd.Series({"ssim": similarity.mean().item(), "ssim_binary": binary.mean().item(), **pooled}), per_image
+    of_images = {name: metric(probability, truth) for name, metric in IMAGE_METRICS.items()}
+    per_image = pd.DataFrame({name: values.numpy() for name, values in (of_images | scores(counts)).items()})
+    pooled = {name: values.mean() for name, values in of_images.items()} | scores(counts.sum(0))
+    return pd.Series({name: value.item() for name, value in pooled.items()}), per_image
 
 
-def read_ssim(run: Run) -> np.ndarray:
-    """Read the SSIM of every test image of an evaluated run, (M,).
+def read_per_image(run: Run) -> dict[str, np.ndarray]:
+    """Read the metrics in `IN_INTERVALS` of every test image of an evaluated run, each (M,).
 
     Raises:
         ValueError: per_image.csv cannot be read.
     """
-    return read_table(run.check_file("per_image.csv"), ("ssim",), run.evaluate_again)["ssim"].to_numpy()
+    table = read_table(run.check_file("per_image.csv"), IN_INTERVALS, run.evaluate_again)
+    return {name: table[name].to_numpy() for name in IN_INTERVALS}
 
 
 def write_predictions(run: Run, probability: Tensor) -> None:

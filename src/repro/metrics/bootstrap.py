@@ -11,10 +11,12 @@ import numpy as np
 from torch import Tensor
 
 from repro.metrics.counts import confusion_of, count_quantized, quantize, scores_of
-from repro.metrics.scores import ssim
+from repro.metrics.names import TABLE_METRICS
+from repro.metrics.scores import IMAGE_METRICS
 
 DRAWS = 2000
 LEVEL = 0.95
+IN_INTERVALS = tuple(name for name in IMAGE_METRICS if name in TABLE_METRICS)  # metrics of images
 
 
 @dataclass(frozen=True)
@@ -23,11 +25,11 @@ class Measured:
 
     Args:
         counts: number of pixels by truth and quantized probability in each world, (S, W, 2, 256).
-        ssim: mean SSIM of the two images of each world, (S, W).
+        per_world: means of `IN_INTERVALS` over the two images of each world, each (S, W).
     """
 
     counts: np.ndarray
-    ssim: np.ndarray
+    per_world: Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -48,14 +50,15 @@ class Difference(Interval):
 
 
 def measured_of(probability: Tensor, maps: Tensor) -> Measured:
-    """Count the pixels of quantized probabilities and compute their SSIM by world, as one seed.
+    """Count the pixels of quantized probabilities and compute the metrics of images by world, as one seed.
 
     Args:
         probability: probability of free, (M, 1, H, W), in [0, 1].
         maps: true maps, (M, 1, H, W); recordings 2 w and 2 w + 1 are of world w.
     """
     counts = count_quantized(quantize(probability), maps[:, 0].numpy())[:, 0]
-    return Measured(by_world(counts)[None], by_world(ssim(probability, maps.float()).numpy())[None] / 2)
+    of_images = {name: IMAGE_METRICS[name](probability, maps.float()).numpy() for name in IN_INTERVALS}
+    return Measured(by_world(counts)[None], {name: by_world(each)[None] / 2 for name, each in of_images.items()})
 
 
 def draw_weights(worlds: int, draws: int = DRAWS) -> np.ndarray:
@@ -75,7 +78,7 @@ def resample(measured: Measured, weights: np.ndarray) -> dict[str, np.ndarray]:
         the draws of each metric by its name, (draws + 1,); the first is the measured value.
     """
     seeds, draws = len(measured.counts), len(weights)
-    metrics: dict[str, np.ndarray] = {"ssim": measured.ssim @ weights.T / weights.sum(1)}
+    metrics = {name: values @ weights.T / weights.sum(1) for name, values in measured.per_world.items()}
     metrics |= scores_of(np.einsum("bw,swc->sbc", weights, confusion_of(measured.counts), optimize=True))
     share = np.random.default_rng(1).multinomial(seeds, np.full(seeds, 1 / seeds), size=draws) / seeds
     share[0] = 1 / seeds

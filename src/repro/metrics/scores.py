@@ -5,6 +5,8 @@ prevalence in two independent ways). We pool the counts over the test set, which
 D10. Formulas and eps follow Segmentation-Metrics-PyTorch, which the paper names; SSIM is computed by piqa.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -86,3 +88,9 @@ def ssim(probability: Tensor, target: Tensor, batch: int = 64) -> Tensor:
     measure = SSIM(n_channels=1, reduction="none").to(probability.device)
     pairs = zip(probability.float().split(batch), target.float().split(batch), strict=True)
     return torch.cat([measure(p, t) for p, t in pairs])
+
+
+IMAGE_METRICS: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
+    "ssim": ssim,
+    "ssim_binary": lambda probability, target: ssim((probability >= THRESHOLD).float(), target),
+}  # of each image, (M,), from probabilities of free and true maps, (M, 1, H, W); a test set has their mean
