@@ -39,7 +39,7 @@ def disc_ranges(x, y=25.0, radius=2.0):
     return torch.where(gap < radius**2, along - (radius**2 - gap).clamp(min=0).sqrt(), torch.inf)
 
 
-SLOW = ("tracker",)
+SLOW = ("tracker", "privileged")
 
 
 @pytest.mark.parametrize(

@@ -178,6 +178,7 @@ def example_of(document):
     return (ROOT / document).read_text().split("```python")[1].split("```")[0]
 
 
+@pytest.mark.slow
 def test_the_example_of_the_readme_predicts_a_map_for_every_full_window(tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
+from tqdm import tqdm
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.privileged import Knowledge, privileged
@@ -155,7 +156,8 @@ def tune(
     if climb:
         best = _climb(lambda values: score(*values)[0], list(settings.values()))
     else:
-        best = max(itertools.product(*settings.values()), key=lambda values: score(*values)[0])
+        tried = tqdm(list(itertools.product(*settings.values())), desc="tuning", delay=2, leave=False, disable=None)
+        best = max(tried, key=lambda values: score(*values)[0])
     chosen, free_steps = dict(zip(settings, best, strict=True)), score(*best)[1]
     free = prepare(test)(**chosen).masked_fill(steps_since_free(test) < free_steps, 1.0)
     return free, {**chosen, "free_steps": free_steps}

@@ -1,7 +1,7 @@
 """Names and headings of the metrics; imports no numerical library."""
 
 METRICS = ("ssim", "accuracy", "dice", "precision", "recall", "specificity")  # the paper's six, in its order
-EXTRA_METRICS: tuple[str, ...] = ()  # further columns of the tables, computed in `scores.py`
+EXTRA_METRICS: tuple[str, ...] = ()  # more columns of the tables, from `scores.py`
 TABLE_METRICS = METRICS + EXTRA_METRICS
 HEADINGS = {
     "ssim": "SSIM",
