@@ -217,7 +217,8 @@ def _histories(outputs: Outputs, found: _Runs, kept: _Runs, directory: Path) -> 
 
 def _write(directory: Path, name: str, recipe: Recipe, runs: _Runs, histories: pd.DataFrame | None) -> None:
     """Write runs.csv, history.csv, provenance.json and README.md of a published directory."""
-    for stem, table in {"runs": runs.rows, "history": histories}.items():
+    counts = {name: "Int64" for name in ("train_pairs", "epochs") if name in runs.rows}  # missing for baselines
+    for stem, table in {"runs": runs.rows.astype(counts), "history": histories}.items():
         if table is not None:
             write_text(directory / f"{stem}.csv", table.to_csv(index=False, float_format="%.6g"))
     content = {path: dataclasses.asdict(origin) for path, origin in runs.origins.items()}
