@@ -10,7 +10,7 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
-from repro.cli.publishing import changes, overrides_of, usual_settings
+from repro.cli.publishing import changes, check_files, overrides_of, usual_settings
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -169,9 +169,20 @@ def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
 
 
 def test_a_network_without_a_file_in_conf_is_not_published():
-    scale = Scale(*("tiny", "a minute", 32, PairCounts(24, 8, 8), 1e-3, 8, 3, False, None))
     with pytest.raises(ValueError, match=r"the published command needs a file of model big: add .*big\.yaml"):
-        usual_settings(scale, {}, "big", "stack4")
+        check_files("big", "stack4")
+
+
+def test_the_command_of_a_published_network_without_code_names_its_commit(tmp_path):
+    outputs = tmp_path / "tiny"
+    fake_run(outputs, "3", "unet", 0.5)
+    fake_run(outputs, "3", "big", 0.5)
+    scale = Scale(*("tiny", "a minute", 32, PairCounts(24, 8, 8), 1e-3, 8, 3, False, None))
+    recipe = Recipe("tiny", "", partial(usual_settings, scale, {"robot": {"sensors": [{"range_max": 30.0}]}}))
+    page = (publish(Outputs(outputs), tmp_path / "results", recipe) / "README.md").read_text()
+    of_big, of_unet = (next(line for line in page.splitlines() if f"model={name} " in line) for name in ("big", "unet"))
+    assert of_big.endswith("` with the code of their commit |")
+    assert of_unet.endswith("` |")
 
 
 def test_readme_tables_are_those_of_the_report(tmp_path):

@@ -3,13 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from omegaconf import OmegaConf
 
 from repro.cli.documents import update_docs
 from repro.cli.jobs import RESULTS, Job
-from repro.config import Encoding, Scale, Training
+from repro.config import NO_DECAY, Encoding, Scale, Training
 from repro.fields import OLDEST_GRAY
 from repro.networks.model import Model
 from repro.reporting.paper import world_files
@@ -36,10 +37,14 @@ def overrides_of(job: Job) -> str:
     """Return the overrides of world and scale that the runs of a job need, each after a space.
 
     Raises:
-        ValueError: no file of conf/world has the worlds of all runs, or the call has another number of pairs or pixels.
+        ValueError: no file of conf/world has the worlds of all runs, conf/ has no file of a network or an encoding, or
+            the call has another number of pairs or pixels.
     """
     scale = job.call.scale
-    data = [run.config().data for run in job.outputs.runs() if run.status is Status.evaluated]
+    configs = [run.config() for run in job.outputs.runs() if run.status is Status.evaluated]
+    for key in (config.key for config in configs if config.encoding):
+        check_files(key.model, key.encoding.removesuffix(NO_DECAY))
+    data = [config.data for config in configs]
     names = world_files({each.worlds for each in data})
     if data and not names:
         raise InputError(f"the runs in {job.outputs.path} have worlds of no file in conf/world: add one")
@@ -53,21 +58,34 @@ def overrides_of(job: Job) -> str:
     return "".join([*world, *changes("scale", asdict(scale), usual)])
 
 
-def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: str) -> dict[str, Any]:
+def usual_settings(scale: Scale, world: dict[str, Any], model: str, encoding: str) -> dict[str, Any] | None:
     """Return the settings of a network and an encoding at a scale without overrides, see `reporting.rows`.
 
-    Raises:
-        ValueError: conf/ has no file of the network or the encoding, which the published command would need.
+    None without a file in conf/ of one of them: a published network whose code has been deleted since.
     """
-    names = {"model": model, "encoding": encoding, "train": "paper"}
-    files = {group: conf_directory() / group / f"{name}.yaml" for group, name in names.items()}
-    for group, path in files.items():
-        if not path.is_file():
-            raise InputError(f"the published command needs a file of {group} {names[group]}: add {path}")
+    files = _files(model, encoding)
+    if not all(path.is_file() for path in files.values()):
+        return None
     parts = {group: OmegaConf.load(path) for group, path in files.items()}
     shared = {"scale": asdict(scale), "world": world, "decay": True, "oldest_gray": OLDEST_GRAY}
     values = plain(OmegaConf.create({**shared, **parts}))
     return settings_of(Model(**values["model"]), Encoding(**values["encoding"]), Training(**values["train"]))
+
+
+def check_files(model: str, encoding: str) -> None:
+    """Check that conf/ has the files of a network and an encoding, which the published command names.
+
+    Raises:
+        ValueError: one is missing.
+    """
+    for group, path in _files(model, encoding).items():
+        if not path.is_file():
+            raise InputError(f"the published command needs a file of {group} {path.stem}: add {path}")
+
+
+def _files(model: str, encoding: str) -> dict[str, Path]:
+    names = {"model": model, "encoding": encoding, "train": "paper"}
+    return {group: conf_directory() / group / f"{name}.yaml" for group, name in names.items()}
 
 
 def changes(path: str, values: dict[str, Any], usual: dict[str, Any]) -> Iterator[str]:

@@ -28,16 +28,17 @@ class Recipe:
         scale: name of the scale.
         overrides: overrides of world and scale, each after a space.
         usual: from the names of a network and an encoding to the settings that need no override, see
-            `reporting.rows`.
+            `reporting.rows`; None if their code has been deleted since.
     """
 
     scale: str
     overrides: str = ""
-    usual: Callable[[str, str], Settings] = _no_settings
+    usual: Callable[[str, str], Settings | None] = _no_settings
 
     def options(self, name: str, model: str, encoding: str, settings: Settings) -> str:
         """Return the options that repeat a training that is published in the directory of this name."""
-        own = changed(settings, self.usual(model, encoding))
+        usual = self.usual(model, encoding)
+        own = {} if usual is None else changed(settings, usual)
         return scale_options(self.scale, Path("outputs", name), self.overrides + "".join(overrides(own)))
 
 
@@ -112,8 +113,10 @@ def _training_commands(
         base = encoding.removesuffix(NO_DECAY)
         data = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
         experiments = ",".join(sorted(runs["experiment"].unique()))
-        command = f"python run.py -m model={model} exp={experiments}{data} seed={of_seeds} {options}"
+        command = f"`python run.py -m model={model} exp={experiments}{data} seed={of_seeds} {options}`"
+        if recipe.usual(model, base) is None:
+            command += " with the code of their commit"
         minutes = f"{runs['training_seconds'].mean() / 60:.1f}"
-        rows.append((predictor_title(model, encoding), len(runs), minutes, f"`{command}`"))
+        rows.append((predictor_title(model, encoding), len(runs), minutes, command))
     titles = [row[0] for row in rows]
     return sorted(rows, key=lambda row: titles.index(row[0]))
