@@ -10,18 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 from typing_extensions import TypedDict
 
-from repro.fields import (
-    KNOWN_KEYS,
-    Epochs,
-    Even,
-    FrameCount,
-    Gray,
-    Name,
-    Positive,
-    Share,
-    SmallPositive,
-    choice,
-)
+from repro.fields import KNOWN_KEYS, Epochs, Even, FrameCount, Gray, MaximumRange, Name, Share, SmallPositive, choice
 
 
 @dataclass(frozen=True)
@@ -61,7 +50,7 @@ class EncodingParameters(TypedDict, total=False):
 
     decay: bool
     oldest_gray: Gray
-    range_max_m: Positive
+    range_max_m: MaximumRange
     frames: FrameCount
 
 

@@ -14,7 +14,7 @@ OLDEST_GRAY = 0.8  # default in conf/config.yaml
 KNOWN_KEYS = ConfigDict(extra="forbid")  # unknown keys are errors, and values are converted to their types
 STRICT = ConfigDict(extra="forbid", strict=True)  # values of other types are errors as well
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+MaximumRange = Annotated[float, Field(gt=0, le=10_000, allow_inf_nan=False)]  # [m], as that of the lidar of a world
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Epochs = Annotated[int, Field(ge=1, le=100_000)]
 SmallPositive = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]

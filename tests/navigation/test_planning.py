@@ -43,11 +43,6 @@ def test_a_radius_or_a_probability_that_cannot_be_is_refused(radius_m, above):
         planner_map(predicted([]), radius_m, above)
 
 
-def test_a_map_that_is_not_finite_is_refused():
-    with pytest.raises(ValueError, match="has probabilities that are not finite"):
-        planner_map(StreamMap(np.full((4, 4), np.nan), ORIGIN, RESOLUTION_M, 0.0))
-
-
 WALL = [(-1.0, 1.0, 20.0, 35.0)]  # a gap at the top only
 START, GOAL = np.array([-8.0, 22.0, 0.3]), np.array([8.0, 22.0])
 

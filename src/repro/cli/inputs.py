@@ -15,6 +15,6 @@ def find(key: str, name: str) -> Path:
         ValueError: there is none.
     """
     for path in (*(WEIGHTS / known for known in NAMES if known == name), Path(name), ROOT / name):
-        if path.exists():
+        if path.is_file() or path.is_dir():  # no pipe, which would wait, and no device
             return path
     raise InputError(f"{key}: {name}: no such file or directory")

@@ -151,7 +151,7 @@ class Demo:
     __pydantic_config__ = KNOWN_KEYS
 
     networks: Annotated[list[UserPath], Field(min_length=1)]
-    runtime: UserPath | None
+    runtime: Source | None
 
 
 @dataclass(frozen=True)

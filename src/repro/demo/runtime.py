@@ -21,6 +21,7 @@ URL = f"https://registry.npmjs.org/onnxruntime-web/-/{ARCHIVE}"
 SHA512 = "q0y+JrrtukXSzsBWEMccVfqX25LRmosXHF+CaRJmg8pZClzcV7svNc4rKY3jL02Vb7QmRMDs1SigqR4CXAfKYQ=="  # of the registry
 SCRIPT, WASM = "package/dist/ort.wasm.bundle.min.mjs", "package/dist/ort-wasm-simd-threaded.wasm"
 TIMEOUT_S = 60
+MOST_BYTES = 100_000_000  # the package has 33 MB
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,8 @@ def _download() -> bytes:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(MOST_BYTES)
     except OSError as error:
         raise InputError(f"demo.runtime={path} cannot be read: {error.strerror}; expected {ARCHIVE}") from error
 

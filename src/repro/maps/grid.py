@@ -4,7 +4,9 @@ The world axes are those of IR-SIM: x to the right, y up, the origin at the lowe
 (row, column) with row 0 at the top, so that a displayed image has the orientation of the world in IR-SIM.
 """
 
+import math
 from dataclasses import dataclass
+from numbers import Integral
 
 import torch
 from torch import Tensor
@@ -21,15 +23,17 @@ class Grid:
         size_m: length of each side [m].
 
     Raises:
-        ValueError: a size is not positive.
+        ValueError: `size_px` is no positive whole number, or `size_m` not positive and finite.
     """
 
     size_px: int
     size_m: float
 
     def __post_init__(self) -> None:
-        if self.size_px < 1 or self.size_m <= 0:
-            raise InputError(f"a grid needs positive sizes, got {self.size_px} px for {self.size_m} m")
+        if not isinstance(self.size_px, Integral) or self.size_px < 1 or not 0 < self.size_m < math.inf:
+            raise InputError(
+                f"a grid needs a whole number of pixels and a positive size, got {self.size_px} px for {self.size_m} m"
+            )
 
     @property
     def resolution_m(self) -> float:

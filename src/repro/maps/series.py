@@ -8,7 +8,7 @@ from pydantic.dataclasses import dataclass
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from repro.fields import STRICT, FrameCount, Positive
+from repro.fields import STRICT, FrameCount, MaximumRange
 from repro.maps.grid import Grid
 from repro.maps.projection import hit_pixels, inverted
 from repro.maps.visibility import newest_passed
@@ -84,12 +84,12 @@ class Series(Stack):
         range_max_m: maximum range of the lidar [m].
 
     Raises:
-        ValueError: `frames` is not an integer from 1 to 100, or `range_max_m` is not positive.
+        ValueError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
     """
 
     kind: ClassVar[str] = "series"
 
-    range_max_m: Positive = 30.0
+    range_max_m: MaximumRange = 30.0
 
     @property
     def channels(self) -> int:

@@ -14,6 +14,7 @@ from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
 MAX_HEADING = 20 * math.pi  # [rad], ten turns without wrapping; headings in degrees exceed it
+FULL_TURN = 2 * math.pi + 0.1  # [rad]; the last beams of some lidars point where the first ones do
 JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
 MIN_VALID = 0.05  # of the readings; a map from fewer would be nearly free of obstacles, and of reasons
 MIN_STEPS = 10  # of which most are jumps
@@ -64,10 +65,12 @@ def check_angles(angles: Tensor) -> None:
     """Check the angles of the beams, (N,).
 
     Raises:
-        ValueError: one is not finite or seems to be in degrees.
+        ValueError: one is not finite or seems to be in degrees, or they are more than a turn apart.
     """
     _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
     _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
+    expected = "expected radians, all within one turn"
+    _refuse(angles - angles.min() > FULL_TURN, "angles", "more than a turn from the first", expected)
 
 
 def jumps(headings: Tensor) -> Tensor:

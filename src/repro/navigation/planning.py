@@ -31,15 +31,13 @@ def planner_map(predicted: StreamMap, robot_radius_m: float = 0.0, occupied_abov
         a map in the frame of the prediction; its grid is indexed [x, y], 100 is occupied, 0 is free.
 
     Raises:
-        ValueError: a number is outside of its range, or the map is not finite.
+        ValueError: a number is outside of its range.
     """
     if not 0 <= robot_radius_m < math.inf or not 0 <= occupied_above < 1:
         raise InputError(
             "expected a robot_radius_m of at least 0 m and occupied_above from 0 to below 1, "
             f"got {robot_radius_m} and {occupied_above}"
         )
-    if not np.isfinite(predicted.free).all():
-        raise InputError("the map has probabilities that are not finite")
     height, width = predicted.free.shape
     is_obstacle = 1 - predicted.free > occupied_above
     if is_obstacle.any():

@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 
-from repro.maps.validity import MAX_HEADING, RADIANS
+from repro.maps.validity import FULL_TURN, MAX_HEADING, RADIANS
 from repro.system.errors import InputError
 
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
@@ -17,7 +17,7 @@ def check_turn(beams: int, first_angle: float, spacing: float, source: str) -> N
     Raises:
         ValueError: they are not, or are in one direction; the message begins with the source of the scan.
     """
-    if not math.isfinite(first_angle) or not 0 < abs(spacing) * (beams - 1) <= 2 * math.pi + 0.1:
+    if not math.isfinite(first_angle) or not 0 < abs(spacing) * (beams - 1) <= FULL_TURN:
         raise InputError(
             f"{source}: expected beam angles in radians within one turn, got {beams} beams from {first_angle:.4g} with "
             f"a spacing of {spacing:.4g}"
@@ -39,7 +39,12 @@ def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.n
 
     Invalid are negative readings, zero, what is below the minimum, NaN, and what is masked. Many lidars report a lost
     beam in these ways; it must not mark the pixels along it as free.
+
+    Raises:
+        ValueError: the maximum is not positive and above the minimum.
     """
+    if not range_max_m > max(range_min_m, 0):  # false for NaN
+        raise InputError(f"expected a maximum range above the minimum, got {range_min_m} to {range_max_m} m")
     ranges = np.ma.filled(np.ma.asarray(ranges).astype(np.float32), np.nan)
     is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
     return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)

@@ -12,7 +12,7 @@ from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import last_hits
-from repro.prediction.readings import beams_of_turn, check_heading, check_turn, readings
+from repro.prediction.readings import beams_of_turn, check_heading, readings
 from repro.prediction.times import Clock, check_stamp, steps_before, window_of
 from repro.prediction.windows import center_of, on_map
 from repro.scans import Scans
@@ -32,6 +32,9 @@ class StreamMap:
         stamp: time of the scan at the end of the window [s].
         unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W); None
             if that is not known.
+
+    Raises:
+        InputError: the probabilities are no map of values from 0 to 1, or the resolution is not positive and finite.
     """
 
     free: np.ndarray
@@ -39,6 +42,15 @@ class StreamMap:
     resolution_m: float
     stamp: float
     unknown: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        is_map = self.free.ndim == 2 and self.free.size and ((self.free >= 0) & (self.free <= 1)).all()  # false for NaN
+        if not is_map or not 0 < self.resolution_m < math.inf:
+            raise InputError(
+                f"expected probabilities from 0 to 1, (H, W), and pixels of a positive size, got {self.free.shape}, "
+                f"{np.min(self.free, initial=math.inf):.4g} to {np.max(self.free, initial=-math.inf):.4g}, and "
+                f"{self.resolution_m} m"
+            )
 
     @property
     def unknown_share(self) -> float:
@@ -114,8 +126,8 @@ class PredictionStream:
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
         check_angles(torch.as_tensor(self.angles))
-        self.beams, spacing = len(self.angles), beam_spacing(torch.as_tensor(self.angles))
-        check_turn(self.beams, self.angles[0], spacing, "angles")
+        beam_spacing(torch.as_tensor(self.angles))
+        self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()

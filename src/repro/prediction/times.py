@@ -18,6 +18,7 @@ T = TypeVar("T")
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; twice that between two scans divides a log
 MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MAX_STEPS = 10_000  # of a window
+MIN_STEP_S = 0.001  # far above the resolution of times, so that a window has as many scans as steps
 MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
 TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
 SPACINGS = ("time", "distance")
@@ -54,9 +55,10 @@ class WindowSettings:
     spacing: str = "time"
 
     def __post_init__(self) -> None:
-        if not float(self.steps).is_integer() or not 1 <= self.steps <= MAX_STEPS or not 0 < self.step_s < math.inf:
+        if not float(self.steps).is_integer() or not 1 <= self.steps <= MAX_STEPS or not self._has_step:
             raise InputError(
-                f"expected 1 to {MAX_STEPS} steps and a positive step_s [s], got {self.steps} and {self.step_s}"
+                f"expected 1 to {MAX_STEPS} steps and a step_s of at least {MIN_STEP_S} s, got {self.steps} and "
+                f"{self.step_s}"
             )
         if self.range_max_m is not None and not self.range_max_m > 0:
             raise InputError(f"range_max_m: expected a positive range [m], got {self.range_max_m}")
@@ -71,6 +73,10 @@ class WindowSettings:
         if point.shape != (2,) or not np.isfinite(point).all():
             raise InputError(f"center: expected robot, start or x, y [m], got {self.center!r}")
         object.__setattr__(self, "center", (float(point[0]), float(point[1])))
+
+    @property
+    def _has_step(self) -> bool:
+        return MIN_STEP_S <= self.step_s < math.inf
 
     @property
     def duration_s(self) -> float:

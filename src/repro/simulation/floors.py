@@ -15,12 +15,13 @@ from scipy import ndimage
 from repro.fields import Finite
 from repro.simulation.shapes import Obstacle
 from repro.system.errors import InputError
-from repro.system.files import read_typed
+from repro.system.files import check_regular, read_typed
 from repro.world_config import MAX_FIXED, MAX_VERTICES
 
 MAX_CELLS = 10_000  # along one side of a map
 FORMATS = ("PNG", "PPM", "BMP", "TIFF", "JPEG", "GIF")  # of images; PPM includes PGM. Others may start programs.
 MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")  # of images with up to 8 bits per color
+Position = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # [m]; float64 resolves a millimeter there
 UNKNOWN = 205  # gray of an unknown cell from map_saver, which Nav2's default free_thresh would take for free
 
 
@@ -45,7 +46,7 @@ class MapFile:
 
     image: str
     resolution: Annotated[float, Field(gt=0, le=100)]  # side of a cell [m]
-    origin: tuple[Finite, Finite, Finite]  # lower left corner x, y [m], heading [rad]
+    origin: tuple[Position, Position, Finite]  # lower left corner x, y [m], heading [rad]
     negate: Literal[0, 1] = 0
     free_thresh: Annotated[float, Field(gt=0, le=1)] = 0.25
     mode: Literal["trinary", "scale"] = "trinary"
@@ -73,9 +74,9 @@ def read_floor(path: Path) -> Floor:
     side = max(free.shape)
     solid = np.ones((side, side), dtype=bool)  # row 0 at the bottom
     solid[: free.shape[0], : free.shape[1]] = ~free[::-1]
+    _check_polygons(_fewest_polygons(solid), path)
     polygons = list(_pieces(_outline(solid)))
-    if len(polygons) > MAX_FIXED:
-        raise InputError(f"{path}: expected at most {MAX_FIXED} polygons, got {len(polygons)}: remove specks of noise")
+    _check_polygons(len(polygons), path)
     outlines = [np.asarray(polygon.exterior.coords)[:-1] * content.resolution for polygon in polygons]
     width = side * content.resolution
     return Floor(
@@ -96,6 +97,7 @@ def _free_cells(path: Path, content: MapFile) -> np.ndarray:
 def _read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return the gray of the cells, 0 to 255, and which cells are opaque, both (H, W)."""
     try:
+        check_regular(path)
         with Image.open(path, formats=FORMATS) as image:
             problem = _problem_of(image)
             if not problem:
@@ -124,6 +126,17 @@ def _largest_area(free: np.ndarray, path: Path) -> np.ndarray:
     if not count:
         raise InputError(f"{path}: expected a map with free cells, got none: check negate and free_thresh")
     return areas == 1 + np.argmax(np.bincount(areas.flat)[1:])
+
+
+def _check_polygons(count: int, path: Path) -> None:
+    if count > MAX_FIXED:
+        raise InputError(f"{path}: expected at most {MAX_FIXED} polygons, got {count} or more: remove specks of noise")
+
+
+def _fewest_polygons(solid: np.ndarray) -> int:
+    """Return a lower bound of the polygons that cover cells (H, W), by connected areas and by corners."""
+    corners = solid[1:, 1:] ^ solid[1:, :-1] ^ solid[:-1, 1:] ^ solid[:-1, :-1]
+    return max(ndimage.label(solid)[1], int(corners.sum()) // MAX_VERTICES)
 
 
 def _outline(solid: np.ndarray) -> shapely.Geometry:

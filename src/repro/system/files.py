@@ -6,6 +6,7 @@ import logging
 import os
 import re
 import shutil
+import stat
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -108,6 +109,17 @@ def write_json(path: Path, content: Any) -> None:
     write_text(path, json.dumps(content, indent=1) + "\n")
 
 
+def check_regular(path: Path) -> None:
+    """Check that a path is a file with an end: reading a pipe would wait, and reading a device might fill the memory.
+
+    Raises:
+        ValueError: it is something else.
+        OSError: it is missing.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise InputError("expected a regular file")
+
+
 def read_mapping(path: Path, fix: str) -> dict[str, Any]:
     """Read a JSON or YAML file that holds a mapping.
 
@@ -119,6 +131,7 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
         ValueError: the file is missing, truncated, empty, nested too deeply, or does not hold a mapping.
     """
     try:
+        check_regular(path)
         content = (
             json.loads(path.read_text(encoding="utf-8"))
             if path.suffix == ".json"
@@ -223,5 +236,6 @@ def first_line(error: Exception) -> str:
 @contextmanager
 def open_arrays(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
     """Open an npz file without executing code; unlike np.load(path), a damaged file is closed, too."""
+    check_regular(path)
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         yield arrays

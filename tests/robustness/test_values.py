@@ -1,0 +1,85 @@
+"""Values without meaning and files without an end are refused, each where it is given."""
+
+import os
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import repro
+from repro.cli.inputs import find
+from repro.maps.encodings import create_encoding
+from repro.maps.validity import check_windows
+from repro.navigation.planning import planner_map
+from repro.prediction.readings import readings
+from repro.prediction.stream import StreamMap
+from repro.prediction.times import WindowSettings
+from repro.scans import Scans
+from repro.simulation.floors import read_floor
+from repro.system.errors import InputError
+from repro.system.files import open_arrays, read_mapping
+
+HALF = np.full((4, 4), 0.5)
+GRID = repro.Grid(32, 50.0)
+MAP = "image: {}\nresolution: {}\norigin: {}\n"
+
+
+def window(angles: np.ndarray) -> Scans:
+    return Scans(np.full((10, len(angles)), 5.0), angles, np.full((10, 3), 25.0) * [1, 1, 0]).tensors()
+
+
+VALUES = {
+    "a grid of half a pixel": lambda: repro.Grid(32.5, 50.0),
+    "a grid of text": lambda: repro.Grid("32", 50.0),
+    "a grid without a size": lambda: repro.Grid(32, np.nan),
+    "an infinite grid": lambda: repro.Grid(32, np.inf),
+    "readings without a maximum": lambda: readings(np.ones(3), 0.0, np.nan),
+    "readings of a negative maximum": lambda: readings(np.ones(3), 0.0, -3.0),
+    "readings of a minimum above the maximum": lambda: readings(np.ones(3), 5.0, 3.0),
+    "beams over two turns": lambda: check_windows(window(np.linspace(-2, 2, 91) * np.pi), GRID),
+    "beams over one turn and a half": lambda: check_windows(window(np.linspace(-1.5, 1.5, 91) * np.pi), GRID),
+    "probabilities of 7": lambda: planner_map(StreamMap(14 * HALF, (0.0, 0.0), 0.5, 0.0)),
+    "probabilities that are not finite": lambda: StreamMap(np.nan * HALF, (0.0, 0.0), 0.5, 0.0),
+    "a row instead of a map": lambda: StreamMap(HALF[0], (0.0, 0.0), 0.5, 0.0),
+    "pixels without a size": lambda: StreamMap(HALF, (0.0, 0.0), 0.0, 0.0),
+    "steps of which a scan fills all": lambda: WindowSettings(step_s=1e-300),
+    "a window of 1e9 steps": lambda: WindowSettings(steps=10**9),
+    "misses of 1e39 m": lambda: create_encoding("series10", {"frames": 10, "range_max_m": 1e39}),
+}
+
+
+@pytest.mark.parametrize("make", VALUES.values(), ids=VALUES)
+def test_a_value_without_meaning_is_refused(make):
+    with pytest.raises(InputError):
+        make()
+
+
+@pytest.mark.parametrize("name", ["pipe", "/dev/zero"])
+def test_a_file_without_an_end_is_not_read(name, tmp_path):
+    path = tmp_path / name
+    if name == "pipe":
+        os.mkfifo(path)
+    (tmp_path / "map.yaml").write_text(MAP.format(path, 0.05, [0, 0, 0]))
+    reads = {
+        "floor_map": lambda: read_floor(tmp_path / "map.yaml"),
+        "weights": lambda: find("prediction.weights", str(path)),
+        "mapping": lambda: read_mapping(path, "restore it"),
+        "arrays": lambda: open_arrays(path).__enter__(),
+    }
+    for read in reads.values():
+        with pytest.raises(InputError):
+            read()
+
+
+def test_a_floor_of_specks_is_refused_before_it_is_drawn(tmp_path):
+    free = np.random.default_rng(0).random((4000, 4000)) > 0.02
+    (tmp_path / "map.pgm").write_bytes(b"P5\n4000 4000\n255\n" + (254 * free).astype(np.uint8).tobytes())
+    (tmp_path / "map.yaml").write_text(MAP.format("map.pgm", 0.05, [0, 0, 0]))
+    with pytest.raises(InputError, match=r"at most 1000 polygons, got .* or more: remove specks"):
+        read_floor(tmp_path / "map.yaml")
+
+
+def test_a_floor_far_from_its_frame_is_refused(tmp_path):
+    (tmp_path / "map.yaml").write_text(MAP.format(ROOT / "docs" / "demo.png", 0.05, [1e300, 0, 0]))
+    with pytest.raises(InputError, match=r"origin\.0"):
+        read_floor(tmp_path / "map.yaml")
