@@ -1,11 +1,10 @@
 """Claims: tests of the paper's statements on the paper's numbers and on ours.
 
-`papers_claims.CLAIMS` lists every checkable statement with the function that tests it. The `uncertainties` library
-propagates the intervals of the numbers through the function as independent standard errors. This is conservative for
-differences of positively correlated numbers, as of two networks on the same test worlds; for recall and specificity or
-precision, which are negatively correlated over seeds, the part due to the seeds is up to a third too small. A
-difference counts only if it exceeds the tolerance and its interval excludes zero; a level counts only if its whole
-interval is within the tolerance.
+`papers_claims.CLAIMS` lists the test of every checkable statement, paper_tables/claims.csv its words. The `uncertainties`
+library propagates the intervals of the numbers through the test as independent standard errors. This is conservative for differences of positively correlated numbers, as of two networks on the same test worlds; for
+recall and specificity or precision, which are negatively correlated over seeds, the part due to the seeds is up to a
+third too small. A difference counts only if it exceeds the tolerance and its interval excludes zero; a level counts
+only if its whole interval is within the tolerance.
 """
 
 import dataclasses
@@ -25,6 +24,7 @@ COLUMNS = (
     *("id", "quote", "place", "means", "verdict", "ours", "paper", "value", "low", "high", "claimed", "margin", "held"),
     *("combinations", "paper_value", "tolerance", "at_half", "at_double", "tolerance_from", "reason"),
 )
+TEXTS = ("quote", "place", "means", "tolerance_from", "reason")  # columns of paper_tables/claims.csv
 ROUNDING = 1e-4  # rounding error of a difference of two numbers with four decimals
 SLACK = 1e-12  # error of the arithmetic
 
@@ -42,14 +42,12 @@ class Verdict(enum.StrEnum):
 
 @dataclass(frozen=True)
 class Claim:
-    """One statement of the paper and its test.
+    """The test of one statement of the paper.
 
     Args:
-        id: a short name.
-        quote: the words of the paper.
-        place: the section of the paper.
-        means: what the test demands, in words.
-        test: returns the tested value of a combination from the numbers, for example `test(numbers, exp="3")`.
+        id: its short name in paper_tables/claims.csv.
+        test: returns the tested value of a combination from the numbers, for example `test(numbers, exp="3")`; None if
+            the statement cannot be tested.
         over: the values of each argument of the test; every combination is tested.
         claimed: the value to exceed or to be close to; `paper` is the value of the paper's numbers.
         near: whether the value must be within the tolerance of `claimed`; else it must exceed it by the tolerance.
@@ -57,14 +55,9 @@ class Claim:
         directed: whether a value that misses has a direction that could hold.
         tolerance: one number, or one for each `metric`.
         paper_tolerance: tolerance for the paper's own numbers, which is rounding.
-        source: where the tolerance comes from.
-        untestable: why there is no test.
     """
 
     id: str
-    quote: str
-    place: str
-    means: str = ""
     test: Callable[..., Number] | None = None
     over: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     _: dataclasses.KW_ONLY
@@ -74,8 +67,6 @@ class Claim:
     directed: bool = True
     tolerance: float | Mapping[str, float] = 0.0
     paper_tolerance: float = ROUNDING
-    source: str = ""
-    untestable: str = ""
 
 
 def judge(claims: Iterable[Claim], ours: pd.DataFrame, paper: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -89,16 +80,17 @@ def judge(claims: Iterable[Claim], ours: pd.DataFrame, paper: pd.DataFrame | Non
         paper: see `numbers.paper_rows`.
 
     Returns:
-        one row per claim: id, quote, place, means, verdict, ours (the verdict on our numbers alone), paper (holds,
-        fails or no number), value of the decisive combination (the one closest to failing) with low and high, claimed,
-        margin (its distance from failing), held and combinations (numbers of combinations that pass and of all),
-        paper_value, tolerance, at_half and at_double (the verdict on our numbers at half and double the tolerance),
-        tolerance_from; reason, why a claim is untestable. Without any number of ours no row: nothing is judged.
+        one row per claim: id, verdict, ours (the verdict on our numbers alone), paper (holds, fails or no number),
+        value of the decisive combination (the one closest to failing) with low and high, claimed, margin (its distance
+        from failing), held and combinations (numbers of combinations that pass and of all), paper_value, tolerance,
+        at_half and at_double (the verdict on our numbers at half and double the tolerance). Without any number of ours
+        no row: nothing is judged.
     """
+    columns = [name for name in COLUMNS if name not in TEXTS]
     if ours.empty:
-        return pd.DataFrame(columns=list(COLUMNS))
+        return pd.DataFrame(columns=columns)
     numbers, papers = Numbers(ours), Numbers(paper_rows() if paper is None else paper)
-    return pd.DataFrame([_judge_one(claim, numbers, papers) for claim in claims], columns=list(COLUMNS))
+    return pd.DataFrame([_judge_one(claim, numbers, papers) for claim in claims], columns=columns)
 
 
 def count_verdicts(claims: pd.DataFrame) -> str:
@@ -153,9 +145,9 @@ class _Tested:
 
 
 def _judge_one(claim: Claim, ours: Numbers, papers: Numbers) -> dict[str, Any]:
-    row: dict[str, Any] = {"id": claim.id, "quote": claim.quote, "place": claim.place, "means": claim.means or None}
+    row: dict[str, Any] = {"id": claim.id, "verdict": Verdict.untested, "ours": Verdict.untested}
     if claim.test is None:
-        return {**row, "verdict": Verdict.untested, "ours": Verdict.untested, "reason": claim.untestable}
+        return row
     paper, tested = _test(claim, papers, papers, claim.paper_tolerance), _test(claim, ours, papers)
     holds = "no number" if not paper else "holds" if _verdict(claim, paper) is Verdict.reproduced else "fails"
     row |= {"paper": holds, "paper_value": _worst(claim, paper).value if paper and claim.claimed != "paper" else None}
@@ -168,7 +160,7 @@ def _judge_one(claim: Claim, ours: Numbers, papers: Numbers) -> dict[str, Any]:
         row |= {"held": sum(each.holds(claim) for each in tested), "combinations": len(tested)}
         row |= {"at_half": _verdict(claim, _scaled(tested, 0.5)), "at_double": _verdict(claim, _scaled(tested, 2))}
     final = Verdict.fails_in_paper if holds == "fails" else verdict
-    return {**row, "verdict": final, "ours": verdict, "tolerance_from": claim.source}
+    return {**row, "verdict": final, "ours": verdict}
 
 
 def _test(claim: Claim, rows: Numbers, papers: Numbers, tolerance: float | None = None) -> list[_Tested]:

@@ -40,21 +40,17 @@ class Numbers:
         encoding = "" if model in (*BASELINES, *OTHER_BOUNDS) else encoding
         return sum(self.numbers["tables", metric, e, model, encoding, "all"] for e in experiments) / len(experiments)
 
-    def recency(self, metric: str, exp: str, recency: str = "all", encoding: str = PROJECTION) -> Number:
-        """Return a measure of U-Net on the pixels of a recency."""
-        return self.numbers["recency", metric, exp, "unet", encoding, recency]
+    def unet(self, of: str, metric: str, exp: str, group: str = "all", encoding: str = PROJECTION) -> Number:
+        """Return a number of U-Net.
 
-    def obstacles(self, metric: str, exp: str, last_hit: str) -> Number:
-        """Return a measure of U-Net on the obstacles that were last hit some steps ago."""
-        return self.numbers["obstacles", metric, exp, "unet", PROJECTION, last_hit]
-
-    def uncertain(self, measure: str, exp: str) -> Number:
-        """Return `error` or `skill` of U-Net where it is uncertain, see `metrics.calibration`."""
-        return self.numbers["uncertain", measure, exp, "unet", PROJECTION, "all"]
-
-    def parameters(self, exp: str, encoding: str = PROJECTION) -> Number:
-        """Return the number of parameters of U-Net."""
-        return self.numbers["cost", "parameters", exp, "unet", encoding, "all"]
+        Args:
+            of: `recency` of pixels, `obstacles` by the time since their last hit, `uncertain` predictions, or `cost`.
+            metric: the measure, of uncertain predictions `error` or `skill`, see `metrics.calibration`.
+            exp: the experiment.
+            group: the recency of the pixels, or the last hit of the obstacles.
+            encoding: label of its encoding.
+        """
+        return self.numbers[of, metric, exp, "unet", encoding, group]
 
 
 def paper_rows() -> pd.DataFrame:
