@@ -30,11 +30,11 @@ from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
+from repro.reporting import analysis_tables
 from repro.reporting.analysis_figures import titled
 from repro.reporting.names import experiment_title, model_title
 from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
 from repro.reporting.rows import read_rows
-from repro.reporting.tables import Table, costs_to_markdown
 from repro.scans import Scans
 from repro.system.devices import clock, one_thread, resolve_precision
 
@@ -175,7 +175,7 @@ def main() -> None:
     if intervals.is_file():
         with plt.rc_context(STYLE):
             efficiency(read_rows(intervals), table).savefig(options.results / "costs.png", bbox_inches="tight", dpi=130)
-    print(costs_to_markdown(Table(table, note(runs))))
+    print(analysis_tables.costs(table, note(runs)).to_markdown())
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ from repro.config import Encoding
 from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published, read_results
-from repro.reporting.sections import _across
 from repro.reporting.tables import make_tables
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
@@ -141,16 +140,6 @@ def test_what_the_published_table_lacks_is_added_once(published, later):
     assert pd.read_csv(analysis / "generalization.csv")["shift"].tolist() == ["range noise [m]", "odometry error"]
     assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
     assert pd.read_csv(analysis / "differences.csv")["value"].tolist() == [0.1, 0.2]
-
-
-def test_a_network_may_be_tested_on_more_experiments_than_another():
-    rows = [("1", "1"), ("1", "3"), ("3", "3")]
-    frame = pd.DataFrame(rows, columns=["trained", "tested"]).assign(shift="experiment", model="unet", seed=0)
-    frame = frame.assign(encoding="projection", value=0.5)
-    frame = pd.concat([frame.assign(metric=metric) for metric in ("accuracy", "obstacle_iou")])
-    (table,) = _across(frame)
-    assert table.heads == ["Trained on", "tested on 1", "tested on 3"]
-    assert table.rows == [["1", "0.500 / 0.500", "0.500 / 0.500"], ["3", "", "0.500 / 0.500"]]
 
 
 def test_the_robustness_of_a_published_network_is_added_without_runs(published, tmp_path):

@@ -6,14 +6,13 @@ from scipy.special import entr
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
+from repro.reporting.analysis_tables import claims as table_of_claims
 from repro.reporting.claims import COLUMNS, Claim, Verdict, count_verdicts, judge, on_paper
-from repro.reporting.documents import claims_to_markdown
 from repro.reporting.numbers import Numbers, analysis_rows, paper_rows
 from repro.reporting.page import Report, render
 from repro.reporting.paper import audit, read_paper
 from repro.reporting.papers_claims import CLAIMS, verdicts
-from repro.reporting.results import read_published
-from repro.reporting.rows import read_rows
+from repro.reporting.results import read_frames, read_published
 
 KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
 NO_QUALITY = ("square-sees-more", "square-delays-more", "stack-is-larger", "eight-variations")  # of data, size, count
@@ -75,7 +74,7 @@ def test_a_number_without_an_interval_is_stated_without_one():
     assert np.isnan(row["low"])
     assert np.isnan(row["high"])
     judged = judge([ABOVE], rows_of(e3=0.95, e4=0.90), rows_of(e3=0.9, e4=0.8))
-    text = claims_to_markdown(judged.assign(quote="", means=""))
+    text = table_of_claims({"claims": judged.assign(quote="", means="")})
     assert "| 0.050 (0 ± 0.02) |" in text
 
 
@@ -124,8 +123,7 @@ def test_verdicts_are_counted_in_the_order_from_reproduced_to_untested():
 
 
 def analysis(scale):
-    path = ROOT / "reproduce" / "results" / scale / "analysis"
-    return {each.stem: read_rows(each) for each in path.glob("*.csv")}
+    return read_frames(ROOT / "reproduce" / "results" / scale)
 
 
 @pytest.mark.parametrize("scale", SCALES)

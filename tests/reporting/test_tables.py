@@ -4,7 +4,7 @@ import pandas as pd
 from conftest import fake_run, fake_study
 
 from repro.metrics.names import TABLE_METRICS
-from repro.reporting.tables import Table, costs_to_markdown, write_tables
+from repro.reporting.tables import Table, write_tables
 from repro.runs.outputs import Outputs
 
 
@@ -45,22 +45,6 @@ def test_empty_tables_say_that_no_run_is_evaluated(tmp_path):
     tables = write_tables(Outputs(tmp_path))
     assert all("No run evaluated yet" in table.to_markdown() for table in tables.values())
     assert not (tmp_path / "tables" / "main.csv").exists()
-
-
-def test_the_costs_table_leaves_out_unmeasured_columns():
-    table = pd.DataFrame(
-        {
-            "model": ["unet", "fpn"],
-            "size_px": [64, 64],
-            "parameters_m": [5.5512, 5.07],
-            "cuda_eager_ms": [None, None],
-            "cpu_onnx_ms": [12.34, None],
-        }
-    )
-    page = costs_to_markdown(Table(table, "Costs of the networks.")).splitlines()
-    assert page[0] == "**Costs of the networks.**"
-    assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, ONNX Runtime [ms] |", "|---|---|---|---|"]
-    assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]
 
 
 def test_a_metric_that_is_younger_than_published_results_is_left_empty():

@@ -6,16 +6,15 @@ from repro.cli.jobs import RESULTS, ROOT
 from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
 from repro.reporting.papers_claims import verdicts
-from repro.reporting.results import read_published
-from repro.reporting.rows import read_rows
+from repro.reporting.results import read_frames, read_published
 from repro.system.files import write_text
 
 
 def update_docs() -> None:
     """Write the verdicts of the published analyses, the tables between the markers of documents, and the reports."""
     for path in sorted(RESULTS.glob("*/analysis/claims.csv")):
-        frames = {each.stem: read_rows(each) for each in path.parent.glob("*.csv")}
-        judged = verdicts(frames, read_published(path.parents[1]))
+        published = path.parents[1]
+        judged = verdicts(read_frames(published), read_published(published))
         _update(path, judged.to_csv(index=False, float_format="%.6g"))
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(RESULTS.glob("*/tables.md"))):
         _update(path, with_results(path.read_text(encoding="utf-8"), RESULTS))

@@ -1,10 +1,11 @@
 """Claims: tests of the paper's statements on the paper's numbers and on ours.
 
-`papers_claims.CLAIMS` lists the test of every checkable statement, paper_tables/claims.csv its words. The `uncertainties`
-library propagates the intervals of the numbers through the test as independent standard errors. This is conservative for differences of positively correlated numbers, as of two networks on the same test worlds; for
-recall and specificity or precision, which are negatively correlated over seeds, the part due to the seeds is up to a
-third too small. A difference counts only if it exceeds the tolerance and its interval excludes zero; a level counts
-only if its whole interval is within the tolerance.
+`papers_claims.CLAIMS` lists the test of every checkable statement, paper_tables/claims.csv its words. The
+`uncertainties` library propagates the intervals of the numbers through the test as independent standard errors. This is
+conservative for differences of positively correlated numbers, as of two networks on the same test worlds; for recall
+and specificity or precision, which are negatively correlated over seeds, the part due to the seeds is up to a third too
+small. A difference counts only if it exceeds the tolerance and its interval excludes zero; a level counts only if its
+whole interval is within the tolerance.
 """
 
 import dataclasses

@@ -10,7 +10,7 @@ from repro.config import PROJECTION
 from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.paper import free_share, read_paper
+from repro.reporting.paper import all_free_dice, free_share, read_paper
 from repro.runs.keys import CELL
 
 Z = 1.96  # half-width of a 95 % interval in standard errors
@@ -56,13 +56,10 @@ class Numbers:
 def paper_rows() -> pd.DataFrame:
     """Return the paper's tables as tidy rows, with the implied scores of an all-free prediction on its maps."""
     table = read_paper()
-    free = [
-        {**row, "model": "all_free", "encoding": "", "accuracy": share, "dice": 2 * share / (1 + share)}
-        for row in table[(table["model"] == "average") & (table["encoding"] == PROJECTION)].to_dict("records")
-        for share in [free_share({str(name): value for name, value in row.items()})]
-    ]
-    rows = pd.concat([table, pd.DataFrame(free)[[*CELL, "accuracy", "dice"]]])
-    long = rows.melt(CELL, list(METRICS), "metric")
+    average = table[(table["model"] == "average") & (table["encoding"] == PROJECTION)][[*CELL]]
+    share = free_share(table.loc[average.index])
+    free = average.assign(model="all_free", encoding="", accuracy=share, dice=all_free_dice(share))
+    long = pd.concat([table, free]).melt(CELL, list(METRICS), "metric")
     return long.assign(of="tables", recency="all", low=float("nan"), high=float("nan"))
 
 

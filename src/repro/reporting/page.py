@@ -1,5 +1,6 @@
 """The HTML report: one self-contained file with tables, claims, figures, samples and provenance."""
 
+import base64
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -10,23 +11,24 @@ from typing import Any
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
+from PIL import Image
 
 from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
+from repro.reporting.analysis_tables import tables_of_sections
 from repro.reporting.claims import Verdict, on_paper
 from repro.reporting.names import experiment_title, predictor_title, scale_options
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import interval, with_interval
-from repro.reporting.results import audits, read_origins, read_published
-from repro.reporting.rows import read_rows
-from repro.reporting.sections import embedded, tables_of_sections
+from repro.reporting.results import audits, read_frames, read_origins, read_published
 from repro.reporting.tables import HEADS, Table, caption, make_tables, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
 
 SAMPLES = re.compile(r'<script id="data" type="application/json">(.*?)</script>', re.DOTALL)
+PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 VERDICT_CLASSES = {
     Verdict.reproduced: "reproduced",
     Verdict.in_direction: "direction",
@@ -97,9 +99,16 @@ def render(report: Report) -> str:
         claims=[_claim(row) for row in report.claims.to_dict("records")],
         browser=report.samples,
         figures=report.figures,
-        embedded=embedded,
+        embedded=_embedded,
         tables_of=tables_of_sections(report.frames, report.origins),
     )
+
+
+def _embedded(path: Path) -> dict[str, Any]:
+    """Return a PNG file for the page: its width on the page [px], and its data in base 64."""
+    with Image.open(path) as image:
+        inches = image.width / image.info["dpi"][0]
+    return {"width": round(PX_PER_INCH * inches), "data": base64.b64encode(path.read_bytes()).decode()}
 
 
 def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
@@ -216,7 +225,7 @@ def render_published(directory: Path) -> str:
     """
     results = read_published(directory)
     scale = str(results["scale"].iloc[0])
-    frames = {path.stem: read_rows(path) for path in sorted((directory / "analysis").glob("*.csv"))}
+    frames = read_frames(directory)
     samples = SAMPLES.search((directory / "report.html").read_text(encoding="utf-8"))
     report = Report(
         scale=scale,

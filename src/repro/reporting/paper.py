@@ -13,6 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
@@ -22,7 +23,6 @@ from repro.runs.keys import CELL
 from repro.system.places import conf_directory
 from repro.world_config import read_world, world_spec
 
-Row = dict[str, float]
 TABLES = files("repro.reporting") / "paper_tables"
 WORLDS = conf_directory() / "world" / "paper.yaml"
 
@@ -68,14 +68,7 @@ def targets(experiment: str) -> dict[str, float]:
     rows = read_paper().query("model == 'average' and encoding == @PROJECTION and experiment == @experiment")
     if rows.empty:
         return {}
-    row = {name: rows[name].item() for name in METRICS}
-    return {"coverage": 1 - free_share(row), "specificity": row["specificity"]}
-
-
-AUDIT = (  # of the audit, after those that identify the rows
-    *("free", "free_by_precision", "free_agrees", "dice_by_precision", "dice_agrees", "obstacle_iou"),
-    *("all_free_accuracy", "all_free_dice", "gain"),
-)
+    return {"coverage": 1 - free_share(rows).item(), "specificity": rows["specificity"].item()}
 
 
 def audit(table: pd.DataFrame) -> pd.DataFrame:
@@ -91,64 +84,60 @@ def audit(table: pd.DataFrame) -> pd.DataFrame:
         `free_by_precision`, the same implied by precision, recall and specificity; `free_agrees`; `dice_by_precision`,
         2PR / (P + R); `dice_agrees`; `obstacle_iou`, implied by the row; `all_free_accuracy` and `all_free_dice`, the
         scores of an all-free prediction on the same maps; `gain`, the difference between accuracy and
-        `all_free_accuracy`.
+        `all_free_accuracy`. A value that a row does not determine is nan.
     """
-    names = [name for name in table.columns if name not in METRICS]
-    rows = []
-    for _, row in table.iterrows():
-        values = {name: float(row[name]) for name in METRICS if name != "ssim"}
-        free = free_share(values)
-        rows.append(
-            {
-                **{name: row[name] for name in names},
-                "free": free,
-                "free_by_precision": free_share_by_precision(values),
-                "free_agrees": _agree(free_share, free_share_by_precision, values),
-                "dice_by_precision": dice_by_precision(values),
-                "dice_agrees": _agree(dice_by_precision, lambda given: given["dice"], values),
-                "obstacle_iou": obstacle_iou(values),
-                "all_free_accuracy": free,
-                "all_free_dice": 2 * free / (1 + free),
-                "gain": values["accuracy"] - free,
-            }
-        )
-    return pd.DataFrame(rows, columns=[*names, *AUDIT])
+    free = free_share(table)
+    return table.drop(columns=[*METRICS], errors="ignore").assign(
+        free=free,
+        free_by_precision=free_share_by_precision(table),
+        free_agrees=_agree(free_share, free_share_by_precision, table),
+        dice_by_precision=dice_by_precision(table),
+        dice_agrees=_agree(dice_by_precision, lambda rows: rows["dice"], table),
+        obstacle_iou=obstacle_iou(table),
+        all_free_accuracy=free,
+        all_free_dice=all_free_dice(free),
+        gain=table["accuracy"] - free,
+    )
 
 
-def free_share(row: Row) -> float:
+def free_share(rows: pd.DataFrame) -> pd.Series:
     """Solve accuracy = f recall + (1 - f) specificity for the share of free pixels f."""
-    return _ratio(row["accuracy"] - row["specificity"], row["recall"] - row["specificity"])
+    return _ratio(rows["accuracy"] - rows["specificity"], rows["recall"] - rows["specificity"])
 
 
-def free_share_by_precision(row: Row) -> float:
+def free_share_by_precision(rows: pd.DataFrame) -> pd.Series:
     """Solve precision = f recall / (f recall + (1 - f) (1 - specificity)) for the share of free pixels f."""
-    wrong = row["precision"] * (1 - row["specificity"])
-    return _ratio(wrong, wrong + row["recall"] * (1 - row["precision"]))
+    wrong = rows["precision"] * (1 - rows["specificity"])
+    return _ratio(wrong, wrong + rows["recall"] * (1 - rows["precision"]))
 
 
-def dice_by_precision(row: Row) -> float:
+def dice_by_precision(rows: pd.DataFrame) -> pd.Series:
     """Compute Dice as the harmonic mean of precision and recall."""
-    return _ratio(2 * row["precision"] * row["recall"], row["precision"] + row["recall"])
+    return _ratio(2 * rows["precision"] * rows["recall"], rows["precision"] + rows["recall"])
 
 
-def obstacle_iou(row: Row) -> float:
-    """Compute the obstacle IoU that the row implies."""
-    free = free_share(row)
-    hit = (1 - free) * row["specificity"]
-    return _ratio(hit, 1 - free + free * (1 - row["recall"]))
+def all_free_dice(free: pd.Series) -> pd.Series:
+    """Compute Dice of an all-free prediction from the share of free pixels, which is its accuracy."""
+    return 2 * free / (1 + free)
 
 
-def _ratio(numerator: float, denominator: float) -> float:
+def obstacle_iou(rows: pd.DataFrame) -> pd.Series:
+    """Compute the obstacle IoU that the rows imply."""
+    free = free_share(rows)
+    return _ratio((1 - free) * rows["specificity"], 1 - free + free * (1 - rows["recall"]))
+
+
+def _ratio(numerator: pd.Series, denominator: pd.Series) -> pd.Series:
     """Divide, with nan where a row determines nothing, as that of a network that predicts obstacles everywhere."""
-    return numerator / denominator if denominator else float("nan")
+    return numerator / denominator.where(denominator != 0)
 
 
-def _agree(one: Callable[[Row], float], other: Callable[[Row], float], row: Row) -> bool:
+def _agree(
+    one: Callable[[pd.DataFrame], pd.Series], other: Callable[[pd.DataFrame], pd.Series], rows: pd.DataFrame
+) -> pd.Series:
     """Return whether two numbers computed from a row can be equal before the terms of the row were rounded."""
     half = 0.5e-4  # of the last printed decimal
-    low = high = one(row) - other(row)
-    for signs in itertools.product((-half, half), repeat=len(row)):
-        moved = {name: value + sign for (name, value), sign in zip(row.items(), signs, strict=True)}
-        gap = one(moved) - other(moved)
-        low, high = min(low, gap), max(high, gap)
-    return low <= 0 <= high
+    names = [name for name in METRICS if name != "ssim"]
+    moved = (rows[names] + np.array(signs) for signs in itertools.product((-half, half), repeat=len(names)))
+    gaps = pd.concat([one(terms) - other(terms) for terms in moved], axis=1)
+    return (gaps.min(axis=1) <= 0) & (gaps.max(axis=1) >= 0)

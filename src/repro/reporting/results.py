@@ -105,6 +105,11 @@ def read_published(directory: Path) -> pd.DataFrame:
     return _with_all_metrics(rows)
 
 
+def read_frames(directory: Path) -> dict[str, pd.DataFrame]:
+    """Load the tables of the analysis of a published directory, and `costs`, by their names."""
+    return {path.stem: read_rows(path) for path in (*directory.glob("analysis/*.csv"), *directory.glob("costs.csv"))}
+
+
 def _with_all_metrics(rows: pd.DataFrame) -> pd.DataFrame:
     """Add the columns of metrics that are younger than the evaluation of all runs, without values."""
     return rows.reindex(columns=list(dict.fromkeys([*rows.columns, *EXTRA_METRICS])))

@@ -10,7 +10,7 @@ from repro.metrics.names import HEADINGS, TABLE_METRICS
 from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title, predictor_title
 from repro.reporting.paper import read_paper
-from repro.reporting.render import Cells, cells_of, number
+from repro.reporting.render import Cells, number
 from repro.reporting.results import OURS, compare, read_results, select
 from repro.reporting.rows import Settings, changed, read_cells, usual
 from repro.runs.keys import CELL
@@ -23,15 +23,6 @@ TABLE_TITLES = {
     "ablation": "Prediction metrics without the gray-scale time decay",
 }
 TABLE_ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # encoding of the networks in each table
-COSTS = {
-    "size_px": ("Image [px]", 0),
-    "parameters_m": ("Parameters [M]", 2),
-    "forward_gflop": ("Forward [GFLOP]", 2),
-    "training_min": ("Training [min]", 1),
-    "cpu_eager_ms": ("CPU, eager [ms]", 1),
-    "cpu_onnx_ms": ("CPU, ONNX Runtime [ms]", 1),
-    "cuda_eager_ms": ("GPU, eager [ms]", 1),
-}
 
 
 @dataclass(frozen=True)
@@ -117,15 +108,6 @@ def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str,
             for path in outputs.tables.glob(f"{name}.*"):
                 path.unlink()
     return tables
-
-
-def costs_to_markdown(costs: Table) -> str:
-    """Return the costs as Markdown, one row per network and resolution, without columns that are empty everywhere."""
-    encodings = costs.frame.get("encoding", pd.Series(PROJECTION, costs.frame.index))
-    titles = [predictor_title(*names) for names in zip(costs.frame["model"], encodings, strict=True)]
-    return cells_of(
-        costs.frame.dropna(axis="columns", how="all").assign(model=titles), ["model"], COSTS, costs.caption
-    ).to_markdown()
 
 
 def _ours(row: pd.Series, metric: str) -> str:
