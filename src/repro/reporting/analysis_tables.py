@@ -82,8 +82,10 @@ def methods(frames: DataFrames, caption: str) -> Cells:
     bounded = [name for name in chosen if name in set(rows.loc[rows["model"] == BOUND, "experiment"])]
     texts, shares = _texts(rows), _shares(rows)
     shown = []
-    for (model, encoding), own_rows in sorted(rows.groupby(["model", "encoding"]), key=lambda item: _order(*item[0])):
-        counts = sorted({f"{count:.0f}" for count in own_rows["seeds"]}) if encoding else []
+    cells = set(zip(rows["model"], rows["encoding"], strict=True))
+    for model, encoding in sorted(cells, key=lambda cell: (rank(cell[0]), cell[1] != PROJECTION, cell[1], cell[0])):
+        seeds = rows.loc[(rows["model"] == model) & (rows["encoding"] == encoding), "seeds"]
+        counts = sorted({f"{count:.0f}" for count in seeds}) if encoding else []
         values = [texts.get((name, model, encoding, metric), "") for name in chosen for metric in SUMMARY]
         values += [number(shares.get((name, model, encoding)), 2) for name in bounded]
         shown.append((predictor_title(model, encoding), " to ".join(counts), *values))
@@ -184,11 +186,6 @@ def _shares(rows: pd.DataFrame) -> pd.Series:
     iou = _obstacle_iou(rows)
     of_bound = iou[iou["model"] == BOUND].set_index("experiment")["value"]
     return iou.assign(share=iou["value"] / iou["experiment"].map(of_bound)).set_index(CELL)["share"]
-
-
-def _order(model: str, encoding: str) -> tuple[int, bool, str, str]:
-    """Return the position of a predictor: in the order of the tables, the paper's input before others."""
-    return rank(model), encoding != PROJECTION, encoding, model
 
 
 def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
