@@ -34,7 +34,7 @@ setup: .venv/ready ## create .venv and install the pinned packages
 	fi
 	@touch $@
 
-reproduce: setup ## the whole study: [SCALE=smoke|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
+reproduce: setup ## the whole study: [SCALE=first|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
 	$(PY) run.py task=plan $(SCALE_ARG) $(SINGLE_ARGS)
 	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 $(SCALE_ARG) $(ARGS)
 	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false $(SCALE_ARG) $(ARGS)

@@ -20,7 +20,7 @@ from repro.reporting.page import render_published
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "DEVIATIONS.md", *sorted((ROOT / "docs").glob("*.md"))]
 TABLES = sorted((ROOT / "reproduce" / "results").glob("*/tables.md"))
-TINY = ["scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"]
+TINY = ["scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"]
 ABLATION = "python run.py -m model=unet,fpn,upernet,segformer exp=3,4 decay=false"
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -146,7 +146,7 @@ def documented_commands() -> list[str]:
 
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("documented") / "smoke"
+    return tmp_path_factory.mktemp("documented") / "first"
 
 
 def runnable() -> dict[bool, list[str]]:
@@ -169,5 +169,5 @@ def test_documented_command_is_accepted(command, monkeypatch):
 @pytest.mark.parametrize("command", runnable()[False])
 def test_documented_command(command, outputs, tmp_path):
     if "outputs=" in command:
-        outputs = tmp_path / "smoke"  # another configuration than the other commands
+        outputs = tmp_path / "first"  # another configuration than the other commands
     run_command(command, outputs)

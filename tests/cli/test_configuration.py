@@ -111,7 +111,7 @@ def test_validation_imports_no_heavy_library():
 
 @pytest.mark.slow
 def test_training_without_recordings_names_the_command_that_records(tmp_path):
-    status, text, _ = call("task=train", "scale=smoke", f"outputs={tmp_path / 'smoke'}")
+    status, text, _ = call("task=train", "scale=first", f"outputs={tmp_path / 'first'}")
     assert status == 1
     assert "Traceback" not in text
     assert "run the same command with task=record first" in text
@@ -144,7 +144,7 @@ def test_published_results_are_those_of_the_name_of_the_outputs(monkeypatch):
 
 def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     """A run that is there fixes the settings of later calls."""
-    job = resolve(read_call("task=evaluate", "scale=smoke", f"outputs={tmp_path}"))
+    job = resolve(read_call("task=evaluate", "scale=first", f"outputs={tmp_path}"))
     with pytest.raises(ValueError, match=r"task=(train|record) first"):
         job.call.facts.run(job)
     assert not list(job.outputs.runs())
@@ -153,13 +153,13 @@ def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
 @pytest.mark.parametrize("task", ["animate", "generalization"])
 def test_a_network_is_not_shown_worlds_of_another_call(task, tmp_path):
     """A map of 50 m would be predicted from scans of one of 100 m."""
-    trained = read_call("exp=3", "scale=smoke", f"outputs={tmp_path}")
+    trained = read_call("exp=3", "scale=first", f"outputs={tmp_path}")
     run = resolve(trained).run
     run.prepare(resolve(trained).config)
     run.begin_step("trained", Status.trained)
     directory = resolve(trained).recordings
     directory.mkdir(parents=True)
     (directory / "manifest.json").write_text("{}")
-    call = read_call(f"task={task}", "exp=3", "scale=smoke", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
+    call = read_call(f"task={task}", "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
     with pytest.raises(InputError, match="worlds"):
         call.facts.run(resolve(call))

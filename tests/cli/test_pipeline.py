@@ -20,7 +20,7 @@ COMMAND = ["run.py", "-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay
 
 def tiny(outputs):
     return [
-        "scale=smoke", f"outputs={outputs}", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4",
+        "scale=first", f"outputs={outputs}", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4",
         "scale.max_epochs=1", "runtime.accelerator=cpu",
     ]  # fmt: skip
 
@@ -33,7 +33,7 @@ def call(*arguments):
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """Run the sweep of the README at a tiny size."""
-    outputs = tmp_path_factory.mktemp("study") / "smoke"
+    outputs = tmp_path_factory.mktemp("study") / "first"
     status, text = call(*COMMAND, *tiny(outputs))
     assert status == 0, text[-4000:]
     return outputs, text
@@ -48,7 +48,7 @@ def test_the_sweep_ends_with_a_complete_table(study):
         assert ((table[metric] - table[f"paper_{metric}"]) - table[f"delta_{metric}"]).abs().max() < 2e-4
     assert "Prediction metrics without the gray-scale time decay" in text
     assert "Prediction metrics. " not in text
-    assert "Scale smoke: 64 x 64 px, 16 training and 4 test pairs" in text
+    assert "Scale first: 32 x 32 px, 16 training and 4 test pairs" in text
 
 
 def test_the_quick_baselines_are_in_the_main_table(study):
@@ -82,16 +82,16 @@ def test_another_configuration_in_the_same_directory_is_refused(study):
     outputs, _ = study
     status, text = call("run.py", "exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
     assert status != 0
-    assert "train.batch_size is 8, requested 4" in text
+    assert "train.batch_size is 16, requested 4" in text
 
 
 def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     outputs, _ = study
-    copy = tmp_path / "smoke"
+    copy = tmp_path / "first"
     shutil.copytree(outputs, copy)
     shutil.rmtree(copy / "tables")
     config = copy / "runs/exp3/fpn/projection-no-decay/seed0/config.yaml"
-    config.write_text(config.read_text().replace("batch_size: 8", "batch_size: 4"))
+    config.write_text(config.read_text().replace("batch_size: 16", "batch_size: 4"))
     shutil.rmtree(copy / "runs/exp3/fpn/projection-no-decay/seed0/model")
     (copy / "runs/exp3/fpn/projection-no-decay/seed0/provenance.json").unlink()
     status, text = call(*COMMAND, *tiny(copy))
@@ -104,7 +104,7 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
 
 def test_trainings_at_the_same_time_and_one_after_the_other_give_the_same_results(study, tmp_path):
     outputs, _ = study
-    copy = tmp_path / "smoke"
+    copy = tmp_path / "first"
     arguments = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=basic", *tiny(copy)]
     status, text = call(*arguments)
     assert status == 0, text[-4000:]
@@ -122,11 +122,11 @@ def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
     small = [each.replace("max_epochs=1", "max_epochs=2") for each in tiny("")[2:]]
     overrides = ["run.py", "-m", "model=fpn", "exp=3", "seed=0,1", "decay=false", *small]
     overrides.append("hydra/launcher=basic")  # one process, with one time limit
-    whole, parts = (["scale=smoke", f"outputs={tmp_path / name / 'smoke'}"] for name in ("whole", "parts"))
+    whole, parts = (["scale=first", f"outputs={tmp_path / name / 'first'}"] for name in ("whole", "parts"))
     status, text = call(*overrides, *whole)
     assert status == 0, text[-4000:]
 
-    first_epoch = tmp_path / "parts/smoke/runs/exp3/fpn/projection-no-decay/seed0/history.csv"
+    first_epoch = tmp_path / "parts/first/runs/exp3/fpn/projection-no-decay/seed0/history.csv"
     process = subprocess.Popen([sys.executable, *overrides, *parts], cwd=ROOT, stdout=subprocess.DEVNULL)
     while process.poll() is None and not first_epoch.exists():
         time.sleep(0.01)
@@ -141,21 +141,21 @@ def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
     assert calls in (3, 4)  # an epoch a call; the killed one had done the first of four, or nearly
     for name in ("metrics.csv", "validation.csv", "per_image.csv"):
         for seed in ("seed0", "seed1"):
-            run = Path("smoke/runs/exp3/fpn/projection-no-decay") / seed / name
+            run = Path("first/runs/exp3/fpn/projection-no-decay") / seed / name
             assert (tmp_path / "parts" / run).read_text() == (tmp_path / "whole" / run).read_text()
-    assert pd.read_csv(tmp_path / "parts/smoke/tables/ablation.csv")["ssim"].notna().all()
+    assert pd.read_csv(tmp_path / "parts/first/tables/ablation.csv")["ssim"].notna().all()
 
 
 def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
     office = "{motion: ${world.motions.square}, obstacles: ${world.obstacles.moving}, clear_radius_m: 9.0}"
-    overrides = ["exp=office", f"++world.experiments.office={office}", "model=fpn", *tiny(tmp_path / "smoke")]
+    overrides = ["exp=office", f"++world.experiments.office={office}", "model=fpn", *tiny(tmp_path / "first")]
     status, text = call("run.py", *overrides)
     assert status == 0, text[-4000:]
     status, text = call("run.py", *overrides, "task=report")
     assert status == 0, text[-4000:]
-    assert "| office | FPN |" in (tmp_path / "smoke/tables/main.md").read_text()
-    assert "office & FPN" in (tmp_path / "smoke/tables/main.tex").read_text()
-    assert (tmp_path / "smoke/figures/data_collection.png").is_file()
+    assert "| office | FPN |" in (tmp_path / "first/tables/main.md").read_text()
+    assert "office & FPN" in (tmp_path / "first/tables/main.tex").read_text()
+    assert (tmp_path / "first/figures/data_collection.png").is_file()
 
 
 def test_report_rebuilds_tables_and_figures(study):

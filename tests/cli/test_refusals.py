@@ -169,7 +169,7 @@ YAML = {  # contents of a file scale/broken.yaml
     "a: &x [*x]": "recursion",
     '!!python/object/apply:os.system ["touch pwned"]': "could not determine a constructor",
     "a: 1": "Interpolation key 'scale.learning_rate' not found",
-    "defaults: [smoke, _self_]\na: ${oc.env:HOME}": "is not a known key",
+    "defaults: [first, _self_]\na: ${oc.env:HOME}": "is not a known key",
 }
 TASKS = {  # keys that a task needs, or does not use; README.md stands for any file
     "-m task=all,report exp=3": "task=all,report: a sweep has one task",

@@ -327,11 +327,11 @@ def test_the_documents_state_how_long_a_study_takes():
 
 
 def test_a_call_with_other_pairs_than_those_of_the_runs_is_refused(tmp_path, monkeypatch):
-    run = fake_run(tmp_path / "smoke", "3", "unet", 0.4)
+    run = fake_run(tmp_path / "first", "3", "unet", 0.4)
     monkeypatch.setattr("repro.cli.publishing.world_files", lambda used: ["paper"])
     data = run.config().data
-    scale = Scale("smoke", "", data.size_px, data.pairs, 1e-3, 8, 2, True, 0.99)
-    job = SimpleNamespace(outputs=Outputs(tmp_path / "smoke"), call=SimpleNamespace(scale=scale))
+    scale = Scale("first", "", data.size_px, data.pairs, 1e-3, 8, 2, True, 0.99)
+    job = SimpleNamespace(outputs=Outputs(tmp_path / "first"), call=SimpleNamespace(scale=scale))
     assert "world=" not in overrides_of(job)
     job.call.scale = replace(scale, pairs=replace(data.pairs, train=data.pairs.train + 2))
     with pytest.raises(ValueError, match=f"other data than this call: add scale.pairs.train={data.pairs.train}$"):

@@ -98,13 +98,10 @@ def test_the_caption_has_scale_size_pairs_epochs_and_seeds(tmp_path):
         assert fact in text
 
 
-def test_the_caption_reports_uneven_seeds_and_that_smoke_numbers_mean_nothing(tmp_path):
+def test_the_caption_reports_uneven_seeds(tmp_path):
     fake_study(tmp_path / "a")
     fake_run(tmp_path / "a", "3", "unet", 0.5, seed=1)
     assert "seeds 0, 1 (1 to 2 per cell)." in caption(read_results(Outputs(tmp_path / "a")))
-    fake_run(tmp_path / "any name", "3", "unet", 0.5, scale="smoke")
-    assert caption(read_results(Outputs(tmp_path / "any name"))).startswith("Scale smoke: ")
-    assert "its numbers mean nothing" in caption(read_results(Outputs(tmp_path / "any name")))
 
 
 def test_the_cells_of_the_paper_that_have_no_run_are_named(tmp_path):

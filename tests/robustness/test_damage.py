@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
 OVERRIDES = (
-    *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
+    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
     *("runtime.accelerator=cpu", "runtime.precision=32-true", "runtime.workers=1"),
 )
 
@@ -43,7 +43,7 @@ def call(outputs, task, *overrides):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    outputs = tmp_path_factory.mktemp("study") / "smoke"
+    outputs = tmp_path_factory.mktemp("study") / "first"
     for experiment, model in CELLS:
         assert call(outputs, "all", f"exp={experiment}", f"model={model}") is None
     assert call(outputs, "report") is None
@@ -52,8 +52,8 @@ def study(tmp_path_factory):
 
 @pytest.fixture
 def copy(study, tmp_path):
-    shutil.copytree(study, tmp_path / "smoke")
-    return tmp_path / "smoke"
+    shutil.copytree(study, tmp_path / "first")
+    return tmp_path / "first"
 
 
 def run_of(outputs: Path, experiment: str = "3", model: str = "fpn") -> Path:
@@ -220,7 +220,7 @@ def test_a_copied_run_is_left_out(copy, key, capsys):
     [
         ("train.dice_eps=1e-5", "holds a run of another configuration (train.dice_eps is 1e-06, requested 1e-05)"),
         ("oldest_gray=0.5", "holds a run of another configuration (encoding.parameters.oldest_gray is 0.8, requested"),
-        ("scale.size_px=32", "has other data (size_px is 64, requested 32)"),
+        ("scale.size_px=64", "has other data (size_px is 32, requested 64)"),
         (
             "world.obstacles.moving.disc_share=1",
             "has other data (worlds: the file of conf/world is another or has changed since",
@@ -250,11 +250,11 @@ def test_a_shard_of_an_unknown_split_is_refused(copy):
 
 def test_a_wrong_size_is_refused_before_a_baseline_is_evaluated(tmp_path):
     """The baselines are not evaluated with the wrong size."""
-    outputs = tmp_path / "smoke"
+    outputs = tmp_path / "first"
     assert call(outputs, "all", "exp=3", "model=fpn") is None
-    message = call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32")
-    assert "data.size_px is 64, requested 32" in message
+    message = call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=64")
+    assert "data.size_px is 32, requested 64" in message
     shutil.rmtree(run_of(outputs))
     for name in QUICK_BASELINES:
         shutil.rmtree(outputs / "baselines" / "exp3" / name)
-    assert call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=32") is None
+    assert call(outputs, "all", "exp=3", "model=fpn", "scale.size_px=64") is None

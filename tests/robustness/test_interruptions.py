@@ -23,7 +23,7 @@ from repro.system.files import replacing
 pytestmark = pytest.mark.slow
 
 TINY = (
-    *("scale=smoke", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
+    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
     *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
 )
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
@@ -56,7 +56,7 @@ def wait_for(pattern, outputs, process, seconds=120):
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Return the outputs of a study that was not interrupted."""
-    outputs = tmp_path_factory.mktemp("whole") / "smoke"
+    outputs = tmp_path_factory.mktemp("whole") / "first"
     status, text = finish(start(outputs))
     assert status == 0, text
     return outputs
@@ -147,7 +147,7 @@ def test_leftovers_of_a_killed_process_are_deleted(recorded, tmp_path):
 
 @pytest.mark.parametrize("moment", ["recordings/exp3/.lock", f"{RUN}/history.csv"])
 def test_an_interrupted_command_resumes(whole, tmp_path, moment):
-    outputs = tmp_path / "smoke"
+    outputs = tmp_path / "first"
     process = start(outputs)
     wait_for(moment, outputs, process)
     os.killpg(process.pid, signal.SIGINT)
@@ -161,7 +161,7 @@ def test_an_interrupted_command_resumes(whole, tmp_path, moment):
 
 
 def test_a_terminated_sweep_ends_its_workers(tmp_path):
-    outputs = tmp_path / "smoke"
+    outputs = tmp_path / "first"
     process = start(outputs, "seed=0,1", "train.max_epochs=200", "train.patience=200", "hydra/launcher=cores", "-m")
     wait_for("runs/exp3/fpn/projection/seed*/history.csv", outputs, process)
     process.terminate()
@@ -177,7 +177,7 @@ def test_a_terminated_sweep_ends_its_workers(tmp_path):
 @pytest.mark.parametrize("round_", range(ROUNDS))
 @pytest.mark.parametrize("count", [2] if ROUNDS == 1 else [2, 4])
 def test_concurrent_processes_do_the_work_once(whole, tmp_path, count, round_):
-    outputs = tmp_path / "smoke"
+    outputs = tmp_path / "first"
     processes = [start(outputs) for _ in range(count)]
     texts = [finish(process) for process in processes]
     assert [status for status, _ in texts] == [0] * count, texts
@@ -266,7 +266,7 @@ def small_disk(tmp_path):
 
 
 def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
-    outputs = small_disk / "smoke"
+    outputs = small_disk / "first"
     status, text = finish(start(outputs))
     assert status == 1, text
     assert "No space left on device: free some space" in text
@@ -281,11 +281,11 @@ def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
 
 
 def test_earlier_predictions_survive_a_full_disk(small_disk):
-    earlier = small_disk / "smoke/predictions/rooms/windows.csv"
+    earlier = small_disk / "first/predictions/rooms/windows.csv"
     earlier.parent.mkdir(parents=True)
     earlier.write_text("earlier")
     (small_disk / "others").write_bytes(bytes(2_900_000))
-    command = [sys.executable, "run.py", "task=predict", "scans=examples/rooms.npz", f"outputs={small_disk / 'smoke'}"]
+    command = [sys.executable, "run.py", "task=predict", "scans=examples/rooms.npz", f"outputs={small_disk / 'first'}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1, done.stdout
     assert "No space left on device: free some space" in done.stderr
@@ -295,7 +295,7 @@ def test_earlier_predictions_survive_a_full_disk(small_disk):
 
 def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
-    status, text = finish(start(small_disk / "smoke"))
+    status, text = finish(start(small_disk / "first"))
     assert status == 1, text
     assert "Read-only file system" in text
     assert "choose a directory that can be written with outputs=" in text
@@ -303,10 +303,10 @@ def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
 
 
 def test_a_sweep_ends_with_its_failed_jobs_and_their_errors(whole, tmp_path):
-    outputs = tmp_path / "smoke"
+    outputs = tmp_path / "first"
     shutil.copytree(whole, outputs)
     path = outputs / RUN / "config.yaml"
-    path.write_text(path.read_text().replace("batch_size: 8", "batch_size: 4"))
+    path.write_text(path.read_text().replace("batch_size: 16", "batch_size: 4"))
     status, text = finish(start(outputs, "exp=3,4", "-m"))
     assert status == 1, text
     assert "Traceback" not in text

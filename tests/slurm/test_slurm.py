@@ -18,7 +18,8 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif("REPRO_SLURM" not in os.environ, reason="make test-slurm starts a Slurm for it"),
 ]
-SMALL = ["scale=smoke", "scale.max_epochs=6", "hydra/launcher=slurm", "hydra.launcher.cpus_per_task=1"]
+SIZE = ["scale=first", "scale.pairs.train=200", "scale.pairs.val=16", "scale.pairs.test=16", "scale.max_epochs=6"]
+SMALL = [*SIZE, "hydra/launcher=slurm", "hydra.launcher.cpus_per_task=1"]
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def slurm(tmp_path_factory):
 @pytest.fixture(scope="module")
 def outputs(slurm, tmp_path_factory):
     """Two experiments recorded by an array of four jobs, two to each."""
-    found = Outputs(tmp_path_factory.mktemp("outputs") / "smoke")
+    found = Outputs(tmp_path_factory.mktemp("outputs") / "first")
     overrides = ["-m", "task=record", "exp=3,4", "runtime.part=0,1", "runtime.parts=2", *SMALL, f"outputs={found.path}"]
     done = subprocess.run([sys.executable, "run.py", *overrides], cwd=ROOT, env=slurm, timeout=600)
     assert done.returncode == 0
@@ -59,8 +60,8 @@ def test_an_array_of_trainings_survives_the_loss_of_a_job(slurm, outputs):
     assert sum(step["step"] == "trained" for step in run.provenance().steps) == 2, "it was to be cut off in training"
     elsewhere = outputs.path.parent / "alone"
     config = run.config()
-    task = ["task=train", f"model={config.model.name}", f"exp={config.experiment}", "scale=smoke"]
-    directories = [f"outputs={elsewhere}", f"recordings={outputs.path / 'recordings'}", "scale.max_epochs=6"]
+    task = ["task=train", f"model={config.model.name}", f"exp={config.experiment}", *SIZE]
+    directories = [f"outputs={elsewhere}", f"recordings={outputs.path / 'recordings'}"]
     subprocess.run([sys.executable, "run.py", *task, *directories], cwd=ROOT, env=slurm, check=True, timeout=300)
     same = Outputs(elsewhere).run(config.key).provenance()
     assert same.fact("weights_sha256") == run.provenance().fact("weights_sha256")

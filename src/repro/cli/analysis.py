@@ -59,7 +59,7 @@ def analyze(outputs: Outputs) -> None:
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
     scale = results["scale"].iloc[0]
-    if scale != "smoke" and not frames["claims"].empty:  # empty without a run in the paper's worlds
+    if not frames["claims"].empty:  # empty without a run in the paper's worlds
         print(f"claims of the paper: {count_verdicts(frames['claims'])}")
     _write_page(outputs, scale, frames, results)
     left_out = dict.fromkeys(errors)

@@ -23,7 +23,7 @@ def print_notes(calls: list[Call], overrides: list[str]) -> None:
         other = "laptop" if scale.name == "paper" else "paper"
         takes = OmegaConf.load(conf_directory() / "scale" / f"{other}.yaml").takes
         print(f"scale={scale.name} ({why}): {scale.size_px} px, the whole study takes {scale.takes}", flush=True)
-        print(f"  the other default, scale={other}, takes {takes}; scale=smoke takes minutes", flush=True)
+        print(f"  the other default, scale={other}, takes {takes}; scale=first takes minutes", flush=True)
     for warning in dict.fromkeys(warning for call in calls for warning in warnings_of(call)):
         print(f"note: {warning}", file=sys.stderr)
 

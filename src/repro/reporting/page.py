@@ -69,12 +69,11 @@ class Report:
 
 
 def render(report: Report) -> str:
-    """Return the report as one string of HTML; the smoke test and worlds that are not the paper's have no claims."""
+    """Return the report as one string of HTML; worlds that are not the paper's have no claims."""
     title = "Predicting dynamic map states from limited field-of-view sensor data"
     title += "" if report.claims.empty else ", reproduced"
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
-    is_smoke = report.scale == "smoke"
-    has_claims = not is_smoke and not report.claims.empty
+    has_claims = not report.claims.empty
     navigation = [("summary", "Summary"), ("tables", "Tables")]
     navigation += [("claims", "Claims of the paper")] if has_claims else []
     navigation += [("samples", "Test recordings")] if report.samples else []
@@ -85,7 +84,6 @@ def render(report: Report) -> str:
         title=title,
         scale=report.scale,
         outputs=report.outputs,
-        is_smoke=is_smoke,
         has_claims=has_claims,
         command=report.command,
         caption=report.caption,

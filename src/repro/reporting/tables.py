@@ -132,11 +132,10 @@ def caption(results: pd.DataFrame) -> str:
     cells = networks.groupby(CELL).size()
     uneven = f" ({cells.min()} to {cells.max()} per cell)" if cells.min() < cells.max() else ""
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
-    warning = " This is a smoke test; its numbers mean nothing." if first["scale"] == "smoke" else ""
     return (
         f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
         f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
-        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}.{warning}"
+        f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}."
         f"{_other_worlds(networks)}{_unlike(networks)}"
     )
 
