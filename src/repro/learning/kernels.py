@@ -1,12 +1,11 @@
 """Faster kernels for training: the same functions and names of weights, with other rounding.
 
 All devices use the channels-last memory format. Segformer's decoder convolves before it upsamples, which halves the
-time of a training step; FPN's does so at its finest level and upsamples the sum of the others once, which saves a sixth
-of a step at 128 px and a fifth at 256 px in bfloat16. U-Net's decoder concatenates without converting the decoded
-features, which saves a seventh of a step at 256 px in bfloat16. On a CPU, two operations of the paper's networks use
-slow PyTorch kernels (2.15), 4 to 13 times slower in bfloat16 than necessary: the gradient of a depthwise convolution on
-a map smaller than 3 x 3 pixels (last stage of mit_b0 at 64 px; a tenth of a training step of U-Net, FPN and Segformer),
-and group normalization in the channels-last format (decoder of FPN; a twentieth).
+time of a training step. U-Net's decoder concatenates without converting the decoded features, which saves a seventh of
+a step at 256 px in bfloat16. On a CPU, two operations of the paper's networks use slow PyTorch kernels (2.15), 4 to 13
+times slower in bfloat16 than necessary: the gradient of a depthwise convolution on a map smaller than 3 x 3 pixels (the
+last stage of mit_b0 at 64 px; a tenth of a training step of U-Net, FPN and Segformer), and group normalization in the
+channels-last format (decoder of FPN; a twentieth).
 """
 
 import torch

@@ -1,6 +1,5 @@
 """The architectures of segmentation-models-pytorch (smp); imported only where one is used, which takes seconds."""
 
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,6 @@ import segmentation_models_pytorch as smp
 import timm
 import torch
 from segmentation_models_pytorch.base.modules import Activation
-from segmentation_models_pytorch.decoders.fpn.decoder import FPNDecoder
 from segmentation_models_pytorch.decoders.segformer.decoder import SegformerDecoder
 from segmentation_models_pytorch.decoders.unet.decoder import UnetDecoderBlock
 from segmentation_models_pytorch.encoders import encoders
@@ -41,57 +39,6 @@ class LeanUnetBlock(UnetDecoderBlock):
         return self.attention2(self.conv2(self.conv1(decoded)))
 
 
-class FusedFPNDecoder(FPNDecoder):
-    """The decoder of FPN, which convolves before it upsamples, and adds before it upsamples.
-
-    The finest level of the pyramid is the sum of the coarser one, upsampled to twice the size, and a 1 x 1 convolution
-    of the finest features of the encoder. A 3 x 3 convolution after nearest-neighbor upsampling is a transposed
-    convolution of 4 x 4 with stride 2, whose weights are sums of its own, and the two convolutions of the features are
-    one of 3 x 3 with few channels. The sum is never computed, and the operations of the largest convolution of FPN fall
-    by 43 %. The segmentation blocks of the coarser levels end in the same bilinear upsampling, which is computed once.
-    """
-
-    def forward(self, features: list[Tensor]) -> Tensor:
-        """Return the decoded features (B, C, H / 4, W / 4) from those of the encoder, as smp does."""
-        if self.p2.interpolation_mode != "nearest" or self.merge.policy != "add":
-            return super().forward(features)
-        c2, c3, c4, c5 = features[-4:]
-        p5 = self.p5(c5)
-        p4 = self.p4(p5, c4)
-        p3 = self.p3(p4, c3)
-        *coarse_blocks, fine_block = (each.block for each in self.seg_blocks)
-        convolution, normalization, activation = fine_block[0].block
-        fine = activation(normalization(_convolve_sum(p3, c2, self.p2.skip_conv, convolution.weight)))
-        levels = zip(coarse_blocks, (p5, p4, p3), strict=True)
-        coarse = reduce(torch.add, [block[-1].block(block[:-1](level)) for block, level in levels])
-        return self.dropout(F.interpolate(coarse, scale_factor=2.0, mode="bilinear", align_corners=True) + fine)
-
-
-def _convolve_sum(coarse: Tensor, skip: Tensor, skip_conv: torch.nn.Conv2d, weight: Tensor) -> Tensor:
-    """Convolve the sum of an upsampled and a convolved feature map with zero padding, without computing the sum.
-
-    Args:
-        coarse: coarse features (B, C, H, W), of which each pixel stands for 2 x 2 pixels of the sum.
-        skip: features (B, S, 2 H, 2 W).
-        skip_conv: 1 x 1 convolution of `skip` to C channels, whose bias is added to `coarse` instead.
-        weight: weights (D, C, 3, 3) of the convolution of the sum.
-
-    Returns:
-        The convolved sum, (B, D, 2 H, 2 W).
-    """
-    assert skip_conv.bias is not None
-    summed = _summed(_summed(weight, 2), 3).transpose(0, 1)
-    joined = torch.einsum("dcrs,ck->dkrs", weight, skip_conv.weight[:, :, 0, 0])
-    coarse = coarse + skip_conv.bias[:, None, None].to(coarse.dtype)
-    return F.conv_transpose2d(coarse, summed, stride=2, padding=1) + F.conv2d(skip, joined, padding=1)
-
-
-def _summed(weight: Tensor, dim: int) -> Tensor:
-    """Sum the three weights along a side of a kernel into the four that act on the pixels before their doubling."""
-    first, middle, last = weight.unbind(dim)
-    return torch.stack([last, middle + last, first + middle, first], dim)
-
-
 class FusedSegformerDecoder(SegformerDecoder):
     """The decoder of Segformer, which convolves before it upsamples.
 
@@ -110,7 +57,6 @@ class FusedSegformerDecoder(SegformerDecoder):
 
 
 FASTER: dict[type, type] = {
-    FPNDecoder: FusedFPNDecoder,
     SegformerDecoder: FusedSegformerDecoder,
     UnetDecoderBlock: LeanUnetBlock,
 }
