@@ -8,13 +8,7 @@ python run.py task=world exp=3 seed=17                                 write one
 python run.py --help                                                   all tasks, groups and keys
 """
 
-import os
 import sys
-
-try:
-    os.getcwd()
-except FileNotFoundError:
-    sys.exit("error: the working directory has been deleted: change to another one")
 
 from repro.cli.main import main
 

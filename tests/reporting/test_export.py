@@ -1,3 +1,6 @@
+import json
+from functools import partial
+
 import onnx
 import pandas as pd
 import pytest
@@ -85,6 +88,24 @@ def test_weights_of_another_input_are_not_replaced(run, tmp_path):
         export_weights(run, tmp_path / "weights")
     export_weights(run, tmp_path / "weights", force=True)
     assert load_predictor(tmp_path / "weights").encoding == Projection(decay=False)
+
+
+def test_weights_of_other_recordings_and_files_beside_are_not_replaced(run, tmp_path):
+    """Such as of 16 pairs, in an outputs directory that has the name of a published one."""
+    target = tmp_path / "published" / "exp3-unet"
+    export_weights(run, target)
+    steps = json.loads((run.path / "provenance.json").read_text())
+    steps["steps"][0]["recordings"] = "those of 16 pairs"
+    (run.path / "provenance.json").write_text(json.dumps(steps))
+    before = (target / "model.safetensors").read_bytes()
+    with pytest.raises(ValueError, match=r"recordings those of 16.*publish\.force=true replaces them anyway"):
+        export_weights(run, target)
+    (target / "notes.txt").write_text("mine")
+    for export in (partial(export_weights, force=True), export_onnx):
+        with pytest.raises(ValueError, match=r"has files such as .*move them"):
+            export(run, target)
+    assert (target / "notes.txt").read_text() == "mine"
+    assert (target / "model.safetensors").read_bytes() == before
 
 
 def test_a_run_is_loaded_by_its_directory(run):

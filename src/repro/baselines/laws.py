@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from repro.baselines.draws import count_cover
 from repro.baselines.names import BOUNDS
@@ -23,6 +22,7 @@ from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import sample_world
 from repro.system.errors import InputError
+from repro.system.progress import progress
 from repro.world_config import Sized, WorldSpec
 
 DRAWS = 512  # of each obstacle
@@ -113,7 +113,7 @@ def predict_each(predict: Callable[[int], np.ndarray], count: int, description: 
     """
     with ThreadPoolExecutor(count_cores()) as pool:
         drawn = pool.map(predict, range(count))
-        free = list(tqdm(drawn, desc=description, total=count, delay=2, leave=False, disable=None))
+        free = list(progress(drawn, description, total=count))
     return torch.from_numpy(np.stack(free)).float()[:, None]
 
 

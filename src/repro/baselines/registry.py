@@ -9,6 +9,7 @@ A baseline maps the validation and the test recordings to the probability of fre
 """
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache, partial
 from typing import Any
@@ -17,7 +18,6 @@ import numpy as np
 import torch
 from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
-from tqdm import tqdm
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.privileged import Knowledge, privileged
@@ -28,6 +28,7 @@ from repro.metrics.scores import THRESHOLD
 from repro.recordings.recorded import Recorded
 from repro.scans import Scans
 from repro.system.errors import InputError
+from repro.system.progress import progress
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
@@ -144,8 +145,12 @@ def tune(
     since, steps = steps_since_free(val).numpy(), val.scans.ranges.shape[1]
     kept = {number: since >= number for number in (round(share * steps) for share in FREE)}
 
+    lengths = [len(values) for values in settings.values()]
+    tried = progress(description="tuning", total=sum(lengths) if climb else math.prod(lengths))  # climbing: about
+
     @cache
     def score(*values: float) -> tuple[float, int]:
+        tried.update()
         free = predict(**dict(zip(settings, values, strict=True)))
         if free.shape != val.maps.shape:
             expected, got = tuple(val.maps.shape), tuple(free.shape)
@@ -156,8 +161,8 @@ def tune(
     if climb:
         best = _climb(lambda values: score(*values)[0], list(settings.values()))
     else:
-        tried = tqdm(list(itertools.product(*settings.values())), desc="tuning", delay=2, leave=False, disable=None)
-        best = max(tried, key=lambda values: score(*values)[0])
+        best = max(itertools.product(*settings.values()), key=lambda values: score(*values)[0])
+    tried.close()
     chosen, free_steps = dict(zip(settings, best, strict=True)), score(*best)[1]
     free = prepare(test)(**chosen).masked_fill(steps_since_free(test) < free_steps, 1.0)
     return free, {**chosen, "free_steps": free_steps}

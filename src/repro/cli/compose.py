@@ -6,7 +6,6 @@ import math
 import os
 import re
 import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,10 +33,11 @@ from repro.config import NO_DECAY, most_channels
 from repro.parallel import has_gpu, parallel_trainings
 from repro.runs.keys import RunKey
 from repro.system.places import conf_directory
+from repro.system.progress import progress
 from repro.world_config import plain
 
 GROUPS = ("world", "encoding", "model", "scale", "train")
-MANY_JOBS, MOST_JOBS = 40, 1000  # composing them takes some seconds, a minute
+MOST_JOBS = 1000  # composing them takes a minute
 
 
 def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, seed: int) -> str:
@@ -132,9 +132,7 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
     with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
         try:
             jobs = _jobs(overrides, arguments.multirun)
-            if len(jobs) > MANY_JOBS:
-                print(f"checking {len(jobs)} jobs", file=sys.stderr, flush=True)
-            found = [Composed.of(job) for job in jobs]
+            found = [Composed.of(job) for job in progress(jobs, "checking jobs")]
             _check_hydra(found)
         except (HydraException, OmegaConfBaseException, YAMLError, RecursionError, TypeError, ValueError) as error:
             if isinstance(error, Refused) or WANTS_TRACEBACKS:

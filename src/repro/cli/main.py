@@ -55,6 +55,10 @@ def main() -> int:
 
 def _prepare_process() -> None:
     complete_standard_streams()
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        sys.exit("error: the working directory has been deleted: change to another one")
     os.environ["MPLBACKEND"] = "agg"  # figures are files; Jupyter names a backend that others cannot import
     # after Ctrl-C, joblib's helper process frees what its workers held, with warnings that say nothing to a user
     quiet = "ignore:resource_tracker:UserWarning"

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from repro.baselines.laws import applies
+from repro.baselines.registry import PREDICTORS
 from repro.cli.jobs import Job
 from repro.cli.notes import recording_seconds
 from repro.cli.settings import Runtime
@@ -12,10 +14,12 @@ from repro.parallel import count_cores
 from repro.recordings.format import recordings_in
 from repro.reporting.names import duration
 from repro.runs.config import RunConfig
+from repro.runs.keys import RunKey
 from repro.world_config import world_spec
 
 EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
 ANALYSIS_SECONDS = 3.0  # per evaluated run
+BASELINE_SECONDS = 0.036  # per baseline and validation or test pair at 64 px; grows with size^3, as dilations do
 
 
 def print_plan(job: Job) -> None:
@@ -31,8 +35,17 @@ def print_plan(job: Job) -> None:
     trainings = {name: untrained.count(name) for name in NETWORKS}
     evaluations = sum(not (study.is_trained(run) and run.is_evaluated) for run in runs.values())
     recordings, runtime = sum(missing.values()), job.call.runtime
-    for line in plan_study(job.config, runtime, recordings, seconds, trainings, evaluations):
+    for line in plan_study(job.config, runtime, recordings, seconds, trainings, evaluations, _baselines_left(job)):
         print(line, flush=True)
+
+
+def _baselines_left(job: Job) -> int:
+    """Return the number of baselines that task=analysis would evaluate."""
+    specs = {name: world_spec(job.call.world, name) for name in job.call.world["experiments"]}
+    keys = [
+        RunKey(experiment, name) for experiment, spec in specs.items() for name in PREDICTORS if applies(name, spec)
+    ]
+    return sum(not job.outputs.run(key).is_evaluated for key in keys)
 
 
 def plan_study(
@@ -42,6 +55,7 @@ def plan_study(
     recording_seconds: float,
     trainings: Mapping[str, int],
     evaluations: int,
+    baselines: int,
 ) -> Iterator[str]:
     """Yield the remaining work of the study and its estimated duration, line by line as it is measured.
 
@@ -52,6 +66,7 @@ def plan_study(
         recording_seconds: time to record them [s].
         trainings: number of remaining trainings of each of the paper's networks.
         evaluations: number of remaining runs to evaluate.
+        baselines: number of remaining classical baselines.
     """
     total, left = recording_seconds, sum(trainings.values())
     at_once = min(left, trainings_at_once(config, runtime.accelerator))
@@ -71,7 +86,11 @@ def plan_study(
         seconds = evaluations * (per_run * config.data.pairs.test / 500 + ANALYSIS_SECONDS)
         total += seconds
         yield f"  evaluation and analysis of {evaluations} runs: {duration(seconds)}"
+    if baselines:
+        pairs, size = config.data.pairs.val + config.data.pairs.test, config.data.size_px / 64
+        seconds = baselines * BASELINE_SECONDS * pairs * size**3
+        total += seconds
+        yield f"  {baselines} classical baselines, which task=analysis evaluates: {duration(seconds)}"
     if total:
-        yield "  classical baselines, which task=analysis evaluates: not measured, some minutes per experiment"
-        yield f"About {duration(total)} and the baselines, on idle cores, at {usual_epochs(config)} epochs a training;"
+        yield f"About {duration(total)} on idle cores, at {usual_epochs(config)} epochs a training;"
         yield "it can be interrupted, the same command resumes"

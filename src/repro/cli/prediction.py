@@ -9,7 +9,6 @@ from pathlib import Path
 from types import ModuleType
 
 import pandas as pd
-from tqdm import tqdm
 
 from repro.cli.inputs import find
 from repro.cli.jobs import Job
@@ -28,6 +27,7 @@ from repro.prediction.times import TimesLost, WindowSettings, check_times, windo
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
+from repro.system.progress import progress
 
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
@@ -179,7 +179,7 @@ def _predict_all(
         ValueError: of a library; those about a window leave it out.
     """
     rows: list[Row] = []
-    for window in tqdm(windows, unit="window", disable=None):
+    for window in progress(windows, "windows"):
         if isinstance(window, str):
             rows.append({"left_out": window})
             continue

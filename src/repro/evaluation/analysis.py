@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from repro.baselines.names import rank
 from repro.config import NO_DECAY
@@ -28,6 +27,7 @@ from repro.runs.directories import Run
 from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
+from repro.system.progress import progress
 
 ANALYZED = (  # tables of `gather`
     *("intervals", "differences", "recency", "obstacles", "calibration", "reliability", "cost"),
@@ -71,7 +71,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
         test = load_test_set(outputs.recordings(experiment), grid)
         weights = draw_weights(len(test.truth) // 2)
         measurements: dict[Cell, _Measurement] = {}
-        for cell, runs in tqdm(own_cells.items(), desc=f"analysis, exp {experiment}", leave=False, disable=None):
+        for cell, runs in progress(own_cells.items(), f"analysis, exp {experiment}"):
             try:
                 measurements[cell] = _measure_cell(runs, test, weights)
             except InputError as error:

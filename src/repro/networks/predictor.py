@@ -20,7 +20,6 @@ from typing import Any
 import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
-from tqdm import tqdm
 
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
@@ -33,6 +32,7 @@ from repro.networks.weights import locate
 from repro.scans import Scans
 from repro.system.devices import few_threads
 from repro.system.errors import InputError
+from repro.system.progress import progress
 
 ONNX = "model.onnx"
 LARGEST_CHECKED_PX = 512  # side of the images with which a loaded network is checked, since a file may claim any
@@ -150,7 +150,7 @@ class Predictor:
         """
         self.network.eval()
         batches = images.split(batch) if isinstance(images, Tensor) else images
-        shown = tqdm(batches, desc="predicting", delay=2, leave=False, disable=None)
+        shown = progress(batches, "predicting")
         return torch.cat([self.network(self.encoding.to_input(each)).sigmoid().cpu() for each in shown])
 
     def to(self, device: str) -> "Predictor":

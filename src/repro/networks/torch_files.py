@@ -19,7 +19,8 @@ from repro.networks.description import Description, checked
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
-DESCRIPTION, NETWORK, WEIGHTS = "predictor.json", "config.json", "model.safetensors"
+DESCRIPTION, NETWORK, WEIGHTS, CARD = "predictor.json", "config.json", "model.safetensors", "README.md"
+OWN_FILES = (DESCRIPTION, NETWORK, WEIGHTS, CARD)
 
 
 def write_torch(directory: Path, network: nn.Module, description: dict[str, Any]) -> str:
@@ -39,7 +40,7 @@ def write_torch(directory: Path, network: nn.Module, description: dict[str, Any]
     is_other = directory.exists() and not (directory / DESCRIPTION).is_file()
     if is_other and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"{directory} exists and is no predictor: expected a new or an empty directory")
-    with replacing_directory(directory) as new:
+    with replacing_directory(directory, OWN_FILES) as new:
         assert isinstance(network, PyTorchModelHubMixin), "see `create.check_interface`"
         network.save_pretrained(new)
         content = {"architecture": architecture_of(network), **description}

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from repro.maps.bits import pack_bits, unpack_bits
 from repro.maps.encodings import Encoding, create_encoding
@@ -18,6 +17,7 @@ from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.truth import true_maps
 from repro.runs.config import RunConfig
 from repro.system.errors import InputError
+from repro.system.progress import progress
 
 STATISTICS_PAIRS = 4000  # more change the quantiles little
 
@@ -126,7 +126,7 @@ def load_pairs(
         ValueError: a shard fails verification, see `recordings.reader.read_shards`, or the encoding draws other images
             than it should.
     """
-    shards = tqdm(read_shards(recordings, split, count), desc=f"drawing {split}", delay=2, leave=False, disable=None)
+    shards = progress(read_shards(recordings, split, count), f"drawing {split}")
     room = count or read_manifest(recordings).pairs[split]
     width = math.ceil(grid.size_px / 8) if encoding.is_binary else grid.size_px
     stored, maps = (  # filled shard by shard: joining them at the end would take twice the memory

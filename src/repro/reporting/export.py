@@ -7,6 +7,7 @@ from huggingface_hub import EvalResult, ModelCard, ModelCardData
 
 from repro.metrics.names import METRICS
 from repro.networks.predictor import ONNX, load_predictor
+from repro.networks.torch_files import CARD, OWN_FILES
 from repro.reporting.names import SETUPS, model_title
 from repro.reporting.paper import are_papers, world_files
 from repro.runs.config import RunConfig
@@ -24,26 +25,40 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     Args:
         run: an evaluated run directory.
         target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
-        force: whether to replace existing weights of a higher resolution or for another input.
+        force: whether to replace existing weights against the checks.
 
     Raises:
-        ValueError: the run is not evaluated, or the existing weights have a higher resolution or another input.
+        ValueError: the run is not evaluated, the directory has other files, or without force, the existing weights have
+            a higher resolution, another input, or were trained on other recordings.
     """
     _check_evaluated(run)
     predictor = load_predictor(run.model)
     if (target / "predictor.json").is_file() and not force:
-        existing = load_predictor(target)
-        if existing.grid.size_px > predictor.grid.size_px or existing.encoding != predictor.encoding:
+        existing, used = load_predictor(target), _recordings_of(run)
+        is_coarser = existing.grid.size_px > predictor.grid.size_px
+        if is_coarser or existing.encoding != predictor.encoding or used not in _read_card(target):
             raise InputError(
                 f"{target} has weights for {existing.grid.size_px} px and {existing.encoding}, {run} has "
-                f"{predictor.grid.size_px} px and {predictor.encoding}: publish.force=true replaces them anyway"
+                f"{predictor.grid.size_px} px, {predictor.encoding} and {used}, which may be others: "
+                "publish.force=true replaces them anyway"
             )
     target.parent.mkdir(parents=True, exist_ok=True)
-    with lock(target.parents[1]), replacing_directory(target) as new:  # as publishing, which moves the parent
+    # the lock is that of publishing, which moves the parent
+    with lock(target.parents[1]), replacing_directory(target, OWN_FILES) as new:
         clear_leftovers(target.parent, keep=new)
         predictor.save(new, torch.float16)
         card = make_card(run, f"reproduce/results/{'/'.join(target.parts[-2:])}", "float16 weights")
-        write_text(new / "README.md", card)
+        write_text(new / CARD, card)
+
+
+def _recordings_of(run: Run) -> str:
+    """Return the words of a model card that identify the worlds and the number of pairs of a run."""
+    return f"recordings {run.provenance().fact('recordings')[:12]}"
+
+
+def _read_card(directory: Path) -> str:
+    card = directory / CARD
+    return card.read_text(encoding="utf-8") if card.is_file() else ""
 
 
 def export_onnx(run: Run, target: Path) -> float:
@@ -63,10 +78,10 @@ def export_onnx(run: Run, target: Path) -> float:
     predictor = load_predictor(run.model)
     card = make_card(run, str(target / ONNX), "float32 weights in ONNX; the batch is dynamic")
     target.parent.mkdir(parents=True, exist_ok=True)
-    with lock(target.parent), replacing_directory(target) as new:
+    with lock(target.parent), replacing_directory(target, (ONNX, CARD)) as new:
         clear_leftovers(target.parent, keep=new)
         difference = predictor.save_onnx(new / ONNX, card)
-        write_text(new / "README.md", card)
+        write_text(new / CARD, card)
     return difference
 
 
@@ -116,7 +131,7 @@ in a map of {size} with its origin at the lower left; NumPy arrays or tensors. {
 **Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 
 **Data**: {origin.fact("train_pairs")} simulated pairs ({setup}),
-recordings {origin.fact("recordings")[:12]}, seed {config.seed}, {origin.fact("epochs")} epochs,
+{_recordings_of(run)}, seed {config.seed}, {origin.fact("epochs")} epochs,
 commit {trained["commit"]}.
 
 **Test set** ({origin.fact("test_pairs")} pairs): {numbers}.

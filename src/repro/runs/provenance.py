@@ -7,8 +7,9 @@ import subprocess
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
+
+from repro.system.places import project_directory
 
 OWN = "dynamic-map-prediction"
 PACKAGES = ("torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")
@@ -73,10 +74,13 @@ def _commit() -> str | None:
     """Return the commit of the source, with `+` if the working tree has changes.
 
     Outside a checkout, return the environment variable REPRO_COMMIT, which is set for code that was copied without its
-    Git history, else None.
+    Git history, else None. A copy or an installation may lie in another repository, whose commit says nothing.
     """
-    git = ["git", "-C", str(Path(__file__).parent)]
+    root = project_directory()
+    git = ["git", "-C", str(root)]
     try:
+        if not (root / ".git").exists():  # a file in a linked working tree
+            raise FileNotFoundError
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout
         dirty = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError):

@@ -14,7 +14,6 @@ from typing import Any
 
 import joblib
 import numpy as np
-from tqdm import tqdm
 
 from repro.outlines import padded
 from repro.parallel import process_pool
@@ -34,6 +33,7 @@ from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
+from repro.system.progress import progress
 from repro.world_config import WorldSpec
 
 VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
@@ -202,7 +202,7 @@ def _write_shards(directory: Path, shards: list[Shard], spec: WorldSpec, workers
     done, plain = worlds - sum(shard.worlds for shard in shards), 0
     with (
         process_pool(workers, return_as="generator_unordered") as parallel,
-        tqdm(total=2 * worlds, initial=2 * done, unit="recording", desc=f"exp {spec.experiment}", disable=None) as bar,
+        progress(description=f"recording exp {spec.experiment}", total=2 * worlds, initial=2 * done) as bar,
     ):
         for written in parallel(jobs):
             bar.update(2 * written.worlds)

@@ -1,0 +1,36 @@
+"""Progress with the remaining time: a bar on a terminal, and a line now and then in a log."""
+
+import io
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from tqdm import tqdm
+
+LINE_S = 20.0  # between two lines in a log
+LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} left"
+
+
+class _Lines(tqdm):
+    """Prints lines, where a bar would fill a log with its states."""
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
+        """Print a line; the last call has an empty message."""
+        if msg is None:
+            print(self, file=sys.stderr, flush=True)
+        return True
+
+
+def progress(items: Iterable[Any] | None = None, description: str = "", **options: Any) -> tqdm:
+    """Show the progress of a step that takes more than some seconds.
+
+    Args:
+        items: what is done one after another; None if `update` of the returned bar is called.
+        description: what is done.
+        options: further options of tqdm, such as `total`.
+    """
+    options |= {"desc": description, "leave": False}
+    if sys.stderr.isatty():
+        return tqdm(items, delay=2, **options)
+    options |= {"mininterval": LINE_S, "delay": LINE_S, "miniters": 1, "bar_format": LINE}
+    return _Lines(items, file=io.StringIO(), **options)
