@@ -14,11 +14,10 @@ LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} left"
 class _Lines(tqdm):
     """Prints lines, where a bar would fill a log with its states."""
 
-    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
+    def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Print a line; the last call has an empty message."""
         if msg is None:
             print(self, file=sys.stderr, flush=True)
-        return True
 
 
 def progress(items: Iterable[Any] | None = None, description: str = "", **options: Any) -> tqdm:
