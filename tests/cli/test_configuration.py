@@ -65,13 +65,13 @@ def test_decay_belongs_to_the_encoding():
     assert read_call("decay=false", "oldest_gray=0.5").encoding.parameters == {"decay": False, "oldest_gray": 0.5}
 
 
-def test_the_home_directory_is_expanded_in_every_path(monkeypatch):
-    monkeypatch.setenv("HOME", "/home/robot")
-    keys = ("outputs", "prediction.weights")
-    call = read_call("task=predict", "scans=README.md", *(f"{key}='~/x'" for key in keys))
-    assert (call.outputs, call.prediction.weights) == ("/home/robot/x",) * 2
+def test_the_home_directory_is_expanded_in_every_path(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "x").touch()
+    call = read_call("task=predict", "scans='~/x'", "outputs='~/y'", "prediction.weights='~/x'")
+    assert (call.outputs, call.prediction.weights) == (f"{tmp_path}/y", f"{tmp_path}/x")
     demo = read_call("task=demo", "demo.runtime='~/x'", "demo.networks=['~/x']").demo
-    assert (demo.runtime, *demo.networks) == ("/home/robot/x",) * 2
+    assert (demo.runtime, *demo.networks) == (f"{tmp_path}/x",) * 2
 
 
 def test_the_default_gray_is_known_without_the_configuration():

@@ -157,6 +157,7 @@ PATHS = {  # directories that cannot exist; {tmp} is a directory with a file and
     "task=predict scans=/dev/zero": "is neither a file nor a directory",
     "task=predict scans={tmp}/pipe": "is neither a file nor a directory",
     "recordings=/dev/null": "is a file",
+    "task=demo demo.runtime={tmp}/pipe": "is neither a file nor a directory",
     "outputs=''": "at least 1 character",
 }
 YAML = {  # contents of a file scale/broken.yaml
@@ -186,7 +187,7 @@ TASKS = {  # keys that a task needs, or does not use; README.md stands for any f
     "task=world prediction.fov_deg=60": "prediction.fov_deg=60: is for task=predict only",
     "task=world publish.force=true": "publish.force=true: is for task=export and task=publish only",
     "task=world format=onnx": "format=onnx: is for task=export only",
-    "exp=3 demo.runtime=a": "demo.runtime=a: is for task=demo only",
+    "exp=3 demo.runtime=README.md": "demo.runtime=README.md: is for task=demo only",
     "task=report scans=README.md": "scans=README.md: is for task=predict only",
     "task=report floor_map=README.md": "floor_map=README.md: is for task=world only",
     "runtime.parts=2": "runtime.parts=2: is for task=record only",

@@ -102,3 +102,10 @@ def test_a_training_that_no_process_runs_is_stopped(tmp_path):
 )
 def test_durations_are_readable(seconds, text):
     assert duration(seconds) == text
+
+
+def test_a_run_that_waits_for_its_recordings_is_missing(tmp_path):
+    run = Outputs(tmp_path).run(RunKey("3", "unet", PROJECTION, 0))
+    run.path.mkdir(parents=True)
+    (run.path / "run.log").touch()
+    assert "24 missing" in describe_outputs(Study(Outputs(tmp_path), EXPERIMENTS, 0, {}), PAIRS)

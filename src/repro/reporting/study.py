@@ -131,7 +131,7 @@ def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
 
 def _state(run: Run, study: Study) -> str:
     """Return the status of a run in a few words."""
-    if not run.path.is_dir():
+    if not run.has_begun and not run.model.exists():
         return "missing"
     try:
         if study.is_of_another_world(run):

@@ -92,7 +92,8 @@ class Run:
             raise InputError(f"{weights} {found}: delete {self} and run the same command")
 
     @property
-    def _has_begun(self) -> bool:
+    def has_begun(self) -> bool:
+        """Whether it is a run; before, the directory may have a log alone."""
         return any((self.path / name).is_file() for name in ("config.yaml", "provenance.json"))
 
     @contextmanager
@@ -108,10 +109,10 @@ class Run:
         Raises:
             ValueError: the directory holds a run of another configuration; the message names the differences.
         """
-        if not self._has_begun:
+        if not self.has_begun:
             self.path.mkdir(parents=True, exist_ok=True)
             with self.exclusive():
-                if not self._has_begun:  # another process may have created it meanwhile
+                if not self.has_begun:  # another process may have created it meanwhile
                     content = TypeAdapter(RunConfig).dump_python(config)
                     write_text(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False))
         self.check(config)
@@ -122,7 +123,7 @@ class Run:
         Raises:
             ValueError: the directory holds a run of another configuration; the message names the differences.
         """
-        if not self._has_begun:
+        if not self.has_begun:
             return
         listing = differences(self.config(), config)
         if listing:
@@ -134,7 +135,7 @@ class Run:
         Raises:
             ValueError: this is not a run directory, or its config.yaml cannot be read.
         """
-        if not self._has_begun:
+        if not self.has_begun:
             raise InputError(f"{self} is not a run directory: it has no config.yaml")
         return read_typed(RunConfig, self.path / "config.yaml", self._fix)
 
