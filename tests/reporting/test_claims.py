@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,7 +14,7 @@ from repro.reporting.numbers import Numbers, analysis_rows, paper_rows
 from repro.reporting.page import Report, render
 from repro.reporting.paper import audit, read_paper
 from repro.reporting.papers_claims import CLAIMS, verdicts
-from repro.reporting.results import read_frames, read_published
+from repro.reporting.results import audits, read_frames, read_published
 
 KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
 NO_QUALITY = ("square-sees-more", "square-delays-more", "stack-is-larger", "eight-variations")  # of data, size, count
@@ -233,7 +235,9 @@ def test_the_papers_rows_include_the_scores_of_all_free():
 
 def test_the_page_of_worlds_that_are_not_the_papers_has_no_claims():
     frames = analysis("laptop")
+    results = read_published(ROOT / "reproduce" / "results" / "laptop")
+    frames |= {"audit": audits(results)}
     for claims, number in ((frames["claims"], 1), (frames["claims"].iloc[:0], 0)):
-        page = render(Report("laptop", "", "", "", {}, frames, claims, {}, "", {}))
+        page = render(Report(Path("laptop"), results, {**frames, "claims": claims}, {}, "", {}))
         assert page.count('<section id="claims">') == page.count('<ul class="cards">') == number
         assert page.count('href="#claims"') == number

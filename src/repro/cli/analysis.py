@@ -16,12 +16,11 @@ from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
-from repro.reporting.names import scale_options
 from repro.reporting.page import Report, render, samples_json
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import audits, read_results
 from repro.reporting.rows import keys_of, read_rows
-from repro.reporting.tables import caption, write_tables
+from repro.reporting.tables import write_tables
 from repro.runs.directories import Run
 from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
@@ -58,10 +57,9 @@ def analyze(outputs: Outputs) -> None:
     frames["audit"] = audits(results)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
-    scale = results["scale"].iloc[0]
     if not frames["claims"].empty:  # empty without a run in the paper's worlds
         print(f"claims of the paper: {count_verdicts(frames['claims'])}")
-    _write_page(outputs, scale, frames, results)
+    _write_page(outputs, frames, results)
     left_out = dict.fromkeys(errors)
     for message in left_out:
         print(f"error: left out of the analysis: {message}", file=sys.stderr)
@@ -93,20 +91,17 @@ def _has_predictions(run: Run) -> bool:
     return False
 
 
-def _write_page(outputs: Outputs, scale: str, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
+def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     runs = {key: outputs.run(key) for key in keys_of(results)}
     shown: dict[str, list[Run]] = {}
     for key in lowest_seeds(key for key, run in runs.items() if _has_predictions(run)):
         if key.model not in ("all_free", *OTHER_BOUNDS):
             shown.setdefault(key.experiment, []).append(runs[key])
+    write_tables(outputs, [])
     report = Report(
-        scale=scale,
-        outputs=outputs.path.name,
-        command=f"python run.py task=analysis {scale_options(scale, outputs.path)}",
-        caption=caption(results),
-        tables=write_tables(outputs, []),
+        outputs=outputs.path,
+        results=results,
         frames=frames,
-        claims=frames["claims"],
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
         samples=samples_json({name: load_samples(outputs, name, mine) for name, mine in shown.items()}),
         origins={str(key.path): run.provenance() for key, run in runs.items()},

@@ -17,6 +17,8 @@ from repro.reporting.names import experiment_title, predictor_title, tested_titl
 from repro.reporting.plots import ACCENT, INK, LOOKS, STYLE, DataFrames, columns, marks, one_legend, save_or_delete
 from repro.reporting.results import OURS
 
+NETWORK_DOT = {"color": ACCENT, "marker": "o"}
+BASELINE_DOT = {"color": INK, "marker": "s", "markerfacecolor": "white"}
 DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
 
 
@@ -101,8 +103,7 @@ def baselines(frames: DataFrames) -> Figure | None:
     rows = titled(frames["intervals"])
     shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
     rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
-    names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
-    return _dots(rows, names) if len(names) > 1 else None
+    return _dots(rows)
 
 
 def encodings(frames: DataFrames) -> Figure | None:
@@ -111,8 +112,7 @@ def encodings(frames: DataFrames) -> Figure | None:
     rows = rows[rows["model"].isin(["unet", *RECURRENT])]
     inputs = rows.groupby("experiment")["encoding"].nunique()
     rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
-    names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
-    return _dots(rows, names) if len(names) > 1 else None
+    return _dots(rows)
 
 
 def generalization(frames: DataFrames) -> Figure | None:
@@ -143,7 +143,7 @@ def generalization(frames: DataFrames) -> Figure | None:
     for ax in list(axes.flat)[len(shifts) :]:
         ax.set_axis_off()
     if len(names) > 1:
-        one_legend(figure, axes[0], rows=1)
+        one_legend(figure, axes[0])
     return figure
 
 
@@ -154,24 +154,22 @@ def titled(table: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(title=titles, rank=rows["model"].map(rank))
 
 
-def _dots(rows: pd.DataFrame, names: list[str]) -> Figure:
-    """Draw a dot with its interval for each title, from the bottom up, one column per experiment; networks filled."""
+def _dots(rows: pd.DataFrame) -> Figure | None:
+    """Draw a dot with its interval for each title, from the bottom up, one column per experiment; networks filled.
+
+    None with fewer than two titles.
+    """
+    names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
+    if len(names) < 2:
+        return None
     experiments = sorted(rows["experiment"].unique())
     size = (1.6 + 2.3 * len(experiments), 0.9 + 0.26 * len(names))
     figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
     for ax, experiment in zip(axes[0], experiments, strict=True):
         for row in rows[rows["experiment"] == experiment].itertuples():
-            is_network = row.encoding != ""
-            form = {
-                "color": ACCENT if is_network else INK,
-                "marker": "o" if is_network else "s",
-                "markersize": 4,
-                "capsize": 2,
-            }
+            form = NETWORK_DOT if row.encoding else BASELINE_DOT
             spread = [[row.value - row.low], [row.high - row.value]]
-            ax.errorbar(
-                row.value, names.index(row.title), xerr=spread, markerfacecolor=None if is_network else "white", **form
-            )
+            ax.errorbar(row.value, names.index(row.title), xerr=spread, markersize=4, capsize=2, **form)
         ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="obstacle IoU")
         ax.grid(axis="x", color="#dddddd", linewidth=0.5)
         ax.set_yticks(range(len(names)), names)

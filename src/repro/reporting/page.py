@@ -44,25 +44,17 @@ class Report:
     """The content of the HTML report of an outputs directory.
 
     Args:
-        scale: name of the scale.
-        outputs: name of the outputs directory.
-        command: the command that creates the report.
-        caption: scale, resolution, pairs, epochs and seeds as one sentence.
-        tables: the main table and the ablation.
-        frames: the frames of `evaluation.analysis.gather`, and `audit`.
-        claims: see `claims.judge`.
+        outputs: path of the outputs directory.
+        results: tidy rows of its runs, see `results.read_results`.
+        frames: the frames of `evaluation.analysis.gather`, `claims`, and `audit`.
         figures: PNG files by name.
         samples: see `samples_json`; empty without samples.
         origins: provenance of each run by its path.
     """
 
-    scale: str
-    outputs: str
-    command: str
-    caption: str
-    tables: dict[str, Table]
+    outputs: Path
+    results: pd.DataFrame
     frames: DataFrames
-    claims: pd.DataFrame
     figures: dict[str, Path]
     samples: str
     origins: dict[str, Provenance]
@@ -70,31 +62,32 @@ class Report:
 
 def render(report: Report) -> str:
     """Return the report as one string of HTML; worlds that are not the paper's have no claims."""
-    title = "Predicting dynamic map states from limited field-of-view sensor data"
-    title += "" if report.claims.empty else ", reproduced"
-    environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
-    has_claims = not report.claims.empty
+    claims, intervals = report.frames["claims"], report.frames["intervals"]
+    scale = str(report.results["scale"].iloc[0])
+    has_claims = not claims.empty
     navigation = [("summary", "Summary"), ("tables", "Tables")]
     navigation += [("claims", "Claims of the paper")] if has_claims else []
     navigation += [("samples", "Test recordings")] if report.samples else []
     audit = report.frames["audit"].query("model == 'average'")
-    intervals = report.frames["intervals"].set_index([*CELL, "metric"])
-    counted = Counter(report.claims["verdict"])
+    of_cells = intervals.set_index([*CELL, "metric"])
+    counted = Counter(claims["verdict"])
+    environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     return environment.get_template("report.html").render(
-        title=title,
-        scale=report.scale,
-        outputs=report.outputs,
+        title="Predicting dynamic map states from limited field-of-view sensor data"
+        + (", reproduced" if has_claims else ""),
+        scale=scale,
+        outputs=report.outputs.name,
         has_claims=has_claims,
-        command=report.command,
-        caption=report.caption,
+        command=f"python run.py task=analysis {scale_options(scale, report.outputs)}",
+        caption=caption(report.results),
         sections=navigation,
         verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in VERDICT_CLASSES.items()],
-        all_free=_all_free(report.frames["intervals"]),
-        seeds=int(report.frames["intervals"]["seeds"].max()),
+        all_free=_all_free(intervals),
+        seeds=int(intervals["seeds"].max()),
         heads=list(HEADS.values()),
-        tables=[_table(table, intervals) for table in report.tables.values() if len(table.frame)],
+        tables=[_table(table, of_cells) for table in make_tables(report.results).values() if len(table.frame)],
         audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
-        claims=[_claim(row) for row in report.claims.to_dict("records")],
+        claims=[_claim(row) for row in claims.to_dict("records")],
         browser=report.samples,
         figures=report.figures,
         embedded=_embedded,
@@ -148,32 +141,20 @@ def _all_free(intervals: pd.DataFrame) -> str:
 def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
     """Return a claim: quote, verdict, CSS class of the verdict, and its details as pairs of name and text."""
     facts = [("Section", row["place"]), ("Test", row["means"])]
-    if pd.notna(row.get("reason")):
-        facts.append(("Not tested", row["reason"]))
-    if pd.notna(row.get("value")):
-        bound = f"required {row['claimed']:.4g}, tolerance {row['tolerance']:.4g}"
+    if pd.notna(row["value"]):
         ours = with_interval(row["value"], row["low"], row["high"], ".4g")
-        facts += [
-            ("Ours", f"{ours} in the decisive combination; {bound}"),
-            (
-                "Holds",
-                f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}",
-            ),
-            (
-                "Tolerance",
-                f"{row['tolerance_from']}; half the tolerance: {row['at_half']}, double: {row['at_double']}",
-            ),
-        ]
-    elif pd.isna(row.get("reason")):
-        facts.append(("Not tested", "a number that the test needs is not measured at this scale"))
+        bound = f"required {row['claimed']:.4g}, tolerance {row['tolerance']:.4g}"
+        held = f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}"
+        at_others = f"half the tolerance: {row['at_half']}, double: {row['at_double']}"
+        facts.append(("Ours", f"{ours} in the decisive combination; {bound}"))
+        facts += [("Holds", held), ("Tolerance", f"{row['tolerance_from']}; {at_others}")]
+    else:
+        unmeasured = "a number that the test needs is not measured at this scale"
+        facts.append(("Not tested", row["reason"] if pd.notna(row["reason"]) else unmeasured))
     if paper := on_paper(row, ".4g"):
         facts.append(("The paper's tables", paper))
-    return {
-        "quote": row["quote"],
-        "verdict": str(row["verdict"]),
-        "look": VERDICT_CLASSES[row["verdict"]],
-        "facts": facts,
-    }
+    look = VERDICT_CLASSES[row["verdict"]]
+    return {"quote": row["quote"], "verdict": str(row["verdict"]), "look": look, "facts": facts}
 
 
 def samples_json(samples: dict[str, list[Sample]]) -> str:
@@ -182,37 +163,35 @@ def samples_json(samples: dict[str, list[Sample]]) -> str:
     Args:
         samples: see `evaluation.samples.load_samples`, by experiment.
     """
-    experiments = []
-    for experiment, recordings in samples.items():
-        shown = [
-            {
-                "name": f"test recording {sample['index']}",
-                "truth": sample["truth"],
-                "inputs": sample["inputs"],
-                "predictions": {
-                    path: {"name": _run_name(path), "input": _input_of(path, sample["inputs"]), "image": image}
-                    for path, image in sorted(sample["predictions"].items(), key=_rank)
-                },
-            }
-            for sample in recordings
-        ]
-        experiments.append({"name": experiment_title(experiment, ": {}"), "samples": shown})
+    experiments = [
+        {
+            "name": experiment_title(experiment, ": {}"),
+            "samples": [
+                {
+                    "name": f"test recording {sample['index']}",
+                    "truth": sample["truth"],
+                    "inputs": sample["inputs"],
+                    "predictions": _predictions(sample),
+                }
+                for sample in recordings
+            ],
+        }
+        for experiment, recordings in samples.items()
+    ]
     return htmlsafe_json_dumps({"experiments": experiments}) if experiments else ""
 
 
-def _rank(item: tuple[str, str]) -> tuple[int, str]:
-    """Return the position of a run, given by its path, in the order of the tables."""
-    return rank(RunKey.parse(item[0]).model), item[0]
-
-
-def _run_name(path: str) -> str:
-    key = RunKey.parse(path)
-    return predictor_title(key.model, key.encoding)
-
-
-def _input_of(path: str, inputs: dict[str, str]) -> str:
-    encoding = RunKey.parse(path).encoding
-    return encoding if encoding in inputs else next(iter(inputs))
+def _predictions(sample: Sample) -> dict[str, dict[str, str]]:
+    """Return name, input and image of each prediction by the path of its run, in the order of the tables."""
+    keys = {path: RunKey.parse(path) for path in sample["predictions"]}
+    return {
+        path: {
+            "name": predictor_title(key.model, key.encoding),
+            "input": key.encoding if key.encoding in sample["inputs"] else next(iter(sample["inputs"])),
+            "image": sample["predictions"][path],
+        }
+        for path, key in sorted(keys.items(), key=lambda item: (rank(item[1].model), item[0]))
+    }
 
 
 def render_published(directory: Path) -> str:
@@ -222,17 +201,11 @@ def render_published(directory: Path) -> str:
         ValueError: a table or the provenance cannot be read.
     """
     results = read_published(directory)
-    scale = str(results["scale"].iloc[0])
-    frames = read_frames(directory)
     samples = SAMPLES.search((directory / "report.html").read_text(encoding="utf-8"))
     report = Report(
-        scale=scale,
-        outputs=directory.name,
-        command=f"python run.py task=analysis {scale_options(scale, Path('outputs', directory.name))}",
-        caption=caption(results),
-        tables=make_tables(results),
-        frames={**frames, "audit": audits(results)},
-        claims=frames["claims"],
+        outputs=Path("outputs", directory.name),
+        results=results,
+        frames={**read_frames(directory), "audit": audits(results)},
         figures={path.stem: path for folder in (directory, directory / "analysis") for path in folder.glob("*.png")},
         samples=samples[1] if samples else "",
         origins=read_origins(directory),

@@ -5,7 +5,7 @@ column existed lack some or all settings; these are then not compared.
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -78,12 +78,10 @@ def changed(settings: Settings, reference: Settings) -> Settings:
 
 def conflicts(cells: Iterable[object]) -> str:
     """Name the settings with different values in runs that must share all, `train.batch_size is 2 and 8`; or empty."""
-    return "; ".join(_conflicts(read_cells(cells)))
-
-
-def _conflicts(all_settings: list[Settings]) -> Iterator[str]:
-    for key in dict.fromkeys(key for settings in all_settings for key in settings):
-        values = [settings[key] for settings in all_settings if key in settings]
-        distinct = dict.fromkeys(json.dumps(value) for value in values)
-        if len(distinct) > 1:
-            yield f"{key} is {' and '.join(distinct)}"
+    values: dict[str, list[str]] = {}
+    for settings in read_cells(cells):
+        for key, value in settings.items():
+            values.setdefault(key, []).append(json.dumps(value))
+    return "; ".join(
+        f"{key} is {' and '.join(dict.fromkeys(each))}" for key, each in values.items() if len({*each}) > 1
+    )
