@@ -79,6 +79,20 @@ def recorded(tmp_path_factory) -> Path:
     return directory
 
 
+@pytest.fixture(scope="session")
+def evaluated(recorded) -> Run:
+    """Train and evaluate a U-Net for an epoch beside the recordings; tests may read it, and copy it to change it."""
+    from repro.evaluation.evaluate import evaluate  # these import torch
+    from repro.learning.training import train
+
+    config = run_config(max_epochs=1)
+    run = Outputs(recorded.parents[1]).run(config.key)
+    run.prepare(config)
+    train(run, recorded, accelerator="cpu")
+    evaluate(run, recorded, accelerator="cpu")
+    return run
+
+
 def run_config(
     *, model: str = "unet", decay: bool = True, encoding: Encoding | None = None, **changes: Any
 ) -> RunConfig:

@@ -1,3 +1,5 @@
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -5,7 +7,6 @@ import torch
 from conftest import prepared
 
 from repro.evaluation.evaluate import evaluate, measure, read_predictions, validate
-from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
@@ -13,15 +14,8 @@ from repro.metrics.scores import confusion, scores
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import load_pairs
 from repro.recordings.reader import recordings_hash
+from repro.runs.directories import Run
 from repro.runs.provenance import Status
-
-
-@pytest.fixture(scope="module")
-def evaluated(recorded, tmp_path_factory):
-    run = prepared(tmp_path_factory.mktemp("evaluated"), max_epochs=2)
-    train(run, recorded, accelerator="cpu")
-    evaluate(run, recorded, accelerator="cpu")
-    return run
 
 
 def test_metrics_follow_from_the_stored_predictions(evaluated, recorded):
@@ -66,16 +60,17 @@ def test_provenance_names_the_data(evaluated, recorded):
     assert origin.fact("test_pairs") == 8
 
 
-def test_validation_is_measured_on_the_validation_set(evaluated, recorded):
-    row = validate(evaluated, recorded, accelerator="cpu")
+def test_validation_is_measured_on_the_validation_set(evaluated, recorded, tmp_path):
+    run = Run(shutil.copytree(evaluated.path, tmp_path / "run"))
+    row = validate(run, recorded, accelerator="cpu")
     val = load_pairs(recorded, "val", Grid(32, 50.0), Projection())
-    probability = load_predictor(evaluated.model).predict_images(val.images)
+    probability = load_predictor(run.model).predict_images(val.images)
     expected = scores(confusion(probability, val.maps.float()).sum(0))
-    kept = pd.read_csv(evaluated.path / "validation.csv").iloc[0]
+    kept = pd.read_csv(run.path / "validation.csv").iloc[0]
     for name in METRICS[1:]:
         assert row[name] == pytest.approx(expected[name].item(), abs=1e-6), name
         assert kept[name] == pytest.approx(row[name], abs=1e-6), name
-    assert evaluated.status is Status.evaluated
+    assert run.status is Status.evaluated
 
 
 @pytest.mark.parametrize("measure", [evaluate, validate])
@@ -92,8 +87,8 @@ def test_all_free_scores_the_free_share(recorded, tmp_path):
     assert row["specificity"] == pytest.approx(0, abs=1e-6)
 
 
-def test_missing_metrics_are_measured_again(evaluated, recorded):
-    before = evaluated.metrics.read_text()
-    evaluated.metrics.unlink()
-    evaluate(evaluated, recorded, accelerator="cpu")
-    assert evaluated.metrics.read_text() == before
+def test_missing_metrics_are_measured_again(evaluated, recorded, tmp_path):
+    run = Run(shutil.copytree(evaluated.path, tmp_path / "run"))
+    run.metrics.unlink()
+    evaluate(run, recorded, accelerator="cpu")
+    assert run.metrics.read_text() == evaluated.metrics.read_text()

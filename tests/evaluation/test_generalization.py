@@ -5,12 +5,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from conftest import ROOT, prepared, world_spec
+from conftest import ROOT, world_spec
 
 from repro import world_config
 from repro.evaluation import generalization
 from repro.evaluation.generalization import score, updated
-from repro.learning.training import train
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
@@ -25,10 +24,8 @@ from repro.system.errors import InputError
 
 
 @pytest.fixture(scope="module")
-def predictor(recorded, tmp_path_factory):
-    run = prepared(tmp_path_factory.mktemp("generalization"), max_epochs=1)
-    train(run, recorded, accelerator="cpu")
-    return load_predictor(run.model)
+def predictor(evaluated):
+    return load_predictor(evaluated.model)
 
 
 @pytest.fixture
@@ -203,6 +200,12 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
     assert score(predictor, scans, test).value.notna().all()
 
 
+@pytest.fixture(scope="module")
+def changed_recordings(tmp_path_factory):
+    """Return a directory of recordings that the networks of an experiment share."""
+    return tmp_path_factory.mktemp("changed")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("weights", "published", "experiment"),
@@ -212,7 +215,9 @@ def test_windows_without_a_hit_and_poses_off_the_map_are_scored(predictor, recor
         ("drive-16000/expmixed-convgru", "drive-16000", "mixed"),
     ],
 )
-def test_the_published_rows_are_those_of_the_published_weights(weights, published, experiment, tmp_path, monkeypatch):
+def test_the_published_rows_are_those_of_the_published_weights(
+    weights, published, experiment, changed_recordings, monkeypatch
+):
     changes = {"scans skipped": (generalization.skipped_scans, (4.0,))}
     amounts_of = {"CHANGES": changes, "FIELDS_OF_VIEW": (), "RANGES_M": (15,), "SPEEDS": (2,), "START_HEADINGS": (180,)}
     for name, amounts in amounts_of.items():
@@ -221,10 +226,11 @@ def test_the_published_rows_are_those_of_the_published_weights(weights, publishe
     world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
     spec = world_config.world_spec(world_config.read_world(world), experiment)
     predictor = load_predictor(results / weights)
-    tables = [generalization.under_changes(predictor, experiment, spec, tmp_path, 200, workers=2)]
+    recordings = changed_recordings / experiment
+    tables = [generalization.under_changes(predictor, experiment, spec, recordings, 200, workers=2)]
     if experiment == "4":
-        record_experiment(tmp_path / "test", spec, {"test": 500}, workers=2)
-        tables.append(generalization.across_start_headings(predictor, experiment, tmp_path / "test"))
+        record_experiment(recordings / "test", spec, {"test": 500}, workers=2)
+        tables.append(generalization.across_start_headings(predictor, experiment, recordings / "test"))
 
     rows = read_rows(results / published / "analysis" / "generalization.csv")
     rows = rows[rows["model"] == weights.rpartition("-")[2]]

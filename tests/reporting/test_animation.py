@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 import torch
-from conftest import prepared, world_spec
+from conftest import world_spec
 from PIL import Image
 
-from repro.learning.training import train
 from repro.maps.encodings import create_encoding
 from repro.maps.ground_truth import rasterize
 from repro.networks.light_convgru import LightConvGRU
@@ -21,10 +20,8 @@ def recording():
 
 
 @pytest.fixture(scope="module")
-def predictor(recorded, tmp_path_factory):
-    run = prepared(tmp_path_factory.mktemp("animated"), max_epochs=1)
-    train(run, recorded, accelerator="cpu")
-    return load_predictor(run.model)
+def predictor(evaluated):
+    return load_predictor(evaluated.model)
 
 
 def test_the_last_frame_is_the_whole_recording(recording, predictor):

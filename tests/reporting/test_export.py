@@ -6,12 +6,10 @@ import pandas as pd
 import pytest
 import torch
 import yaml
-from conftest import ROOT, fake_run, prepared
+from conftest import ROOT, fake_run
 from huggingface_hub import ModelCard
 
 from repro.cli.tasks.export import suffix_of
-from repro.evaluation.evaluate import evaluate
-from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
@@ -154,13 +152,10 @@ def test_exports_of_other_inputs_and_seeds_have_other_names():
 
 
 @pytest.mark.slow
-def test_a_training_keeps_the_statistics_of_its_scans(recorded, tmp_path):
-    run = prepared(tmp_path / "run", max_epochs=1)
-    train(run, recorded, accelerator="cpu")
-    evaluate(run, recorded, accelerator="cpu")
-    statistics = load_predictor(run.model).statistics
-    assert statistics == training_statistics(recorded, run.config())
+def test_a_training_keeps_the_statistics_of_its_scans(recorded, evaluated, tmp_path):
+    statistics = load_predictor(evaluated.model).statistics
+    assert statistics == training_statistics(recorded, evaluated.config())
     assert statistics.windows == 24
     assert statistics.range_of("fov_deg") == pytest.approx((90, 90))
-    export_weights(run, tmp_path / "weights")
+    export_weights(evaluated, tmp_path / "weights")
     assert load_predictor(tmp_path / "weights").statistics == statistics

@@ -12,8 +12,6 @@ from conftest import ROOT, fake_run, fake_study, prepared, run_config
 
 from repro.cli.publishing import changes, check_files, overrides_of, usual_settings
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale
-from repro.evaluation.evaluate import evaluate
-from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
@@ -209,19 +207,17 @@ def test_readme_can_show_the_rows_of_one_model(tmp_path):
 
 
 @pytest.mark.slow
-def test_exported_weights_predict_as_the_run_does(recorded, tmp_path):
-    run, target = prepared(tmp_path / "run", max_epochs=1), tmp_path / "weights"
-    train(run, recorded, accelerator="cpu")
+def test_exported_weights_predict_as_the_run_does(evaluated, tmp_path):
+    target = tmp_path / "weights"
     with pytest.raises(ValueError, match="not evaluated"):
-        export_weights(run, target)
-    evaluate(run, recorded, accelerator="cpu")
-    export_weights(run, target)
+        export_weights(prepared(tmp_path / "run"), target)
+    export_weights(evaluated, target)
     image = torch.rand(2, 1, 32, 32)
-    full, half = (smp.from_pretrained(path).float().eval() for path in (run.model, target))
+    full, half = (smp.from_pretrained(path).float().eval() for path in (evaluated.model, target))
     with torch.inference_mode():
         assert (torch.sigmoid(full(image)) - torch.sigmoid(half(image))).abs().max() < 0.01
     size = (target / "model.safetensors").stat().st_size
-    assert size < 0.55 * (run.model / "model.safetensors").stat().st_size
+    assert size < 0.55 * (evaluated.model / "model.safetensors").stat().st_size
     card = (target / "README.md").read_text()
     assert "24 simulated pairs" in card
     assert "obstacle_iou" in card
