@@ -130,13 +130,6 @@ def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):
     assert (tmp_path / "weights" / "README.md").is_file()
 
 
-def test_the_command_of_a_variant_has_its_overrides(tmp_path):
-    outputs = tmp_path / "laptop-fp32"
-    fake_run(outputs, "3", "unet", 0.4)
-    page = (publish(Outputs(outputs), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
-    assert "seed=0 scale=laptop outputs=outputs/laptop-fp32 runtime.precision=32-true`" in page
-
-
 def test_the_command_of_a_changed_scale_names_the_changed_values_alone():
     usual = {"size_px": 128, "pairs": {"train": 3000, "val": 128}, "ema_decay": None}
     now = {"size_px": 128, "pairs": {"train": 8000, "val": 128}, "ema_decay": 0.99}
@@ -150,7 +143,7 @@ def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
         *("tiny", "a minute", 32, PairCounts(24, 8, 8), settings.learning_rate, settings.batch_size),
         *(settings.max_epochs, settings.flip_augmentation, settings.ema_decay),
     )
-    outputs = tmp_path / "tiny"
+    outputs = tmp_path / "tiny-variant"
     fake_run(outputs, "3", "unet", 0.5)
     own = {"encoding": Encoding("series10", {"frames": 10, "range_max_m": 15.0}), "parameters": {"hidden": 64}}
     for experiment, seed in (("1", 0), ("2", 0), ("2", 1)):
@@ -159,11 +152,12 @@ def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
     world = {"robot": {"sensors": [{"range_max": 30.0}]}}
     recipe = Recipe("tiny", "", partial(usual_settings, scale, world))
     page = (publish(Outputs(outputs), tmp_path / "results", recipe) / "README.md").read_text()
-    assert "model=unet exp=3 seed=0 scale=tiny runtime" in page
+    assert "model=unet exp=3 seed=0 scale=tiny outputs=outputs/tiny-variant runtime.precision=32-true`" in page
     shared = "scale=tiny model.parameters.hidden=64 encoding.parameters.range_max_m=15.0"
-    assert f"model=convgru exp=1 encoding=series10 seed=0 {shared} run" in page
-    assert f"model=convgru exp=2 encoding=series10 seed=0,1 {shared} run" in page
-    assert f"exp=3 encoding=series10 seed=0 {shared} train.batch_size=2 train.ema_decay=0.9 run" in page
+    place = "outputs=outputs/tiny-variant"
+    assert f"model=convgru exp=1 encoding=series10 seed=0 {shared} {place} run" in page
+    assert f"model=convgru exp=2 encoding=series10 seed=0,1 {shared} {place} run" in page
+    assert f"exp=3 encoding=series10 seed=0 {shared} train.batch_size=2 train.ema_decay=0.9 {place} run" in page
 
 
 def test_a_network_without_a_file_in_conf_is_not_published():
@@ -249,7 +243,7 @@ def test_a_marker_of_an_unknown_table_names_the_known_ones(name, tmp_path):
     if name == "main":
         assert "U-Net" in with_results(text, tmp_path / "results")
     else:
-        with pytest.raises(ValueError, match=r"laptop unett: expected costs, .*, main, ablation, or a network"):
+        with pytest.raises(ValueError, match=r"laptop unett: expected methods, .*, costs, main, ablation, or a network"):
             with_results(text, tmp_path / "results")
 
 
@@ -265,32 +259,22 @@ def test_a_marker_without_an_end_deletes_nothing(text, tmp_path):
         with_results(text, tmp_path)
 
 
-def test_the_published_readme_lists_the_hardware_of_each_step(tmp_path, monkeypatch):
-    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4, status=Status.trained)
-    where = {"commit": "B", "hardware": {"gpu": "none at all"}, "versions": run.provenance().steps[-1]["versions"]}
-    monkeypatch.setattr("repro.runs.directories.environment", lambda: where)
-    run.begin_step("evaluated", Status.evaluated, test_pairs=8)
-    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
-    trained, evaluated = (
-        next(line for line in page.splitlines() if f"- {verb} on" in line) for verb in ("trained", "evaluated")
-    )
-    assert "none at all" in evaluated
-    assert "none at all" not in trained
-
-
-def test_the_published_readme_lists_all_versions_and_needs_none_of_the_oldest_runs(tmp_path, monkeypatch):
+def test_the_published_readme_lists_hardware_and_versions_of_all_steps_that_have_them(tmp_path, monkeypatch):
     fake_run(tmp_path / "laptop", "3", "unet", 0.4)
     run = fake_run(tmp_path / "laptop", "4", "unet", 0.4, status=Status.trained)
     versions = run.provenance().steps[-1]["versions"]
-    where = {"commit": "B", "hardware": {}, "versions": versions | {"torch": "99.9"}}
+    where = {"commit": "B", "hardware": {"gpu": "none at all"}, "versions": versions | {"torch": "99.9"}}
     monkeypatch.setattr("repro.runs.directories.environment", lambda: where)
     run.begin_step("evaluated", Status.evaluated, test_pairs=8)
     content = json.loads((run.path / "provenance.json").read_text())
     trained = next(step for step in content["steps"] if step["step"] == "trained")
-    for name in ("commit", "hardware", "versions"):
+    for name in ("commit", "hardware", "versions"):  # as in the oldest runs
         del trained[name]
     (run.path / "provenance.json").write_text(json.dumps(content))
     page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
+    on = {verb: next(line for line in page.splitlines() if f"- {verb} on" in line) for verb in ("trained", "evaluated")}
+    assert "none at all" in on["evaluated"]
+    assert "none at all" not in on["trained"]
     assert f"- versions: torch {versions['torch']} and 99.9, " in page
 
 
