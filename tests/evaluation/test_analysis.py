@@ -106,9 +106,13 @@ def test_a_prediction_without_obstacles_has_no_recall(test_set):
     assert (hits[hits["metric"] != "obstacles"]["value"] == 0).all()
 
 
+@pytest.fixture(scope="module")
+def frames(outputs):
+    return gather(outputs)
+
+
 @pytest.mark.slow
-def test_frames_are_gathered_from_all_evaluated_runs(outputs):
-    frames = gather(outputs)
+def test_frames_are_gathered_from_all_evaluated_runs(frames):
     assert set(frames) == set(ANALYZED)
     for name, frame in frames.items():
         keys = ["experiment", "model", "encoding"]
@@ -123,8 +127,8 @@ def test_frames_are_gathered_from_all_evaluated_runs(outputs):
 
 
 @pytest.mark.slow
-def test_intervals_agree_with_the_metrics_of_the_run(outputs):
-    row = gather(outputs)["intervals"].query("model == 'last_seen'").set_index("metric")["value"]
+def test_intervals_agree_with_the_metrics_of_the_run(outputs, frames):
+    row = frames["intervals"].query("model == 'last_seen'").set_index("metric")["value"]
     kept = evaluate(outputs.run(RunKey("3", "last_seen")), outputs.recordings("3"))
     for metric in ("accuracy", "specificity", "ssim", "obstacle_iou"):
         assert row[metric] == pytest.approx(kept[metric], abs=1e-5), metric

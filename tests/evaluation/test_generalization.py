@@ -102,11 +102,15 @@ def test_a_wider_view_has_more_beams_and_the_same_worlds():
     assert spec.obstacles.behavior.speed_m_s == (0.2, 0.7)
 
 
-@pytest.mark.parametrize("experiment", ["1", "4"])
+@pytest.fixture(scope="module", params=["1", "4"])
+def plain(request, tmp_path_factory):
+    directory = tmp_path_factory.mktemp("plain")
+    record_experiment(directory, world_spec(request.param), {"test": 4}, workers=1)
+    return load_recorded(directory, "test", Grid(64, 50.0))
+
+
 @pytest.mark.parametrize("degrees", [90, 180, 270])
-def test_turned_recordings_are_those_of_turned_worlds(experiment, degrees, tmp_path):
-    record_experiment(tmp_path, world_spec(experiment), {"test": 4}, workers=1)
-    plain = load_recorded(tmp_path, "test", Grid(64, 50.0))
+def test_turned_recordings_are_those_of_turned_worlds(plain, degrees):
     test = generalization.turned(plain, degrees)
     assert not np.array_equal(test.maps, plain.maps)
     for index in range(len(test)):

@@ -33,7 +33,7 @@ from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def example():
     scans = simulate(sample_world(world_spec("3"), 0)).scans
     image = np.full((32, 32), 255, dtype=np.uint8)

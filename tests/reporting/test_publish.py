@@ -24,7 +24,7 @@ from repro.reporting.publish import publish
 from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_origins, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
-from repro.reporting.tables import write_tables
+from repro.reporting.tables import make_tables
 from repro.runs.keys import KEY
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
@@ -36,6 +36,18 @@ DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
 @pytest.fixture(autouse=True)
 def committed(monkeypatch):
     monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Publish a small study with an ablation; return its outputs and reproduce/results, which tests may only read."""
+    path = tmp_path_factory.mktemp("study")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
+        fake_study(path / "laptop")
+        fake_run(path / "laptop", "3", "unet", 0.4, decay=False)
+    publish(Outputs(path / "laptop"), path / "results", Recipe("laptop"))
+    return Outputs(path / "laptop"), path / "results"
 
 
 DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -57,16 +69,13 @@ def test_every_published_run_has_its_provenance(directory):
         assert origin["steps"][-1]["step"] == "evaluated"
 
 
-def test_publishing_copies_runs_and_provenance(tmp_path):
-    outputs, results = tmp_path / "laptop", tmp_path / "results"
-    fake_study(outputs)
-    fake_run(outputs, "3", "unet", 0.4, decay=False)
-    target = publish(Outputs(outputs), results, Recipe("laptop"))
-    assert target == results / "laptop"
+def test_publishing_copies_runs_and_provenance(study):
+    outputs, results = study
+    target = results / "laptop"
     assert {path.name for path in target.iterdir()} == {"runs.csv", "provenance.json", "README.md"}
     page = (target / "README.md").read_text()
     assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
-    assert len(pd.read_csv(target / "runs.csv")) == len(read_results(Outputs(outputs))) == 6
+    assert len(pd.read_csv(target / "runs.csv")) == len(read_results(outputs)) == 6
     assert "runs/exp3/unet/projection-no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
 
@@ -124,7 +133,7 @@ def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):
     network = create_network(paper_model("unet"))
     Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
     Predictor(network, Projection(), Grid(64, 50.0)).save(tmp_path / "weights")
-    with pytest.raises(ValueError, match=r"has weights for 64 px .* has 32 px .*: publish\.force=true"):
+    with pytest.raises(ValueError, match=r"has weights for 64 px .* has 32 px, .*: publish\.force=true"):
         export_weights(run, tmp_path / "weights")
     export_weights(run, tmp_path / "weights", force=True)
     assert (tmp_path / "weights" / "README.md").is_file()
@@ -177,27 +186,20 @@ def test_the_command_of_a_published_network_without_code_names_its_commit(tmp_pa
     assert of_unet.endswith("` |")
 
 
-def test_readme_tables_are_those_of_the_report(tmp_path):
-    outputs = tmp_path / "laptop"
-    fake_study(outputs)
-    publish(Outputs(outputs), tmp_path / "results", Recipe("laptop"))
+def test_readme_tables_are_those_of_the_report(study):
+    outputs, results = study
     text = "before\n<!-- results: laptop main -->\nold\n<!-- end -->\nafter\n"
-    made = with_results(text, tmp_path / "results")
-    page = write_tables(Outputs(outputs))["main"].to_markdown()
+    made = with_results(text, results)
+    page = make_tables(read_results(outputs))["main"].to_markdown()
     assert made == f"before\n<!-- results: laptop main -->\n{page}<!-- end -->\nafter\n"
-    assert with_results(made, tmp_path / "results") == made
+    assert with_results(made, results) == made
 
 
-def test_readme_can_show_the_rows_of_one_model(tmp_path):
-    outputs, rows = tmp_path / "laptop", ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
-    fake_study(outputs)
-    for shown in (rows[:1], rows):
-        publish(Outputs(outputs), tmp_path / "results", Recipe("laptop"))
-        made = with_results("<!-- results: laptop unet -->\n<!-- end -->\n", tmp_path / "results").splitlines()
-        assert made[1].startswith("**Scale laptop: 32 x 32 px")
-        assert [line.split("(")[0] for line in made[5:-1]] == shown
-        assert made[-1] == "<!-- end -->"
-        fake_run(outputs, "3", "unet", 0.4, decay=False)
+def test_readme_can_show_the_rows_of_one_model(study):
+    made = with_results("<!-- results: laptop unet -->\n<!-- end -->\n", study[1]).splitlines()
+    assert made[1].startswith("**Scale laptop: 32 x 32 px")
+    assert [line.split("(")[0] for line in made[5:-1]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
+    assert made[-1] == "<!-- end -->"
 
 
 @pytest.mark.slow
@@ -235,16 +237,10 @@ def test_nothing_evaluated_cannot_be_published(tmp_path):
         publish(outputs, tmp_path / "results", Recipe("laptop"))
 
 
-@pytest.mark.parametrize("name", ["main", "unett"])
-def test_a_marker_of_an_unknown_table_names_the_known_ones(name, tmp_path):
-    fake_study(tmp_path / "laptop")
-    publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
-    text = f"<!-- results: laptop {name} -->\n<!-- end -->\n"
-    if name == "main":
-        assert "U-Net" in with_results(text, tmp_path / "results")
-    else:
-        with pytest.raises(ValueError, match=r"laptop unett: expected methods, .*, costs, main, ablation, or a network"):
-            with_results(text, tmp_path / "results")
+def test_a_marker_of_an_unknown_table_names_the_known_ones(study):
+    message = r"laptop unett: expected methods, .*, costs, main, ablation, or a network"
+    with pytest.raises(ValueError, match=message):
+        with_results("<!-- results: laptop unett -->\n<!-- end -->\n", study[1])
 
 
 @pytest.mark.parametrize(

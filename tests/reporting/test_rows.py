@@ -1,4 +1,5 @@
 import json
+import shutil
 from collections.abc import Callable
 
 import pandas as pd
@@ -13,12 +14,20 @@ from repro.reporting.rows import keys_of, read_rows
 from repro.runs.outputs import Outputs
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Publish a small study."""
+    path = tmp_path_factory.mktemp("rows")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
+        fake_study(path / "laptop")
+    return publish(Outputs(path / "laptop"), path / "results", Recipe("laptop"))
+
+
 @pytest.fixture
-def published(tmp_path, monkeypatch):
-    """Publish a small study beside the outputs that it comes from, outputs/laptop."""
-    monkeypatch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
-    fake_study(tmp_path / "outputs" / "laptop")
-    return publish(Outputs(tmp_path / "outputs" / "laptop"), tmp_path / "results", Recipe("laptop"))
+def published(whole, tmp_path):
+    """Return a copy of the published study, to be damaged."""
+    return shutil.copytree(whole, tmp_path / "results" / "laptop")
 
 
 def edited(name: str, value: str, line: int = 2) -> Callable[[str], bytes]:
