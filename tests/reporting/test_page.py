@@ -19,12 +19,12 @@ pytestmark = pytest.mark.slow
 
 TINY = (
     *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=8", "scale.max_epochs=1"),
-    *("runtime.accelerator=cpu", "exp=3"),
+    "exp=3",
 )
 
 
-def train(outputs, *words):
-    command = [sys.executable, "run.py", *TINY, f"outputs={outputs}", *words]
+def call(outputs, *words):
+    command = [sys.executable, "run.py", f"outputs={outputs}", "runtime.accelerator=cpu", *words]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=500)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -33,11 +33,12 @@ def train(outputs, *words):
 def outputs(tmp_path_factory):
     """Run a small study with its analysis: U-Net with and without decay and with another input."""
     outputs = tmp_path_factory.mktemp("page") / "first"
-    train(outputs, "decay=true,false", "hydra/launcher=basic", "-m")  # one process imports torch once
-    train(outputs, "encoding=stack4")
-    for words in (("task=generalization", *TINY), ("task=report", *TINY), ("task=analysis", "runtime.accelerator=cpu")):
-        (call,) = read_calls(*words, f"outputs={outputs}")  # the runs of an analysis know their scale
-        assert main.perform(call) is None
+    call(outputs, *TINY, "decay=true,false", "hydra/launcher=basic", "-m")  # one process imports torch once
+    call(outputs, *TINY, "encoding=stack4")
+    for task in ("generalization", "report"):  # in this process, which has imported torch
+        (checked,) = read_calls(*TINY, "runtime.accelerator=cpu", f"outputs={outputs}", f"task={task}")
+        assert main.perform(checked) is None
+    call(outputs, "task=analysis")  # the runs know their scale
     return outputs
 
 
