@@ -75,7 +75,7 @@ def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:
     steps = list(steps)
     known = [step for step in steps if "hardware" in step]
     machines = {
-        verb: sorted({json.dumps(step["hardware"], sort_keys=True) for step in known if step["step"] == verb})
+        verb: sorted({_machine(**step["hardware"]) for step in known if step["step"] == verb})
         for verb in ("trained", "evaluated")
     }
     versions = [
@@ -85,9 +85,22 @@ def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:
     return [
         *(f"- {verb} on: {'; '.join(names) or 'not recorded'}" for verb, names in machines.items()),
         f"- versions: {', '.join(versions)}",
-        f"- commit: {', '.join(sorted({str(step['commit']) for step in known}))}",
+        f"- commits: {', '.join(sorted({_short(str(step['commit'])) for step in known}))}",
         f"- precision: {', '.join(sorted({step['precision'] for step in steps if 'precision' in step}))}",
     ]
+
+
+def _machine(
+    gpu: str | None, cpu: str | None = None, cpu_cores: int = 0, threads: int | None = None, machine: str = ""
+) -> str:
+    """Describe the hardware of a step, see `devices.hardware`; the oldest steps have no name of the CPU."""
+    used = "" if threads is None else f", {threads} used"
+    return gpu or f"{cpu or f'CPU ({machine})'}, {cpu_cores} cores{used}"
+
+
+def _short(commit: str) -> str:
+    """Shorten a commit to ten digits; a plus stands for uncommitted changes."""
+    return commit[:10] + ("+" if commit.endswith("+") else "")
 
 
 def _training_commands(
