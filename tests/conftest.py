@@ -144,7 +144,14 @@ def spent_budget() -> Budget:
 
 
 def fake_run(
-    outputs: Path, experiment: str, model: str, value: float, *, status: Status = Status.evaluated, **changes: Any
+    outputs: Path,
+    experiment: str,
+    model: str,
+    value: float,
+    *,
+    status: Status = Status.evaluated,
+    typed: str = "",
+    **changes: Any,
 ) -> Run:
     """Create a run directory as evaluation leaves it, with every metric at one value."""
     config = run_config(experiment=experiment, model=model, **changes)
@@ -154,7 +161,8 @@ def fake_run(
     run.use_recordings("hash of recordings")
     if not config.key.is_baseline:
         facts = {"train_pairs": 24, "epochs": 3, "training_seconds": 1.0, "precision": "32-true"}
-        run.begin_step("trained", Status.trained, **facts, weights_sha256=f"weights that score {value}")
+        facts |= {"command": f"python run.py {typed}", "weights_sha256": f"weights that score {value}"}
+        run.begin_step("trained", Status.trained, **facts)
     run.begin_step("evaluated", status, test_pairs=8)
     return run
 

@@ -6,7 +6,6 @@ from conftest import fake_run, fake_study
 
 from repro.config import Encoding
 from repro.reporting.publish import publish
-from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_published, read_results
 from repro.reporting.tables import make_tables
 from repro.runs.keys import KEY, RunKey
@@ -23,7 +22,7 @@ def published(tmp_path, monkeypatch):
     first = tmp_path / "first" / "laptop"
     fake_study(first)
     write_intervals(first, [("3", "unet", "projection", 0.5), ("3", "all_free", "", 0.0)])
-    publish(Outputs(first), tmp_path / "results", Recipe("laptop"))
+    publish(Outputs(first), tmp_path / "results")
     return tmp_path / "results"
 
 
@@ -48,7 +47,7 @@ def write_intervals(path, rows):
 
 def test_new_runs_are_added_and_published_ones_stay(published, later):
     before = read_published(published / "laptop")
-    target = publish(later, published, Recipe("laptop"))
+    target = publish(later, published)
     after = read_published(target)
     assert len(after) == len(before) + 2
     both = before.merge(after, how="left", on=[*before.columns], indicator=True)
@@ -73,7 +72,7 @@ def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_pat
     other = Outputs(tmp_path / "other" / "laptop")
     fake_run(other.path, "3", "unet", 0.6, seed=1, **changes)
     with pytest.raises(ValueError, match=message):
-        publish(other, published, Recipe("laptop"))
+        publish(other, published)
 
 
 def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch):
@@ -82,18 +81,18 @@ def test_runs_on_other_recordings_are_not_added(published, tmp_path, monkeypatch
     text = (run.path / "provenance.json").read_text()
     (run.path / "provenance.json").write_text(text.replace("hash of recordings", "another hash"))
     with pytest.raises(ValueError, match="seed1 has other recordings than the published runs of experiment 3"):
-        publish(other, published, Recipe("laptop"))
+        publish(other, published)
 
 
 def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
     for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
         run = later.run(key)
         pd.DataFrame({"epoch": [0], "val_loss": [0.1]}).to_csv(run.path / "history.csv", index=False)
-    publish(later, published, Recipe("laptop"))
+    publish(later, published)
     third = Outputs(later.path.parents[1] / "third" / "laptop")
     run = fake_run(third.path, "3", "unet", 0.6, seed=2)
     pd.DataFrame({"epoch": [0], "val_loss": [0.2]}).to_csv(run.path / "history.csv", index=False)
-    rows = pd.read_csv(publish(third, published, Recipe("laptop")) / "history.csv")
+    rows = pd.read_csv(publish(third, published) / "history.csv")
     assert set(zip(rows["model"], rows["seed"], rows["val_loss"], strict=True)) == {
         ("convgru", 0, 0.1),
         ("unet", 1, 0.1),
@@ -103,7 +102,7 @@ def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(publishe
 
 def test_only_new_combinations_are_added_to_the_analysis(published, later):
     """A published interval over other seeds is not replaced by that of one seed."""
-    rows = pd.read_csv(publish(later, published, Recipe("laptop")) / "analysis" / "intervals.csv")
+    rows = pd.read_csv(publish(later, published) / "analysis" / "intervals.csv")
     assert rows["model"].tolist() == ["unet", "all_free", "convgru"]
     assert rows["value"].tolist() == [0.5, 0.0, 0.7]
 
@@ -135,7 +134,7 @@ def test_what_the_published_table_lacks_is_added_once(published, later):
         if before:
             pd.DataFrame(before, columns=columns).to_csv(published / "laptop" / "analysis" / f"{name}.csv", index=False)
         pd.DataFrame([*before, row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
-    analysis = publish(later, published, Recipe("laptop")) / "analysis"
+    analysis = publish(later, published) / "analysis"
     assert "average" in set(pd.read_csv(analysis / "intervals.csv")["model"])
     assert pd.read_csv(analysis / "generalization.csv")["shift"].tolist() == ["range noise [m]", "odometry error"]
     assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
@@ -153,7 +152,7 @@ def test_the_robustness_of_a_published_network_is_added_without_runs(published, 
     (directory / "generalization.png").write_bytes(b"old")
     pd.DataFrame([old, new], columns=columns).to_csv(outputs.analysis / "generalization.csv", index=False)
     runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
-    directory = publish(outputs, published, Recipe("laptop")) / "analysis"
+    directory = publish(outputs, published) / "analysis"
     pd.testing.assert_frame_equal(read_published(published / "laptop").sort_values(KEY, ignore_index=True), runs)
     assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
     assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
@@ -162,18 +161,18 @@ def test_the_robustness_of_a_published_network_is_added_without_runs(published, 
 def test_figures_of_the_analysis_are_drawn_with_the_new_runs(published, later):
     old = published / "laptop" / "analysis" / "baselines.png"
     old.write_bytes(b"old")
-    analysis = publish(later, published, Recipe("laptop")) / "analysis"
+    analysis = publish(later, published) / "analysis"
     assert (analysis / "baselines.png").read_bytes().startswith(b"\x89PNG")
     assert {path.name for path in analysis.iterdir()} == {"intervals.csv", "baselines.png"}
 
 
 def test_a_second_publication_changes_nothing_and_a_new_result_of_a_run_replaces_the_old_one(published, later):
-    once = read_published(publish(later, published, Recipe("laptop")))
-    twice = read_published(publish(later, published, Recipe("laptop")))
+    once = read_published(publish(later, published))
+    twice = read_published(publish(later, published))
     pd.testing.assert_frame_equal(once, twice)
     run = later.run(RunKey("3", "unet", "projection", 1))
     pd.read_csv(run.metrics).assign(dice=0.65).to_csv(run.metrics, index=False)
-    again = read_published(publish(later, published, Recipe("laptop")))
+    again = read_published(publish(later, published))
     assert len(again) == len(once)
     assert again.loc[again["seed"].eq(1) & (again["model"] == "unet"), "dice"].tolist() == [0.65]
 
@@ -187,7 +186,6 @@ def test_runs_of_uncommitted_code_are_not_added(published, tmp_path, monkeypatch
     before = read_results(outputs)
     assert len(before) == 1
     with pytest.raises(ValueError, match=r"uncommitted code; publish.force=true"):
-        publish(outputs, published, Recipe("laptop"))
-    target = publish(outputs, published, Recipe("laptop", " scale.batch_size=2"), force=True)
+        publish(outputs, published)
+    target = publish(outputs, published, force=True)
     assert "abc+" in (target / "provenance.json").read_text()
-    assert "scale=laptop scale.batch_size=2" in (target / "README.md").read_text()

@@ -1,17 +1,13 @@
 import json
 import re
-from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 import segmentation_models_pytorch as smp
 import torch
-from conftest import ROOT, fake_run, fake_study, prepared, run_config
+from conftest import ROOT, fake_run, fake_study, prepared
 
-from repro.cli.publishing import changes, check_files, overrides_of, usual_settings
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding, PairCounts, Scale
+from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
@@ -21,7 +17,6 @@ from repro.networks.predictor import Predictor
 from repro.reporting.documents import with_results
 from repro.reporting.export import export_weights
 from repro.reporting.publish import publish
-from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_origins, read_published, read_results
 from repro.reporting.rows import keys_of, read_rows
 from repro.reporting.tables import make_tables
@@ -46,7 +41,7 @@ def study(tmp_path_factory):
         patch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
         fake_study(path / "laptop")
         fake_run(path / "laptop", "3", "unet", 0.4, decay=False)
-    publish(Outputs(path / "laptop"), path / "results", Recipe("laptop"))
+    publish(Outputs(path / "laptop"), path / "results")
     return Outputs(path / "laptop"), path / "results"
 
 
@@ -84,7 +79,7 @@ def test_the_losses_of_every_epoch_are_published(tmp_path):
     run = fake_run(tmp_path / "laptop", "3", "unet", 0.4, decay=False)
     losses = pd.DataFrame({"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]})
     losses.to_csv(run.path / "history.csv", index=False)
-    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
+    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results")
     rows = read_rows(target / "history.csv")
     assert rows.columns.tolist() == [*KEY, *losses.columns]
     assert set(map(tuple, rows[KEY].to_numpy())) == {("3", "unet", PROJECTION_NO_DECAY, 0)}
@@ -98,9 +93,9 @@ def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_rem
     for name in ("claims.csv", "ages.png", "ages.pdf", "old.csv"):
         (outputs.analysis / name).write_text(name)
     (outputs.path / "report.html").write_text("page")
-    publish(outputs, results, Recipe("laptop"))
+    publish(outputs, results)
     (outputs.analysis / "old.csv").unlink()
-    target = publish(outputs, results, Recipe("laptop"))
+    target = publish(outputs, results)
     assert sorted(path.name for path in target.glob("analysis/*")) == ["ages.png", "claims.csv"]
     assert (target / "report.html").read_text() == "page"
 
@@ -113,15 +108,15 @@ def test_runs_of_another_size_replace_all_published_runs_or_nothing(tmp_path):
     results = tmp_path / "results"
     fake_study(tmp_path / "first" / "laptop")
     fake_run(tmp_path / "first" / "laptop", "3", "unet", 0.4, decay=False)
-    (target := publish(Outputs(tmp_path / "first" / "laptop"), results, Recipe("laptop")) / "exp3-unet").mkdir()
+    (target := publish(Outputs(tmp_path / "first" / "laptop"), results) / "exp3-unet").mkdir()
     (target / "kept").write_text("weights")
     before = listing(results / "laptop")
     fake_run(tmp_path / "other" / "laptop", "3", "unet", 0.7, size_px=16)
     other = Outputs(tmp_path / "other" / "laptop")
     with pytest.raises(ValueError, match=r"the published runs have 32 px, these runs 16; publish\.force=true"):
-        publish(other, results, Recipe("laptop"))
+        publish(other, results)
     assert listing(results / "laptop") == before
-    publish(other, results, Recipe("laptop"), force=True)
+    publish(other, results, force=True)
     assert len(read_published(results / "laptop")) == 1
     assert (target / "kept").read_text() == "weights"
     assert {path.name for path in results.iterdir()} == {"laptop", ".lock"}
@@ -139,51 +134,21 @@ def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):
     assert (tmp_path / "weights" / "README.md").is_file()
 
 
-def test_the_command_of_a_changed_scale_names_the_changed_values_alone():
-    usual = {"size_px": 128, "pairs": {"train": 3000, "val": 128}, "ema_decay": None}
-    now = {"size_px": 128, "pairs": {"train": 8000, "val": 128}, "ema_decay": 0.99}
-    assert list(changes("scale", now, usual)) == [" scale.pairs.train=8000", " scale.ema_decay=0.99"]
-    assert not list(changes("scale", usual, usual))
-
-
-def test_each_command_has_the_settings_and_seeds_of_its_trainings(tmp_path):
-    settings = run_config().train
-    scale = Scale(
-        *("tiny", "a minute", 32, PairCounts(24, 8, 8), settings.learning_rate, settings.batch_size),
-        *(settings.max_epochs, settings.flip_augmentation, settings.ema_decay),
-    )
+def test_each_command_has_the_overrides_and_seeds_of_its_trainings(tmp_path):
     outputs = tmp_path / "tiny-variant"
-    fake_run(outputs, "3", "unet", 0.5)
-    own = {"encoding": Encoding("series10", {"frames": 10, "range_max_m": 15.0}), "parameters": {"hidden": 64}}
+    fake_run(outputs, "3", "unet", 0.5, typed="exp=3 scale=laptop outputs=/elsewhere runtime.accelerator=cpu")
+    typed = "model=convgru encoding=series10 'world.range_m=[1, 2]' hydra.launcher.n_jobs=1"
+    own = {"encoding": Encoding("series10", {"frames": 10, "range_max_m": 15.0})}
     for experiment, seed in (("1", 0), ("2", 0), ("2", 1)):
-        fake_run(outputs, experiment, "convgru", 0.7, seed=seed, **own)
-    fake_run(outputs, "3", "convgru", 0.7, **own, batch_size=2, ema_decay=0.9)
-    world = {"robot": {"sensors": [{"range_max": 30.0}]}}
-    recipe = Recipe("tiny", "", partial(usual_settings, scale, world))
-    page = (publish(Outputs(outputs), tmp_path / "results", recipe) / "README.md").read_text()
-    assert "model=unet exp=3 seed=0 scale=tiny outputs=outputs/tiny-variant runtime.precision=32-true`" in page
-    shared = "scale=tiny model.parameters.hidden=64 encoding.parameters.range_max_m=15.0"
-    place = "outputs=outputs/tiny-variant"
-    assert f"model=convgru exp=1 encoding=series10 seed=0 {shared} {place} run" in page
-    assert f"model=convgru exp=2 encoding=series10 seed=0,1 {shared} {place} run" in page
-    assert f"exp=3 encoding=series10 seed=0 {shared} train.batch_size=2 train.ema_decay=0.9 {place} run" in page
-
-
-def test_a_network_without_a_file_in_conf_is_not_published():
-    with pytest.raises(ValueError, match=r"the published command needs a file of model big: add .*big\.yaml"):
-        check_files("big", "stack4")
-
-
-def test_the_command_of_a_published_network_without_code_names_its_commit(tmp_path):
-    outputs = tmp_path / "tiny"
-    fake_run(outputs, "3", "unet", 0.5)
-    fake_run(outputs, "3", "big", 0.5)
-    scale = Scale(*("tiny", "a minute", 32, PairCounts(24, 8, 8), 1e-3, 8, 3, False, None))
-    recipe = Recipe("tiny", "", partial(usual_settings, scale, {"robot": {"sensors": [{"range_max": 30.0}]}}))
-    page = (publish(Outputs(outputs), tmp_path / "results", recipe) / "README.md").read_text()
-    of_big, of_unet = (next(line for line in page.splitlines() if f"model={name} " in line) for name in ("big", "unet"))
-    assert of_big.endswith("` with the code of their commit |")
-    assert of_unet.endswith("` |")
+        fake_run(outputs, experiment, "convgru", 0.7, seed=seed, typed=f"{typed} exp={experiment} seed={seed}", **own)
+    fake_run(outputs, "3", "convgru", 0.7, **own, batch_size=2, typed=f"{typed} train.batch_size=2")
+    page = (publish(Outputs(outputs), tmp_path / "results") / "README.md").read_text()
+    place = "runtime.precision=32-true outputs=outputs/tiny-variant`"
+    assert f"`python run.py -m model=unet exp=3 seed=0 scale=laptop {place}" in page
+    shared = "scale=laptop encoding=series10 'world.range_m=[1, 2]'"
+    assert f"model=convgru exp=1 seed=0 {shared} {place}" in page
+    assert f"model=convgru exp=2 seed=0,1 {shared} {place}" in page
+    assert f"model=convgru exp=3 seed=0 {shared} train.batch_size=2 {place}" in page
 
 
 def test_readme_tables_are_those_of_the_report(study):
@@ -231,10 +196,10 @@ def test_exported_weights_predict_as_the_run_does(evaluated, tmp_path):
 def test_nothing_evaluated_cannot_be_published(tmp_path):
     (outputs := Outputs(tmp_path / "laptop")).analysis.mkdir(parents=True)
     with pytest.raises(ValueError, match="no network is evaluated"):
-        publish(outputs, tmp_path / "results", Recipe("laptop"))
+        publish(outputs, tmp_path / "results")
     fake_run(outputs.path, "3", "all_free", 0.4)
     with pytest.raises(ValueError, match="no network is evaluated"):
-        publish(outputs, tmp_path / "results", Recipe("laptop"))
+        publish(outputs, tmp_path / "results")
 
 
 def test_a_marker_of_an_unknown_table_names_the_known_ones(study):
@@ -267,7 +232,7 @@ def test_the_published_readme_lists_hardware_and_versions_of_all_steps_that_have
     for name in ("commit", "hardware", "versions"):  # as in the oldest runs
         del trained[name]
     (run.path / "provenance.json").write_text(json.dumps(content))
-    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop")) / "README.md").read_text()
+    page = (publish(Outputs(tmp_path / "laptop"), tmp_path / "results") / "README.md").read_text()
     on = {verb: next(line for line in page.splitlines() if f"- {verb} on" in line) for verb in ("trained", "evaluated")}
     assert "none at all" in on["evaluated"]
     assert "none at all" not in on["trained"]
@@ -283,7 +248,7 @@ def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
     metrics.to_csv(run.metrics, index=False)
     export_weights(run, tmp_path / "weights")
     assert "experiment office" in (tmp_path / "weights" / "README.md").read_text()
-    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results", Recipe("laptop"))
+    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results")
     assert read_published(target)["experiment"].tolist() == ["office"]
 
 
@@ -300,15 +265,3 @@ def test_the_documents_state_how_long_a_study_takes():
                 assert low <= rows["training_seconds"].sum() / 60 / 2 <= high
                 whole += 1
     assert whole
-
-
-def test_a_call_with_other_pairs_than_those_of_the_runs_is_refused(tmp_path, monkeypatch):
-    run = fake_run(tmp_path / "first", "3", "unet", 0.4)
-    monkeypatch.setattr("repro.cli.publishing.world_files", lambda used: ["paper"])
-    data = run.config().data
-    scale = Scale("first", "", data.size_px, data.pairs, 1e-3, 8, 2, True, 0.99)
-    job = SimpleNamespace(outputs=Outputs(tmp_path / "first"), call=SimpleNamespace(scale=scale))
-    assert "world=" not in overrides_of(job)
-    job.call.scale = replace(scale, pairs=replace(data.pairs, train=data.pairs.train + 2))
-    with pytest.raises(ValueError, match=f"other data than this call: add scale.pairs.train={data.pairs.train}$"):
-        overrides_of(job)

@@ -8,7 +8,6 @@ from conftest import fake_study
 
 from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
-from repro.reporting.published_readme import Recipe
 from repro.reporting.results import read_origins, read_published
 from repro.reporting.rows import keys_of, read_rows
 from repro.runs.outputs import Outputs
@@ -21,7 +20,7 @@ def whole(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
         fake_study(path / "laptop")
-    return publish(Outputs(path / "laptop"), path / "results", Recipe("laptop"))
+    return publish(Outputs(path / "laptop"), path / "results")
 
 
 @pytest.fixture

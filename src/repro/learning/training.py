@@ -140,7 +140,7 @@ def train(
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
         module = _training_module(recordings, config, device)
-        run.begin_step("trained", Status.training, precision=precision)
+        run.begin_step("trained", Status.training, precision=precision, command=run.command)
         try:
             paused, facts = _fit(run, module, device, precision, budget)
         except FloatingPointError as error:

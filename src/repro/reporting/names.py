@@ -1,7 +1,5 @@
 """Names of experiments, models and predictors, and durations, in tables, figures and messages."""
 
-from pathlib import Path
-
 import pandas as pd
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
@@ -21,17 +19,6 @@ TITLES = {
     **OTHER_BOUNDS,
 }
 SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
-
-
-def scale_options(scale: str, outputs: Path, others: str = "") -> str:
-    """Return the options of a command for a scale and an outputs directory, which is named unless it is the default.
-
-    Args:
-        scale: name of the scale.
-        outputs: the outputs directory.
-        others: further options, each after a space.
-    """
-    return f"scale={scale}{others}" + ("" if outputs == Path("outputs", scale) else f" outputs={outputs}")
 
 
 def experiment_title(experiment: str, form: str) -> str:

@@ -19,7 +19,7 @@ from repro.evaluation.samples import Sample
 from repro.metrics.names import TABLE_METRICS
 from repro.reporting.analysis_tables import tables_of_sections
 from repro.reporting.claims import Verdict, on_paper
-from repro.reporting.names import experiment_title, predictor_title, scale_options
+from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import interval, with_interval
 from repro.reporting.results import audits, read_frames, read_origins, read_published
@@ -64,6 +64,7 @@ def render(report: Report) -> str:
     """Return the report as one string of HTML; worlds that are not the paper's have no claims."""
     claims, intervals = report.frames["claims"], report.frames["intervals"]
     scale = str(report.results["scale"].iloc[0])
+    elsewhere = "" if report.outputs == Path("outputs", scale) else f" outputs={report.outputs}"
     has_claims = not claims.empty
     navigation = [("summary", "Summary"), ("tables", "Tables")]
     navigation += [("claims", "Claims of the paper")] if has_claims else []
@@ -78,7 +79,7 @@ def render(report: Report) -> str:
         scale=scale,
         outputs=report.outputs.name,
         has_claims=has_claims,
-        command=f"python run.py task=analysis {scale_options(scale, report.outputs)}",
+        command=f"python run.py task=analysis scale={scale}{elsewhere}",
         caption=caption(report.results),
         sections=navigation,
         verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in VERDICT_CLASSES.items()],

@@ -19,7 +19,7 @@ import pandas as pd
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.networks.model import NETWORKS
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.published_readme import Recipe, published_page
+from repro.reporting.published_readme import published_page
 from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
 from repro.reporting.rows import conflicts, keys_of, read_rows
 from repro.runs.keys import KEY, RunKey
@@ -61,7 +61,7 @@ class _Runs:
 NONE = _Runs(pd.DataFrame(columns=KEY), {})
 
 
-def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = False) -> Path:
+def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
     """Publish the runs of an outputs directory in the directory of the same name; runs with the same key are replaced.
 
     If the outputs hold every published run, their analysis, figures and report replace the published ones. Else these
@@ -72,7 +72,6 @@ def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = Fa
         outputs: the outputs directory of one scale, named after the scale or after the property that its runs share; it
             may have an analysis of published runs alone, such as a test of generalization.
         results: reproduce/results.
-        recipe: for the commands that repeat the trainings.
         force: whether to publish runs of uncommitted code or other settings, and to replace all published runs by runs
             of another size or on other recordings.
 
@@ -108,7 +107,7 @@ def publish(outputs: Outputs, results: Path, recipe: Recipe, *, force: bool = Fa
                 _add_analysis(outputs.analysis, new / "analysis")
             else:
                 _replace_files(outputs, new)
-            _write(new, name, recipe, kept.and_those(found), histories)
+            _write(new, name, kept.and_those(found), histories)
     return target
 
 
@@ -215,7 +214,7 @@ def _histories(outputs: Outputs, found: _Runs, kept: _Runs, directory: Path) -> 
     return rows[[*KEY, *rows.columns.drop(list(KEY))]]
 
 
-def _write(directory: Path, name: str, recipe: Recipe, runs: _Runs, histories: pd.DataFrame | None) -> None:
+def _write(directory: Path, name: str, runs: _Runs, histories: pd.DataFrame | None) -> None:
     """Write runs.csv, history.csv, provenance.json and README.md of a published directory."""
     counts = {name: "Int64" for name in ("train_pairs", "epochs") if name in runs.rows}  # missing for baselines
     for stem, table in {"runs": runs.rows.astype(counts), "history": histories}.items():
@@ -227,4 +226,4 @@ def _write(directory: Path, name: str, recipe: Recipe, runs: _Runs, histories: p
     if (directory / "analysis").is_dir():
         has_page = (directory / "report.html").is_file()
         analyzed = "`analysis/` and `report.html` have" if has_page else "`analysis/` has"
-    write_text(directory / "README.md", published_page(name, recipe, runs.rows, runs.origins, analyzed))
+    write_text(directory / "README.md", published_page(name, runs.rows, runs.origins, analyzed))

@@ -1,63 +1,27 @@
 """The README.md of a published directory: files, hardware, versions, and the commands that repeat the trainings."""
 
-import json
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
+import shlex
+from collections.abc import Iterable
 from typing import Any
 
 import pandas as pd
 
-from repro.config import NO_DECAY, PROJECTION
-from repro.reporting.names import predictor_title, scale_options
+from repro.reporting.names import predictor_title
 from repro.reporting.render import Cells
-from repro.reporting.rows import Settings, changed, keys_of, read_cells
+from repro.reporting.rows import keys_of
 from repro.reporting.tables import caption
 from repro.runs.provenance import Provenance
 
-
-def _no_settings(model: str, encoding: str) -> Settings:
-    return {}
+PASSED_OVER = ("model=", "exp=", "seed=", "task=", "scale=", "outputs=", "recordings=", "runtime.", "hydra")
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """What the commands that repeat published trainings share.
-
-    Args:
-        scale: name of the scale.
-        overrides: overrides of world and scale, each after a space.
-        usual: from the names of a network and an encoding to the settings that need no override, see
-            `reporting.rows`; None if their code has been deleted since.
-    """
-
-    scale: str
-    overrides: str = ""
-    usual: Callable[[str, str], Settings | None] = _no_settings
-
-    def options(self, name: str, model: str, encoding: str, settings: Settings) -> str:
-        """Return the options that repeat a training that is published in the directory of this name."""
-        usual = self.usual(model, encoding)
-        own = {} if usual is None else changed(settings, usual)
-        return scale_options(self.scale, Path("outputs", name), self.overrides + "".join(overrides(own)))
-
-
-def overrides(settings: Settings) -> Iterator[str]:
-    """Yield settings as overrides on the command line, each after a space."""
-    for key, value in settings.items():
-        yield f" {key}={value if isinstance(value, str) else json.dumps(value)}"
-
-
-def published_page(
-    name: str, recipe: Recipe, runs: pd.DataFrame, origins: dict[str, Provenance], analyzed: str = ""
-) -> str:
+def published_page(name: str, runs: pd.DataFrame, origins: dict[str, Provenance], analyzed: str = "") -> str:
     """Return the README.md of a published directory: files, hardware, versions, training commands.
 
     `origins` has the provenance of each run by its path, and `analyzed` names what has the analysis, with the verb.
     """
-    networks = runs[runs["encoding"] != ""]
     analysis = f"; {analyzed} the analysis" if analyzed else ""
-    commands = _training_commands(name, networks, origins, recipe)
+    commands = _training_commands(name, runs[runs["encoding"] != ""], origins)
     lines = [
         f"# Published results, {name}\n",
         caption(runs) + "\n",
@@ -104,32 +68,32 @@ def _short(commit: str) -> str:
 
 
 def _training_commands(
-    name: str, networks: pd.DataFrame, origins: dict[str, Provenance], recipe: Recipe
+    name: str, networks: pd.DataFrame, origins: dict[str, Provenance]
 ) -> list[tuple[str, int, str, str]]:
     """Return title, number of trainings, their mean time [min] and command of trainings that one command repeats."""
-    settings = read_cells(networks["settings"]) if "settings" in networks else [{}] * len(networks)
-    encodings = networks["encoding"].str.removesuffix(NO_DECAY)
     paths = [str(key.path) for key in keys_of(networks)]
-    precisions = [origins[path].fact("precision") if path in origins else None for path in paths]
-    named = zip(networks["model"], encodings, settings, precisions, strict=True)
-    networks = networks.assign(
-        options=[
-            recipe.options(name, model, encoding, own) + (f" runtime.precision={precision}" if precision else "")
-            for model, encoding, own, precision in named
-        ]
-    )
+    options = [_options(name, scale, origins[path]) for scale, path in zip(networks["scale"], paths, strict=True)]
+    networks = networks.assign(options=options)
     alike = ["model", "encoding", "options"]
     seeds = networks.groupby([*alike, "experiment"])["seed"].transform(lambda each: ",".join(map(str, sorted(each))))
     rows = []
     for _, runs in networks.assign(seeds=seeds).groupby([*alike, "seeds"], sort=False):
-        model, encoding, options, of_seeds = runs[[*alike, "seeds"]].iloc[0]
-        base = encoding.removesuffix(NO_DECAY)
-        data = ("" if base == PROJECTION else f" encoding={base}") + ("" if base == encoding else " decay=false")
+        model, encoding, of_all, of_seeds = runs[[*alike, "seeds"]].iloc[0]
         experiments = ",".join(sorted(runs["experiment"].unique()))
-        command = f"`python run.py -m model={model} exp={experiments}{data} seed={of_seeds} {options}`"
-        if recipe.usual(model, base) is None:
-            command += " with the code of their commit"
+        command = f"`python run.py -m model={model} exp={experiments} seed={of_seeds}{of_all}`"
         minutes = f"{runs['training_seconds'].mean() / 60:.1f}"
         rows.append((predictor_title(model, encoding), len(runs), minutes, command))
     titles = [row[0] for row in rows]
     return sorted(rows, key=lambda row: titles.index(row[0]))
+
+
+def _options(name: str, scale: str, origin: Provenance) -> str:
+    """Return the overrides of a training that is published in the directory of this name, each after a space.
+
+    Those that name network, experiment, seed, machine or place are left out; the precision and the place are added.
+    """
+    typed = [each for each in shlex.split(origin.fact("command") or "")[2:] if not each.startswith(PASSED_OVER)]
+    precision = origin.fact("precision")
+    added = [f"runtime.precision={precision}"] if precision else []
+    added += [] if name == scale else [f"outputs=outputs/{name}"]
+    return "".join(f" {shlex.quote(each)}" for each in (f"scale={scale}", *typed, *added))

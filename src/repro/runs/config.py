@@ -41,18 +41,15 @@ class RunConfig:
     @property
     def settings(self) -> dict[str, Any]:
         """All settings that the key does not name, by their keys on the command line; empty for a baseline."""
-        return settings_of(self.model, self.encoding, self.train) if self.encoding and self.train else {}
+        if not self.encoding or not self.train:
+            return {}
+        content = dataclasses.asdict(self)
+        flat = flatten({name: content[name] for name in ("model", "encoding", "train")})
+        return {key: value for key, value in flat.items() if key not in IN_KEY}
 
     def of_baseline(self, name: str) -> "RunConfig":
         """Return the configuration of a baseline on the same worlds and grid."""
         return RunConfig(self.experiment, None, Model(name), None, self.data)
-
-
-def settings_of(model: Model, encoding: Encoding, train: Training) -> dict[str, Any]:
-    """Return the settings of a network by their keys on the command line, such as train.batch_size."""
-    parts: dict[str, Model | Encoding | Training] = {"model": model, "encoding": encoding, "train": train}
-    flat = flatten({name: dataclasses.asdict(part) for name, part in parts.items()})
-    return {key: value for key, value in flat.items() if key not in IN_KEY}
 
 
 def differences(existing: RunConfig | Data, requested: RunConfig | Data, ignored: frozenset[str] = frozenset()) -> str:

@@ -12,6 +12,7 @@ runs/exp3/unet/projection/seed0/
 """
 
 import dataclasses
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -153,6 +154,13 @@ class Run:
     @property
     def status(self) -> Status:
         return self.provenance().status
+
+    @property
+    def command(self) -> str | None:
+        """The command that works on the run, from the overrides that Hydra stores; None if it is no call of run.py."""
+        path = self.path / ".hydra" / "overrides.yaml"
+        typed = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else None
+        return None if typed is None else f"python run.py {shlex.join(typed)}"
 
     @property
     def epochs(self) -> int:

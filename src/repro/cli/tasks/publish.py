@@ -1,14 +1,16 @@
 """task=publish: copy the results of an outputs directory into reproduce/results, and its tables into the docs."""
 
-from repro.cli.jobs import Job
+from repro.cli.jobs import RESULTS, Job
 from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
-    from repro.cli.publishing import publish_results
+    from repro.cli.documents import update_docs
+    from repro.reporting.publish import publish
 
-    publish_results(job)
+    print(f"published {publish(job.outputs, RESULTS, force=job.call.publish.force)}")
+    update_docs()
 
 
 TASK = Task(run, once=True, own=("publish",))
