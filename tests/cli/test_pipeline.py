@@ -50,7 +50,7 @@ def test_the_sweep_ends_with_a_complete_table(study):
     assert "Prediction metrics. " not in text
     assert "Scale first: 32 x 32 px, 16 training and 4 test pairs" in text
     origin = (outputs / "runs/exp3/fpn/projection-no-decay/seed0/provenance.json").read_text()
-    assert '"command": "python run.py model=fpn exp=3 decay=false scale=first' in origin
+    assert '"command": "python run.py model=fpn exp=3 decay=False scale=first' in origin
 
 
 def test_the_quick_baselines_are_in_the_main_table(study):
