@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -89,13 +89,18 @@ def test_npz(tmp_path):
     expect(read_log(tmp_path / "b.npz", WINDOWS))
 
 
-def bag(path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, scans: int = SCANS) -> Path:
+def bag(
+    path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, scans: int = SCANS, compression=()
+) -> Path:
     """Write a bag with the writers of rosbags; the lidar is 0.2 m in front of the robot where there are transforms."""
     store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
     if version == 1:  # which rosbags does not list for ROS 1
         store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
     types = store.types
-    with Writer1(path) if version == 1 else Writer2(path, version=9, storage_plugin=storage) as writer:
+    made = Writer1(path) if version == 1 else Writer2(path, version=9, storage_plugin=storage)
+    if compression:
+        made.set_compression(*compression)
+    with made as writer:
         topics: dict[str, object] = {}
 
         def write(topic: str, kind: str, message: object, stamp: float) -> None:
@@ -247,7 +252,7 @@ def test_a_parameter_in_the_log_that_makes_the_maximum_range_invalid_skips_the_s
 
 def test_a_log_without_any_valid_maximum_range_is_refused(tmp_path):
     lines = [robotlaser(each).replace("81.83", "0", 1) for each in range(SCANS)]
-    with pytest.raises(ValueError, match="expected a positive maximum range, got 0"):
+    with pytest.raises(ValueError, match="expected a positive maximum range above the minimum, 0 m, got 0"):
         read_log(write_lines(tmp_path / "log", lines), WINDOWS)
 
 
@@ -443,6 +448,17 @@ def truncated(path: Path) -> Path:
     return path
 
 
+def shortened(path: Path) -> Path:
+    """Cut off a part of the last page of a database, which SQLite reads as zeros."""
+    path.write_bytes(path.read_bytes()[:-100])
+    return path
+
+
+def compressed(path: Path) -> Path:
+    written = bag(path, 2, poses="tf", compression=(CompressionMode.MESSAGE, CompressionFormat.ZSTD))
+    return next(written.glob("*.mcap"))
+
+
 def mcap(path: Path) -> Path:
     (written,) = bag(path, 2, poses="tf").glob("*.mcap")
     return written
@@ -476,6 +492,11 @@ NO_LOGS = {
     "sqlite header only": (lambda path: (path.write_bytes(b"SQLite format 3\0"), path)[1], "the bag cannot be read"),
     "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
     "truncated mcap": (lambda path: truncated(mcap(path)), r"the bag cannot be read .*mcap recover"),
+    "truncated database": (
+        lambda path: shortened(next(bag(path, 2, poses="tf", storage=StoragePlugin.SQLITE3).glob("*.db3"))),
+        "the bag is truncated",
+    ),
+    "compressed messages without metadata": (lambda path: compressed(path), "compressed, give its directory"),
     "mcap of ros1": (lambda path: with_profile(mcap(path), b"ros1"), "profile 'ros2', got 'ros1': .*rosbags-convert"),
     "mcap of no profile": (lambda path: with_profile(mcap(path), b""), "profile 'ros2', got ''"),
     "bag without poses": (lambda path: bag(path.with_suffix(".bag"), 1, poses="none"), "no poses"),
@@ -559,6 +580,26 @@ def test_a_mounting_places_the_lidar_on_the_robot(tmp_path):
         assert found[2] == pytest.approx(heading + math.pi)
 
 
+def test_a_mounting_replaces_that_of_a_bag(tmp_path):
+    path = bag(tmp_path / "log.bag", 1, poses="tf")
+    expect(read_log(path, WINDOWS, ReadOptions(mounting=(0.2, 0.0, 0.0))), atol=2e-3)
+    turned = read_log(path, WINDOWS, ReadOptions(mounting=(0.2, 0.0, 1.0)))
+    assert turned.poses == pytest.approx(POSES + np.array([0, 0, 1]), abs=2e-3)
+
+
+@pytest.mark.parametrize("unused", [{"mounting": (0.0, 0.0, 1.0)}, {"frame": "odom"}, {"odometry_topic": "/odom"}])
+def test_what_the_pose_of_a_lidar_that_stands_makes_useless_is_refused(unused):
+    with pytest.raises(ValueError, match=f"a lidar that stands needs no {next(iter(unused))}"):
+        ReadOptions(pose=(0.0, 0.0, 0.0), **unused)
+
+
+def test_scans_that_were_left_out_are_named_where_the_others_have_no_window(tmp_path):
+    lines = [flaser(each, None if each < 5 else np.zeros(BEAMS)) for each in range(SCANS)]
+    log = read_log(write_lines(tmp_path / "log", lines), WINDOWS)
+    with pytest.raises(ValueError, match=r"the log has 0.4 s of scans, .* \(skipped: 25 without a valid reading\)"):
+        log.check_times(WINDOWS)
+
+
 def test_topics_and_frames_of_a_log_that_is_no_bag_are_refused(tmp_path):
     path = write_lines(tmp_path / "log", [flaser(n) for n in range(SCANS)])
     with pytest.raises(ValueError, match="expected a bag for a topic or a frame of its poses, got CARMEN"):
@@ -576,7 +617,7 @@ def test_scans_with_a_varying_number_of_readings_are_resampled(caplog):
     assert log.skipped == {}
     assert np.abs(log.ranges - np.linspace(2, 3, 91)).max() <= 0.5 / 87 + 1e-6
     assert log.ranges[0] == pytest.approx(np.linspace(2, 3, 91))
-    assert caplog.text.count("the number of beams varies") == 1
+    assert caplog.text.count("the beams vary, such as") == 1
 
 
 def test_the_last_messages_of_a_database_that_was_not_closed_are_read(tmp_path):

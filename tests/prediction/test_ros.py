@@ -123,6 +123,7 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
         ({"angle_max": math.nan}, 0.01, None),
         ({"angle_increment": 0.0}, 0.01, None),
         ({"ranges": np.full(95, 2.0, np.float32)}, 1 / 94, None),  # of a lidar whose number of readings varies
+        ({"angle_increment": 0.0098}, 0.01, None),  # rounded, so that the last beam is a degree off
         ({"angle_increment": 0.0001}, 0.0001, "with angles that contradict one another"),
         ({"ranges": np.full(51, 2.0, np.float32)}, 0.01, "with angles that contradict one another"),
     ],
@@ -130,13 +131,21 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
 def test_the_angles_of_a_scan_are_checked_against_one_another(changes, spacing, problem):
     scans = LaserScans(lambda _: None)
     message = laser_scan(**changes)
-    scan = scans.convert(message, scans.times(message), (1.0, 2.0, 3.0))
+    scan = scans.convert(message, scans.times(message), Transforms(pose=(1.0, 2.0, 3.0)))
     assert (scan.problem, scan.pose) == (problem, (1.0, 2.0, 3.0))
     assert scan.spacing == pytest.approx(spacing)
+
+
+def test_a_minimum_range_that_is_no_number_is_ignored_with_a_message():
+    warnings: list[str] = []
+    message = laser_scan(range_min=math.nan)
+    scan = LaserScans(warnings.append).convert(message, (5.0, 5.0), Transforms(pose=(0.0, 0.0, 0.0)))
+    assert (scan.range_min_m, scan.has_valid_range) == (0.0, True)
+    assert warnings == ["range_min is nan: it is ignored"]
 
 
 def test_scans_without_times_have_those_of_their_arrival():
     warnings: list[str] = []
     scans = LaserScans(warnings.append)
     assert scans.times(laser_scan(0.0), 7.5) == (7.5, 7.5)
-    assert warnings == ["the scans have no times: the times of their arrival are taken"]
+    assert warnings == ["scans without a time get that of their arrival"]

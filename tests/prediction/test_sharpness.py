@@ -31,6 +31,14 @@ def test_right_poses_have_no_message(log):
         (lambda log: replace(log, poses=log.poses + np.array([0, 0, math.pi])), "turned by 180 degrees"),
         (lambda log: replace(log, poses=log.poses - np.array([0, 0, math.pi / 2])), "turned by 90 degrees"),
         (lambda log: replace(log, poses=log.poses * (1, 1, -1)), "headings of the opposite sign"),
+        (lambda log: replace(log, poses=log.poses * (1, 1, -1) + (0, 0, math.pi / 2)), "clockwise from the y axis"),
+        (lambda log: replace(log, poses=log.poses * (1, 1, math.degrees(1))), "in degrees"),
+        (lambda log: replace(log, angles=-log.angles), "beams in the reverse order:"),
+        (lambda log: replace(log, poses=log.poses * (-1, 1, 1)), "with x of the opposite sign"),
+        (lambda log: replace(log, poses=log.poses * (1, -1, 1)), "with y of the opposite sign"),
+        (lambda log: replace(log, poses=log.poses[:, [1, 0, 2]]), "with x and y exchanged:"),
+        (lambda log: replace(log, poses=log.poses * (100, 100, 1)), "positions in cm"),
+        (lambda log: replace(log, poses=log.poses * (1000, 1000, 1)), "positions in mm"),
     ],
 )
 def test_the_convention_that_sharpens_the_hits_is_named(log, change, named):

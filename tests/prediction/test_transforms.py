@@ -284,6 +284,20 @@ def test_a_mounting_replaces_the_transforms_of_the_lidar():
     assert (x, y, abs(heading)) == pytest.approx((5.7, 0, math.pi))
 
 
+@pytest.mark.parametrize("given", [{"mounting": (0.2, 0.0, 0.0)}, {"pose": (5.7, 0.0, 0.0)}])
+@pytest.mark.parametrize("is_upside_down", [False, True])
+def test_transforms_tell_that_a_lidar_with_a_given_pose_or_mounting_hangs_upside_down(given, is_upside_down):
+    transforms = RigidTransforms(**given)
+    turn = tuple(Rotation.from_euler("zx", [2.0, math.pi * is_upside_down]).as_quat())
+    transforms.add("laser", "base_link", 0.0, (9.0, 9.0, 1.0), turn, is_static=True)
+    for stamp in (1.0, 2.0):
+        transforms.add("base_link", "odom", stamp, (4.0 + stamp, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert "laser" in transforms
+    found = transforms.pose_at("laser", 1.5)
+    assert (found.x, found.y, found.heading) == pytest.approx((5.7, 0, 0))
+    assert found.is_upside_down == is_upside_down
+
+
 @pytest.mark.parametrize("rotation", [(0, 0, 0, 6.9e-310), (0, 0, 0, 1e200), (1e200, 0, 0, 1e200), (0, 0, 0.5, 0.5)])
 @pytest.mark.parametrize("is_static", [True, False])
 def test_rotations_of_uninitialized_messages_are_left_out(rotation, is_static):

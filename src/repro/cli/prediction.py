@@ -13,7 +13,7 @@ import pandas as pd
 from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.cli.logs import name_of
-from repro.cli.prediction_report import describe, printed_messages, say_left_out, summarize, warn_of
+from repro.cli.prediction_report import describe, percent, printed_messages, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
@@ -23,7 +23,7 @@ from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import draw, read_maps, window_number, write_map, write_probabilities
 from repro.prediction.readers import read_log, topics_of
 from repro.prediction.stream import predict_map
-from repro.prediction.times import TimesLost, WindowSettings, check_times, window_of
+from repro.prediction.times import TimesLost, WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
@@ -110,7 +110,7 @@ def _read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanL
     if settings.spacing != "distance":
         try:
             log = read_log(path, windows, options)
-            check_times(log.stamps, windows)
+            log.check_times(windows)
         except TimesLost as error:
             if settings.spacing == "time" or predictor.statistics is None:
                 advice = "use prediction.spacing=distance, or another prediction.step_s"
@@ -152,7 +152,7 @@ def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor)
 
 def _say_windows(log: ScanLog, windows: WindowSettings) -> None:
     """Print the windows that would be predicted."""
-    check_times(log.stamps, windows)
+    log.check_times(windows)
     unit = "s" if windows.spacing == "time" else "scans"
     print(
         f"would be used: windows of {windows.steps} steps of {windows.step_s:.3g} {unit}, from {log.stamps[0]:.2f} to "
@@ -210,7 +210,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     row |= statistics | {"outside_training": " ".join(outside)}
     compared = compare(window, predicted.free, grid, range_max_m)
     if window.following:
-        hits, passed = (compared[name] for name in SHARES)
-        line += f"; next scan: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free"
+        hits, passed = (percent(compared[name]) for name in SHARES)
+        line += f"; next scan: {hits} of the hits on obstacles, {passed} of the passed pixels free"
     print(line, flush=True)
     return row | compared

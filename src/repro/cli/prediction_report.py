@@ -115,11 +115,16 @@ def say_left_out(left_out: pd.DataFrame) -> None:
         print(f"left out: {len(left_out)} in all, see the column left_out of windows.csv", flush=True)
 
 
+def percent(share: float) -> str:
+    """Return a share in percent; `none` if there is nothing that it could be a share of."""
+    return "none" if math.isnan(share) else f"{share:.0%}"
+
+
 def summarize(table: pd.DataFrame) -> None:
     """Print the mean agreement of the maps with the scans that their network did not receive."""
     print(f"{len(table)} windows; mean shares:")
     for prefix, title in COMPARISONS.items():
         columns = [prefix + name for name in SHARES]
         if set(columns) <= set(table):
-            hits, passed = table[columns].mean()
-            print(f"  {title}: {hits:.0%} of the hits on obstacles, {passed:.0%} of the passed pixels free")
+            hits, passed = map(percent, table[columns].mean())
+            print(f"  {title}: {hits} of the hits on obstacles, {passed} of the passed pixels free")

@@ -14,7 +14,9 @@ from repro.system.errors import InputError
 from repro.system.files import first_line
 
 SUFFIXES = {b"#ROSBAG": ".bag", b"\x89MCAP0\r": ".mcap", b"SQLite ": ".db3"}  # by the first seven bytes
-PROFILE_START, PROFILE_END = 21, 64  # of the name in an MCAP, after its magic and the head of its first record [bytes]
+HEAD_BYTES = 64
+PROFILE_START = 21  # of the name in an MCAP, after its magic and the head of its first record [bytes]
+PAGE_SIZE = slice(16, 18)  # of the number in the head of a database
 MAX_FILES = 1000  # of one bag
 MAX_METADATA_BYTES = 10**7
 
@@ -32,7 +34,8 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
     with tempfile.TemporaryDirectory() as directory:
         try:
             parts = bag_parts(path)
-            _check_profiles(parts)
+            for file in (file for part in parts for file in (part.iterdir() if part.is_dir() else [part])):
+                _check_head(file)
             paths = [_readable(part, Path(directory) / str(number)) for number, part in enumerate(parts)]
             with AnyReader(paths, default_typestore=get_typestore(Stores.LATEST)) as bag:
                 yield bag
@@ -41,8 +44,9 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
         except Exception as error:  # rosbags and its storages raise many types for damaged files
             problem = f"{type(error).__name__}: {error}" if str(error) else "it is truncated or damaged"
             raise InputError(
-                f"{path}: the bag cannot be read ({problem}): if its recording was cut off, repair it, such as with "
-                "rosbag reindex, ros2 bag reindex or mcap recover"
+                f"{path}: the bag cannot be read ({problem}): if its messages are compressed, give its directory with "
+                "metadata.yaml; if its recording was cut off, repair it, such as with rosbag reindex, ros2 bag reindex "
+                "or mcap recover"
             ) from error
 
 
@@ -75,23 +79,27 @@ def kind_of(path: Path) -> str | None:
         return SUFFIXES.get(file.read(7))
 
 
-def _check_profiles(parts: list[Path]) -> None:
-    """Check that MCAP files have messages of ROS 2, the only ones that rosbags reads from them.
+def _check_head(path: Path) -> None:
+    """Check that an MCAP has messages of ROS 2, the only ones that rosbags reads from it, and that a database is whole.
 
     Raises:
-        InputError: one names another profile, or none.
+        InputError: an MCAP names another profile, or none; or a database ends within a page, which SQLite would fill
+            with zeros.
     """
-    for path in (file for part in parts for file in (part.glob("*.mcap") if part.is_dir() else [part])):
-        with path.open("rb") as file:
-            head = file.read(PROFILE_END)
-        if SUFFIXES.get(head[:7]) == ".mcap" and len(head) == PROFILE_END:
-            length = int.from_bytes(head[PROFILE_START - 4 : PROFILE_START], "little")
-            profile = head[PROFILE_START:][:length].decode(errors="replace")
-            if profile != "ros2":
-                raise InputError(
-                    f"{path}: expected an MCAP with the profile 'ros2', got {profile!r}: give the .bag of ROS 1 that "
-                    "it was made from, or convert that with rosbags-convert"
-                )
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+    if len(head) < HEAD_BYTES:
+        return
+    if SUFFIXES.get(head[:7]) == ".mcap":
+        length = int.from_bytes(head[PROFILE_START - 4 : PROFILE_START], "little")
+        profile = head[PROFILE_START:][:length].decode(errors="replace")
+        if profile != "ros2":
+            raise InputError(
+                f"{path}: expected an MCAP with the profile 'ros2', got {profile!r}: give the .bag of ROS 1 that "
+                "it was made from, or convert that with rosbags-convert"
+            )
+    if SUFFIXES.get(head[:7]) == ".db3" and path.stat().st_size % int.from_bytes(head[PAGE_SIZE], "big"):
+        raise InputError(f"{path}: the bag is truncated: repair it, such as with ros2 bag reindex")
 
 
 def _readable(path: Path, scratch: Path) -> Path:

@@ -40,17 +40,17 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
     """
     with open_bag(path) as bag:
         scan_topics = _topics(bag, path, [LASER], options.scan_topic)
-        poses = options.pose or _transforms(bag, path, options)
+        poses = _transforms(bag, path, options)
         topic = _chosen_scans(bag, path, scan_topics, poses)
         converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
         reported, is_explained = set[str](), False
         for _, message, received_s in _messages(bag, path, [topic]):
             frame, times = message.header.frame_id, converter.times(message, received_s)
-            if isinstance(poses, Transforms) and not poses.mounting and frame not in poses and frame not in reported:
+            if frame not in poses and frame not in reported:
                 reported.add(frame)
                 LOGGER.warning("%s: %s", path, without_transform(frame, poses.base_of(frame)))
             scan = converter.convert(message, times, poses)
-            if isinstance(poses, Transforms) and scan.pose is None and not scan.problem and not is_explained:
+            if scan.pose is None and not scan.problem and not is_explained:
                 is_explained = True
                 LOGGER.warning("%s: the first scan without a pose: %s", path, poses.why_unplaced(frame, times[1]))
             yield scan
@@ -89,14 +89,14 @@ def _topics(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> 
     return [topic] if topic else sorted(topics, key=lambda name: (-topics[name].msgcount, name))
 
 
-def _chosen_scans(bag: AnyReader, path: Path, topics: list[str], poses: Transforms | tuple[float, ...]) -> str:
+def _chosen_scans(bag: AnyReader, path: Path, topics: list[str], poses: Transforms) -> str:
     """Return the topic of a lidar that the transforms place, that looks ahead, and has the most messages."""
     if len(topics) == 1:
         return topics[0]
     headings: dict[str, float | None] = {}
     for topic in topics:
-        frame = _first(bag, path, topic).header.frame_id
-        headings[topic] = poses.heading_on_robot(frame) if isinstance(poses, Transforms) else 0.0
+        placed = poses.on_robot(_first(bag, path, topic).header.frame_id)
+        headings[topic] = placed.heading if placed else None
 
     def rank(topic: str) -> tuple[bool, bool]:
         heading = headings[topic]
@@ -151,7 +151,7 @@ def _messages(
 
 def _transforms(bag: AnyReader, path: Path, options: ReadOptions) -> Transforms:
     """Read the transforms, only the static ones for named odometry, and odometry where its frame has none."""
-    transforms = Transforms(frame=options.frame, mounting=options.mounting)
+    transforms = Transforms(frame=options.frame, mounting=options.mounting, pose=options.pose)
     topics = sorted({connection.topic for connection in bag.connections if connection.msgtype in TRANSFORMS})
     if options.odometry_topic is not None:
         topics = [topic for topic in topics if topic.endswith("tf_static")]
@@ -159,7 +159,7 @@ def _transforms(bag: AnyReader, path: Path, options: ReadOptions) -> Transforms:
         is_static = connection.topic.endswith("tf_static")
         add_transforms(transforms, message, is_static=is_static, received_s=received_s)
     has_odometry = any(info.msgtype == ODOMETRY and info.msgcount for info in bag.topics.values())
-    if options.odometry_topic is not None or has_odometry:
+    if options.odometry_topic is not None or (has_odometry and options.pose is None):
         candidates = _topics(bag, path, [ODOMETRY], options.odometry_topic)
         chosen = min(candidates, key=lambda name: not any(word in name for word in FILTERED))
         odometry = Transforms()
@@ -169,7 +169,7 @@ def _transforms(bag: AnyReader, path: Path, options: ReadOptions) -> Transforms:
             _say_choice(path, f"odometry of {chosen}", candidates, "odometry_topic")
     for message in transforms.left_out:
         LOGGER.warning("%s: %s", path, message)
-    if all(edge.is_static for edge in transforms.edges.values()):
+    if options.pose is None and all(edge.is_static for edge in transforms.edges.values()):
         reason = next(iter(transforms.left_out), "it has neither transforms that change nor odometry")
         raise InputError(
             f"{path}: no poses: {reason}; its topics are {list(bag.topics)}. For a lidar that stands, set "

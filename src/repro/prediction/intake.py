@@ -145,7 +145,7 @@ class Intake:
             if resampled is not scan and not self._resampled:
                 self._resampled = True
                 LOGGER.warning(
-                    "%s: the number of beams varies, such as %d and %d: all scans are resampled to %d beams",
+                    "%s: the beams vary, such as %d and %d: all scans are resampled to the most frequent, %d",
                     *(self.source, len(self.first.ranges), len(scan.ranges), len(self.first.ranges)),
                 )
             found.append(resampled)
@@ -172,8 +172,8 @@ def check_beams(scan: LogScan, source: str) -> None:
     check_turn(len(scan.ranges), scan.first_angle, scan.spacing, source)
     if not scan.has_valid_range:
         raise InputError(
-            f"{source}: expected a positive maximum range, got {scan.range_max_m:.4g}: set range_max_m to that of the "
-            "lidar [m]"
+            f"{source}: expected a positive maximum range above the minimum, {scan.range_min_m:.4g} m, got "
+            f"{scan.range_max_m:.4g}: set range_max_m to that of the lidar [m]"
         )
 
 

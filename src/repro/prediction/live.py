@@ -138,7 +138,7 @@ class LiveMapper:
         """Predict maps for the scans that have their poses, or have waited too long for them."""
         while self.waiting:
             frame, middle_s = self.waiting[0].message.header.frame_id, self.waiting[0].times[1]
-            is_placed = frame in self.transforms or frame in self.without_transform or bool(self.transforms.mounting)
+            is_placed = frame in self.transforms or frame in self.without_transform
             is_late = self.newest_s > middle_s + (WAIT_S if is_placed else WAIT_FOR_FRAME_S)
             has_later = self.transforms.has_later(frame, middle_s, SILENT_S)
             if not is_late and not (is_placed and has_later):

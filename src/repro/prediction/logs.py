@@ -13,7 +13,7 @@ import torch
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan, in_order, valid_ranges
 from repro.prediction.readings import check_heading, note_on_changes, note_on_far_hits
-from repro.prediction.times import NOT_LATER, Clock, Kept, TimesLost, WindowSettings
+from repro.prediction.times import NOT_LATER, Clock, Kept, TimesLost, WindowSettings, check_times
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
@@ -45,6 +45,12 @@ class ReadOptions:
     pose: Pose | None = None
     mounting: Pose | None = None
 
+    def __post_init__(self) -> None:
+        others = {"frame": self.frame, "mounting": self.mounting, "odometry_topic": self.odometry_topic}
+        unused = [name for name, value in others.items() if value is not None]
+        if self.pose is not None and unused:
+            raise InputError(f"pose: a lidar that stands needs no {' or '.join(unused)}: leave one out")
+
 
 @dataclass(frozen=True)
 class ScanLog:
@@ -70,6 +76,14 @@ class ScanLog:
 
     def __len__(self) -> int:
         return len(self.stamps)
+
+    def check_times(self, settings: WindowSettings) -> None:
+        """Check that the scans have windows, see `times.check_times`; a refusal names what was left out, too."""
+        try:
+            check_times(self.stamps, settings)
+        except InputError as error:
+            left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
+            raise type(error)(f"{error} (skipped: {left_out})" if left_out else str(error)) from error
 
     def crop(self, fov_rad: float) -> "ScanLog":
         """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.

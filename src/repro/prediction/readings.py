@@ -74,7 +74,7 @@ def note_on_repeats(ranges: np.ndarray) -> str | None:
     if not largest or count < MANY * max(1, int((ranges == second).sum())):
         return None
     return (
-        f"{count} readings are exactly {largest} m, which looks like the maximum range of the lidar: "
+        f"{count} readings are exactly {largest!s} m, which looks like the maximum range of the lidar: "
         f"set prediction.range_max_m={str(largest).removesuffix('.0')}"
     )
 

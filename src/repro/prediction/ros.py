@@ -20,11 +20,9 @@ UNKNOWN = -1
 OCCUPIED_ABOVE = 0.65  # map_server's default probability of an obstacle
 GAPS = 15  # between scans, of which the median is taken
 MAX_SCAN_S, LONGER = 1.0, 1.2  # duration of a scan, and how many times the time to the next one it may last
-MOST_EXTRA_BEAMS = 1.5  # between the last beam and angle_max, which some drivers set to the angle after it
-MAX_ANGLE_ERROR = 0.01  # of the field of view, from rounded increments
+EXTRA_BEAMS = (-0.5, 1.5)  # from the last beam to angle_max, which some drivers set to the angle after it
 MAX_VARIATION = 0.1  # of the number of readings between the scans of a lidar
 CONTRADICTION = "with angles that contradict one another"
-Pose = tuple[float, float, float]
 
 
 def seconds(stamp: Any) -> float:
@@ -81,7 +79,7 @@ class LaserScans:
         """
         stamp = seconds(message.header.stamp)
         if not stamp and received_s is not None:
-            self._warn_once("stamp", "the scans have no times: the times of their arrival are taken")
+            self._warn_once("stamp", "scans without a time get that of their arrival")
             stamp = received_s
         if stamp > self._last_s:
             self._gaps.append(stamp - self._last_s)
@@ -95,7 +93,7 @@ class LaserScans:
         self._warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
         return stamp, stamp
 
-    def convert(self, message: Any, times: tuple[float, float], transforms: Transforms | Pose) -> LogScan:
+    def convert(self, message: Any, times: tuple[float, float], transforms: Transforms) -> LogScan:
         """Convert a scan, with the pose of its frame in its middle.
 
         The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
@@ -103,30 +101,28 @@ class LaserScans:
         Args:
             message: the LaserScan.
             times: what `times` returned.
-            transforms: the transforms; or x, y [m] and heading [rad] of a lidar that stands.
+            transforms: the transforms.
         """
         placed, problem = None, None
-        if isinstance(transforms, Transforms):
-            try:
-                placed = transforms.pose_at(message.header.frame_id, times[1])
-            except InputError as error:
-                self._warn_once("tilt", str(error))
-                problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
-        pose = (
-            ((placed.x, placed.y, placed.heading) if placed else None)
-            if isinstance(transforms, Transforms)
-            else (transforms)
-        )
+        try:
+            placed = transforms.pose_at(message.header.frame_id, times[1])
+        except InputError as error:
+            self._warn_once("tilt", str(error))
+            problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
         first, spacing, contradiction = self._angles(message)
+        range_min_m = float(message.range_min)
+        if math.isnan(range_min_m):
+            self._warn_once("range_min", "range_min is nan: it is ignored")
+            range_min_m = 0.0
         sense = -1 if placed and placed.is_upside_down else 1
         return LogScan(
             stamp=times[0],
             ranges=np.asarray(message.ranges, dtype=np.float32),
             first_angle=sense * first,
             spacing=sense * spacing,
-            range_min_m=float(message.range_min),
+            range_min_m=range_min_m,
             range_max_m=float(message.range_max),
-            pose=pose,
+            pose=(placed.x, placed.y, placed.heading) if placed else None,
             problem=problem or contradiction,
             source=message,
         )
@@ -141,13 +137,13 @@ class LaserScans:
         if not math.isfinite(spacing) or spacing == 0:
             self._warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
             return first, by_limits, None
-        if abs(first + steps * spacing - last) <= MOST_EXTRA_BEAMS * abs(spacing) + MAX_ANGLE_ERROR * abs(last - first):
+        if EXTRA_BEAMS[0] <= (last - first) / spacing - steps <= EXTRA_BEAMS[1]:
             return first, spacing, None
         text = (
             f"{steps + 1} readings from angle_min {first:.4g} with angle_increment {spacing:.4g} end at "
             f"{first + steps * spacing:.4g}, angle_max is {last:.4g}"
         )
-        if abs(by_limits - spacing) <= MAX_VARIATION * abs(spacing):  # the number of readings of some lidars varies
+        if abs(by_limits - spacing) <= MAX_VARIATION * abs(spacing):  # rounded, or the number of readings varies
             self._warn_once("angles", f"{text}: they are spread over the field of view")
             return first, by_limits, None
         self._warn_once("angles", text)

@@ -1,7 +1,6 @@
 """Whether another convention of the poses would make the hits of a log sharper, such as a lidar that looks backward."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +12,28 @@ from repro.prediction.times import WindowSettings, parts_of, steps_before
 WINDOWS, SCANS = 24, 8  # of a log, and of a window, that are compared
 NEAR_M = 0.2  # between hits on the same obstacle
 MIN_PATH_M = 0.5  # of the robot in a window, so that a wrong heading shows
-MIN_GAIN = 0.15  # of the share of hits that are near others
-CONVENTIONS: dict[str, Callable[[ScanLog], ScanLog]] = {
-    "a lidar that is turned by 180 degrees, prediction.mounting=[0,0,3.1416]": lambda log: _turned(log, math.pi),
-    "a lidar that is turned by 90 degrees, prediction.mounting=[0,0,1.5708]": lambda log: _turned(log, math.pi / 2),
-    "a lidar that is turned by -90 degrees, prediction.mounting=[0,0,-1.5708]": lambda log: _turned(log, -math.pi / 2),
-    "headings of the opposite sign": lambda log: replace(log, poses=log.poses * (1, 1, -1)),
-    "beams in the reverse order": lambda log: replace(log, angles=-log.angles),
-    "x and y exchanged": lambda log: replace(log, poses=log.poses[:, [1, 0, 2]]),
+MIN_GAIN, MIN_SHARE = 0.15, 0.5  # of the share of hits that are near others, with a convention that is named
+BEAMS = "beams in the reverse order"
+TURNED = "a lidar that is turned by"
+CONVENTIONS = {  # turn [degrees] and scale of the headings, sense of the beams, scale of the positions
+    f"{TURNED} 180 degrees, prediction.mounting=[0,0,3.1416]": (180, 1, 1, 1),
+    f"{TURNED} 90 degrees, prediction.mounting=[0,0,1.5708]": (90, 1, 1, 1),
+    f"{TURNED} -90 degrees, prediction.mounting=[0,0,-1.5708]": (-90, 1, 1, 1),
+    "headings of the opposite sign": (0, -1, 1, 1),
+    "headings clockwise from the y axis": (90, -1, 1, 1),
+    "headings clockwise from the -x axis": (180, -1, 1, 1),
+    "headings clockwise from the -y axis": (-90, -1, 1, 1),
+    "headings in degrees": (0, math.radians(1), 1, 1),
+    BEAMS: (0, 1, -1, 1),
+    f"{BEAMS} and {TURNED} 180 degrees": (180, 1, -1, 1),
+    f"{BEAMS} and {TURNED} 90 degrees": (90, 1, -1, 1),
+    f"{BEAMS} and {TURNED} -90 degrees": (-90, 1, -1, 1),
+    "y of the opposite sign": (0, -1, -1, 1),  # a mirrored world, which looks alike, with other headings and beams
+    "x of the opposite sign": (180, -1, -1, 1),
+    "x and y exchanged": (90, -1, -1, 1),
+    "x and y exchanged and of the opposite sign": (-90, -1, -1, 1),
+    "positions in cm": (0, 1, 1, 0.01),
+    "positions in mm": (0, 1, 1, 0.001),
 }
 
 
@@ -37,9 +50,9 @@ def sharper_convention(log: ScanLog, settings: WindowSettings) -> str | None:
     if not windows:
         return None
     usual = sharpness(log, windows)
-    shares = {name: sharpness(change(log), windows) for name, change in CONVENTIONS.items()}
+    shares = {name: sharpness(_changed(log, *change), windows) for name, change in CONVENTIONS.items()}
     best = max(shares, key=lambda name: shares[name])
-    if not shares[best] > usual + MIN_GAIN:
+    if not shares[best] > max(usual + MIN_GAIN, MIN_SHARE):
         return None
     return (
         f"{usual:.0%} of the hits are near those of the scans before, {shares[best]:.0%} with {best}: check the "
@@ -91,5 +104,6 @@ def _hits(log: ScanLog, number: int) -> np.ndarray:
     return np.stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)], axis=-1)
 
 
-def _turned(log: ScanLog, turn: float) -> ScanLog:
-    return replace(log, poses=log.poses + np.array([0, 0, turn]))
+def _changed(log: ScanLog, turn_deg: float, heading: float, sense: int, position: float) -> ScanLog:
+    poses = log.poses * (position, position, heading) + (0, 0, math.radians(turn_deg))
+    return replace(log, poses=poses, angles=sense * log.angles)

@@ -93,20 +93,27 @@ class Transforms:
         keep_s: age beyond which poses are forgotten [s]; None keeps all.
         frame: frame in which poses are taken, such as `odom`; None for the topmost one.
         mounting: x, y [m] and heading [rad] of every lidar on the robot, in place of its transforms; None for those.
+        pose: x, y [m] and heading [rad] of a lidar that stands, in place of all transforms; None for one that moves.
+            With a pose or a mounting, the transforms still tell whether the lidar is upside down.
     """
 
     def __init__(
-        self, keep_s: float | None = None, *, frame: str | None = None, mounting: Vector | None = None
+        self,
+        keep_s: float | None = None,
+        *,
+        frame: str | None = None,
+        mounting: Vector | None = None,
+        pose: tuple[float, float, float] | None = None,
     ) -> None:
         self.keep_s, self.frame = keep_s, frame and frame.lstrip("/")
-        self.mounting = None if mounting is None else planar(*mounting)
+        self.mounting, self.pose = mounting, pose
         self.now_s = -math.inf  # time of the newest scan
         self.edges: dict[str, Edge] = {}
         self.left_out: dict[str, None] = {}  # messages about poses that cannot be used, in the order of their arrival
 
     def __contains__(self, frame: str) -> bool:
-        """Return whether a transform of a frame is known."""
-        return frame.lstrip("/") in self.edges
+        """Return whether a frame is placed: by a transform, a mounting or a pose."""
+        return self.mounting is not None or self.pose is not None or frame.lstrip("/") in self.edges
 
     def add(
         self, child: str, parent: str, stamp: float, position: Vector, quaternion: Vector, *, is_static: bool = False
@@ -214,18 +221,18 @@ class Transforms:
         Raises:
             ValueError: the frame is tilted by more than `MAX_TILT`.
         """
+        if self.pose is not None:
+            return PlanarPose(*self.pose, is_upside_down=self._is_upside_down(frame))
         total = self._compose(frame, stamp)
         if total is None:
             return None
-        axes = total.rotation.as_matrix()
-        tilt = math.acos(min(abs(axes[2, 2]), 1.0))
+        tilt = math.acos(min(abs(total.rotation.as_matrix()[2, 2]), 1.0))
         if tilt > MAX_TILT:
             raise InputError(
                 f"{frame} is tilted by {math.degrees(tilt):.0f} degrees: expected a horizontal lidar, "
                 f"within {math.degrees(MAX_TILT):.0f} degrees"
             )
-        x, y, _ = (float(value) for value in total.translation)
-        return PlanarPose(x, y, math.atan2(axes[1, 0], axes[0, 0]), bool(axes[2, 2] < 0))
+        return _in_plane(total)
 
     def _compose(self, frame: str, stamp: float) -> RigidTransform | None:
         edges = list(self._chain(frame))
@@ -281,17 +288,21 @@ class Transforms:
         parents = [edge.parent for edge in self._chain(frame)]
         return parents[-1] if parents else frame.lstrip("/")
 
-    def heading_on_robot(self, frame: str) -> float | None:
-        """Return the heading of a frame in that of the robot [rad], by the static transforms; None without one."""
-        if frame not in self:
+    def on_robot(self, frame: str) -> PlanarPose | None:
+        """Return the pose of a frame in that of the robot, by the static transforms; None without one."""
+        name = frame.lstrip("/")
+        if name not in self.edges:
             return None
         total = RigidTransform.identity()
-        for edge in self._chain(frame):
+        for edge in self._chain_of(name):
             if edge.moves or not edge.poses:
                 break
             total = edge.poses[0] * total
-        axes = total.rotation.as_matrix()
-        return math.atan2(axes[1, 0], axes[0, 0])
+        return _in_plane(total)
+
+    def _is_upside_down(self, frame: str) -> bool:
+        known = self.on_robot(frame)
+        return known is not None and known.is_upside_down
 
     def adopt(self, odometry: "Transforms") -> bool:
         """Take the poses of odometry for the frames that no other poses move; return whether there are any."""
@@ -327,7 +338,7 @@ class Transforms:
         if self.mounting is not None:
             name = self.base_of(frame)
             if name is not None:
-                yield Edge(name, True, [0.0], [self.mounting])
+                yield Edge(name, True, [0.0], [planar(*self.mounting, is_upside_down=self._is_upside_down(frame))])
         elif name not in self.edges:
             name = self.base_of(frame)
         if name is not None:
@@ -341,9 +352,16 @@ class Transforms:
             name = self.edges[name].parent
 
 
-def planar(x: float, y: float, heading: float) -> RigidTransform:
+def planar(x: float, y: float, heading: float, *, is_upside_down: bool = False) -> RigidTransform:
     """Return a pose in the plane, x, y [m] and heading [rad], as a transform."""
-    return RigidTransform.from_components((x, y, 0.0), Rotation.from_euler("z", heading))
+    turn = Rotation.from_euler("ZX", [heading, math.pi if is_upside_down else 0.0])
+    return RigidTransform.from_components((x, y, 0.0), turn)
+
+
+def _in_plane(pose: RigidTransform) -> PlanarPose:
+    x, y, _ = (float(value) for value in pose.translation)
+    axes = pose.rotation.as_matrix()
+    return PlanarPose(x, y, math.atan2(axes[1, 0], axes[0, 0]), bool(axes[2, 2] < 0))
 
 
 def _are_near(one: RigidTransform, other: RigidTransform, share: float = 1.0) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from repro.maps.statistics import Statistics
 from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings, check_times, ends_of, parts_of, steps_before
+from repro.prediction.times import WindowSettings, ends_of, parts_of, steps_before
 from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
@@ -55,7 +55,7 @@ def cut(log: ScanLog, settings: WindowSettings, stride_s: float, size_m: float) 
     Raises:
         InputError: no part of the log is as long as one window, or its scans are too rare for the steps.
     """
-    check_times(log.stamps, settings)
+    log.check_times(settings)
     number = 0
     for begin, end in parts_of(log.stamps, settings):
         stamps = log.stamps[begin:end]
