@@ -150,8 +150,9 @@ def main() -> None:
     effects, left = transferred(rows, both)
     for name, table in (("gap", gap(both)), ("effects", effects), ("left", left)):
         write_text(TARGET / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
-    run = outputs.run(RunKey("3", "unet", PROJECTION, options.seed))
-    write_json(TARGET / "provenance.json", {"runs": run.provenance().steps, **environment()})
+    keys = [RunKey(experiment, "unet", encoding, options.seed) for experiment, encoding in CELLS]
+    runs = {str(key.path): outputs.run(key).provenance().steps for key in keys}
+    write_json(TARGET / "provenance.json", {"runs": runs, **environment()})
     print(gap(both).to_string(index=False), left.to_string(index=False), sep="\n\n")
 
 
