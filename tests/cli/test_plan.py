@@ -23,7 +23,7 @@ def test_plan_lists_recordings_trainings_evaluations_and_the_total():
     assert "1000 recordings: 12 s" in text
     assert all(part in text for part in ("6 x unet: ", "fpn: done", "1 x upernet: ", "2 x segformer: "))
     assert "evaluation and analysis of 9 runs: 45 s" in text
-    assert "40 classical baselines, which task=analysis evaluates: 4 min" in text
+    assert "40 classical baselines, which task=analysis evaluates: 2 min" in text
     assert "on idle cores, at 20 epochs a training" in text
 
 

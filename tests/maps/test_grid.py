@@ -36,5 +36,5 @@ def test_first_column_is_the_first_center_not_left_of_x():
 
 @pytest.mark.parametrize("size", [(0, 50.0), (8, 0.0)])
 def test_sizes_that_are_not_positive_are_refused(size):
-    with pytest.raises(ValueError, match="positive sizes"):
+    with pytest.raises(ValueError, match="a whole number of pixels and a positive size"):
         Grid(*size)

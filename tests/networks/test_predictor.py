@@ -125,7 +125,10 @@ def test_plain_smp_reads_the_same_weights(saved):
 def test_saving_again_replaces_the_directory(saved, tmp_path):
     predictor, _ = saved
     predictor.save(tmp_path / "model")
-    (tmp_path / "model" / "old.txt").write_text("old")
+    (tmp_path / "model" / "notes.txt").write_text("of a user")
+    with pytest.raises(ValueError, match=r"has files such as notes\.txt: move them elsewhere"):
+        predictor.save(tmp_path / "model", torch.float16)
+    (tmp_path / "model" / "notes.txt").unlink()
     predictor.save(tmp_path / "model", torch.float16)
     assert {path.name for path in tmp_path.iterdir()} == {"model"}
     assert {path.name for path in (tmp_path / "model").iterdir()} == {

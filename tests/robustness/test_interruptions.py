@@ -273,7 +273,7 @@ def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
     assert "Traceback" not in text
     for shard in outputs.glob("recordings/exp3/*.npz"):
         assert shard.read_bytes() == (whole / "recordings/exp3" / shard.name).read_bytes()
-    subprocess.run(["mount", "-o", "remount,size=300m", str(small_disk)], check=True)
+    subprocess.run(["mount", "-o", "remount,size=600m", str(small_disk)], check=True)
     status, text = finish(start(outputs))
     assert status == 0, text
     for name in KEPT:
@@ -314,7 +314,7 @@ def test_a_sweep_ends_with_its_failed_jobs_and_their_errors(whole, tmp_path):
     last = text.split("failed:")[1].strip().splitlines()
     assert len(last) == 1
     assert last[0].startswith("exp=3: ")
-    assert "train.batch_size is 4, requested 8" in last[0]
+    assert "train.batch_size is 4, requested 16" in last[0]
     assert (outputs / "runs/exp4/fpn/projection/seed0/metrics.csv").is_file()
     assert not list(outputs.glob(".failures*"))
 

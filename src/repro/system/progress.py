@@ -14,6 +14,8 @@ LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} left"
 class _Lines(tqdm):
     """Prints lines, where a bar would fill a log with its states."""
 
+    pos, last_print_t, start_t = 0, 0.0, 0.0  # for the end of one that Ctrl-C interrupts before it has them
+
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Print a line; the last call has an empty message."""
         if msg is None:
