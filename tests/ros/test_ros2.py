@@ -22,7 +22,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from robot import messages, mounting
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -35,7 +35,8 @@ NODE = str(Path(sys.executable).with_name("repro-ros2-node"))
 SCANS = 150
 TF = "tf2_msgs/msg/TFMessage"
 START_S = 1_700_000_000
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def stamp(since_start_s: float) -> Time:
@@ -63,8 +64,8 @@ class Robot:
     def __init__(self) -> None:
         self.node = rclpy.create_node("robot")
         self.static = self.node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        self.scans = self.node.create_publisher(LaserScan, "/scan", qos_profile_sensor_data)
-        self.poses = self.node.create_publisher(TFMessage, "/tf", 100)
+        self.scans = self.node.create_publisher(LaserScan, "/scan", SENSOR)
+        self.poses = self.node.create_publisher(TFMessage, "/tf", 1000)
         self.maps: list[OccupancyGrid] = []
         self.node.create_subscription(OccupancyGrid, "predicted_map", self.maps.append, LATCHED)
 
@@ -75,6 +76,7 @@ class Robot:
         """
         while min(each.get_subscription_count() for each in (self.static, self.scans, self.poses)) == 0:
             time.sleep(0.05)
+        time.sleep(1)  # the node may find the publishers later than they find it; what it has not found is lost
         self.static.publish(mounting(stamp(0)))
         due = [
             (at + late_s * isinstance(message, TFMessage), message) for at, message in messages(EXAMPLE, SCANS, stamp)
