@@ -34,8 +34,9 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
     with tempfile.TemporaryDirectory() as directory:
         try:
             parts = bag_parts(path)
-            for file in (file for part in parts for file in (part.iterdir() if part.is_dir() else [part])):
-                _check_head(file)
+            for part in parts:
+                for file in part.iterdir() if part.is_dir() else [part]:
+                    _check_head(file)
             paths = [_readable(part, Path(directory) / str(number)) for number, part in enumerate(parts)]
             with AnyReader(paths, default_typestore=get_typestore(Stores.LATEST)) as bag:
                 yield bag

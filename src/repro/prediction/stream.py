@@ -126,7 +126,7 @@ class PredictionStream:
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
         check_angles(torch.as_tensor(self.angles))
-        beam_spacing(torch.as_tensor(self.angles))
+        beam_spacing(torch.as_tensor(self.angles))  # refuses beams that are not evenly spaced
         self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None

@@ -55,7 +55,8 @@ class WindowSettings:
     spacing: str = "time"
 
     def __post_init__(self) -> None:
-        if not float(self.steps).is_integer() or not 1 <= self.steps <= MAX_STEPS or not self._has_step:
+        has_steps = float(self.steps).is_integer() and 1 <= self.steps <= MAX_STEPS
+        if not has_steps or not MIN_STEP_S <= self.step_s < math.inf:
             raise InputError(
                 f"expected 1 to {MAX_STEPS} steps and a step_s of at least {MIN_STEP_S} s, got {self.steps} and "
                 f"{self.step_s}"
@@ -73,10 +74,6 @@ class WindowSettings:
         if point.shape != (2,) or not np.isfinite(point).all():
             raise InputError(f"center: expected robot, start or x, y [m], got {self.center!r}")
         object.__setattr__(self, "center", (float(point[0]), float(point[1])))
-
-    @property
-    def _has_step(self) -> bool:
-        return MIN_STEP_S <= self.step_s < math.inf
 
     @property
     def duration_s(self) -> float:

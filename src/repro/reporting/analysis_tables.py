@@ -12,7 +12,7 @@ from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
 from repro.networks.model import NETWORKS
 from repro.reporting.claims import count_verdicts, on_paper
-from repro.reporting.names import predictor_title, tested_titles
+from repro.reporting.names import machine_title, predictor_title, short_commit, tested_titles
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells, cells_of, number, with_interval
 from repro.runs.keys import CELL
@@ -206,6 +206,6 @@ def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
 def _origins(origins: dict[str, Provenance]) -> Cells:
     rows = []
     for path, step in ((path, origin.steps[-1]) for path, origin in origins.items() if origin.steps):
-        machine = step["hardware"]["gpu"] or f"{step['hardware']['cpu_cores']} cores, {step['hardware']['machine']}"
-        rows.append([path, str(step["commit"])[:10], step["written"][:10], machine, step["versions"]["torch"]])
+        hardware, commit = machine_title(**step["hardware"]), short_commit(step["commit"])
+        rows.append([path, commit, step["written"][:10], hardware, step["versions"]["torch"]])
     return Cells(["Run", "Commit", "Date", "Hardware", "torch"], rows, "Last step of each run", 5)

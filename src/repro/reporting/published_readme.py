@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from repro.reporting.names import predictor_title
+from repro.reporting.names import machine_title, predictor_title, short_commit
 from repro.reporting.render import Cells
 from repro.reporting.rows import keys_of
 from repro.reporting.tables import caption
@@ -39,7 +39,7 @@ def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:
     steps = list(steps)
     known = [step for step in steps if "hardware" in step]
     machines = {
-        verb: sorted({_machine(**step["hardware"]) for step in known if step["step"] == verb})
+        verb: sorted({machine_title(**step["hardware"]) for step in known if step["step"] == verb})
         for verb in ("trained", "evaluated")
     }
     versions = [
@@ -49,22 +49,9 @@ def _environments(steps: Iterable[dict[str, Any]]) -> list[str]:
     return [
         *(f"- {verb} on: {'; '.join(names) or 'not recorded'}" for verb, names in machines.items()),
         f"- versions: {', '.join(versions)}",
-        f"- commits: {', '.join(sorted({_short(str(step['commit'])) for step in known}))}",
+        f"- commits: {', '.join(sorted({short_commit(step['commit']) for step in known}))}",
         f"- precision: {', '.join(sorted({step['precision'] for step in steps if 'precision' in step}))}",
     ]
-
-
-def _machine(
-    gpu: str | None, cpu: str | None = None, cpu_cores: int = 0, threads: int | None = None, machine: str = ""
-) -> str:
-    """Describe the hardware of a step, see `devices.hardware`; the oldest steps have no name of the CPU."""
-    used = "" if threads is None else f", {threads} used"
-    return gpu or f"{cpu or f'CPU ({machine})'}, {cpu_cores} cores{used}"
-
-
-def _short(commit: str) -> str:
-    """Shorten a commit to ten digits; a plus stands for uncommitted changes."""
-    return commit[:10] + ("+" if commit.endswith("+") else "")
 
 
 def _training_commands(

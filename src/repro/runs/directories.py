@@ -157,7 +157,7 @@ class Run:
 
     @property
     def command(self) -> str | None:
-        """The command that works on the run, from the overrides that Hydra stores; None if it is no call of run.py."""
+        """The command of the call that works on the run, from the overrides that Hydra stores; None without Hydra."""
         path = self.path / ".hydra" / "overrides.yaml"
         typed = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else None
         return None if typed is None else f"python run.py {shlex.join(typed)}"
