@@ -111,7 +111,7 @@ def test_the_data_of_a_training_is_freed_before_that_of_the_next_is_loaded(recor
 
 
 @pytest.mark.slow
-def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished, recorded, tmp_path):
+def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished, recorded, tmp_path, capsys):
     run, calls = prepared(tmp_path / "paused", max_epochs=6), 0
     used = spent_budget()
     used.epochs = 1
@@ -125,6 +125,8 @@ def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished
         assert len(losses(run.path)) == run.provenance().fact("epochs") == calls
     assert calls == 6
     assert same_weights(finished, run.path)
+    announced = [line.split("  ")[1] for line in capsys.readouterr().out.splitlines() if "resuming" in line]
+    assert announced == [f"resuming after epoch {epoch} of 6" for epoch in range(1, 6)]
 
 
 def test_a_run_may_be_moved_while_it_is_paused(tmp_path):

@@ -38,6 +38,7 @@ def test_right_poses_have_no_message(log):
         (lambda log: replace(log, poses=log.poses * (1, -1, 1)), "with y of the opposite sign"),
         (lambda log: replace(log, poses=log.poses[:, [1, 0, 2]]), "with x and y exchanged:"),
         (lambda log: replace(log, poses=log.poses * (100, 100, 1)), "positions in cm"),
+        (lambda log: replace(log, poses=log.poses * (1 / 0.3048, 1 / 0.3048, 1)), "positions in feet"),
         (lambda log: replace(log, poses=log.poses * (1000, 1000, 1)), "positions in mm"),
     ],
 )

@@ -203,6 +203,7 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small, log):
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
         ({"pose": np.array([0, np.nan, 0])}, "finite pose"),
         ({"stamp": float("nan")}, "expected finite seconds, got nan"),
+        ({"stamp": "1.5"}, "expected finite seconds, got '1.5'"),
         ({"stamp": 1.7e18}, r"time: expected seconds, got 1.7e\+18, which looks like ns: float64 resolves 2.6e\+02"),
         ({"stamp": 1.7e15}, "looks like us: float64 resolves 0.25"),
         ({"stamp": 1.7e12}, "looks like ms"),

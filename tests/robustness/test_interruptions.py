@@ -181,7 +181,7 @@ def test_concurrent_processes_do_the_work_once(whole, tmp_path, count, round_):
     processes = [start(outputs) for _ in range(count)]
     texts = [finish(process) for process in processes]
     assert [status for status, _ in texts] == [0] * count, texts
-    assert sum("epoch   2" in text for _, text in texts) == 1
+    assert sum("epoch 3 of 3" in text for _, text in texts) == 1
     for name in KEPT:
         assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
 

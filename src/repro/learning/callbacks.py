@@ -1,4 +1,4 @@
-"""Callbacks at the end of every epoch: history, early stopping, time limit, weight averaging."""
+"""Callbacks of a training: progress, history, early stopping, time limit, weight averaging."""
 
 import math
 import time
@@ -12,10 +12,14 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from repro.learning.budget import Budget
 from repro.system.files import write_text
+from repro.system.progress import progress
 
 
 class History(Callback):
-    """One row per epoch in history.csv; checkpoints keep the rows, so that a resumed run has the complete history."""
+    """Progress, and one row per epoch in history.csv.
+
+    Checkpoints keep the rows, so that a resumed run has the complete history.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -23,10 +27,20 @@ class History(Callback):
         self.since = time.monotonic()
         self.rows: list[dict[str, float]] = []
 
+    def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        if self.rows:
+            print(f"{self.label}  resuming after epoch {len(self.rows)} of {trainer.max_epochs}", flush=True)
+
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         self.since = time.monotonic()
+        name = f"{self.label}  epoch {trainer.current_epoch + 1} of {trainer.max_epochs}, batch"
+        self.bar = progress(description=name, total=int(trainer.num_training_batches))
+
+    def on_train_batch_end(self, *_: Any) -> None:
+        self.bar.update()
 
     def on_train_epoch_end(self, trainer: L.Trainer, module: Any) -> None:
+        self.bar.close()
         module.log("train_loss", module.train_loss())
         values = {name: trainer.callback_metrics[name].item() for name in ("train_loss", "val_loss")}
         if not math.isfinite(values["val_loss"]):
@@ -35,8 +49,8 @@ class History(Callback):
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
         write_text(self.path, pd.DataFrame(self.rows).to_csv(index=False))
         print(
-            f"{self.label}  epoch {trainer.current_epoch:3d}  train {values['train_loss']:.4f}  "
-            f"val {values['val_loss']:.4f}  {seconds:.1f} s",
+            f"{self.label}  epoch {trainer.current_epoch + 1} of {trainer.max_epochs}  "
+            f"train {values['train_loss']:.4f}  val {values['val_loss']:.4f}  {seconds:.1f} s",
             flush=True,
         )
 

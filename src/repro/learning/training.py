@@ -9,9 +9,7 @@ Paper: "Prediction Models": Adam, 1e-4, early stopping with threshold 0.001 and 
 
 import gc
 import logging
-import multiprocessing
 import shutil
-import sys
 import warnings
 from dataclasses import asdict
 from pathlib import Path
@@ -209,7 +207,7 @@ def create_trainer(max_epochs: int, device: str, precision: str, callbacks: list
         enable_checkpointing=any(isinstance(each, ModelCheckpoint) for each in callbacks),  # none of Lightning's own
         reload_dataloaders_every_n_epochs=1,
         num_sanity_val_steps=0,
-        enable_progress_bar=sys.stderr.isatty() and multiprocessing.parent_process() is None,  # no bars of workers
+        enable_progress_bar=False,  # that of `History` is also a line in logs
         enable_model_summary=False,
     )
 

@@ -32,6 +32,7 @@ CONVENTIONS = {  # turn [degrees] and scale of the headings, sense of the beams,
     "x of the opposite sign": (180, -1, -1, 1),
     "x and y exchanged": (90, -1, -1, 1),
     "x and y exchanged and of the opposite sign": (-90, -1, -1, 1),
+    "positions in feet": (0, 1, 1, 0.3048),
     "positions in cm": (0, 1, 1, 0.01),
     "positions in mm": (0, 1, 1, 0.001),
 }

@@ -7,6 +7,7 @@ window. Logs, streams and nodes use both, so that they predict the same maps.
 import math
 from collections import Counter
 from dataclasses import dataclass
+from numbers import Real
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -247,10 +248,10 @@ def check_stamp(stamp: float, step_s: float) -> None:
     """Check that a time is in seconds and exact enough for steps of `step_s` [s].
 
     Raises:
-        InputError: it is not finite, or seems to be in ns, us or ms.
+        InputError: it is no finite number, or seems to be in ns, us or ms.
     """
-    if not math.isfinite(stamp):
-        raise InputError(f"time: expected finite seconds, got {stamp}")
+    if not isinstance(stamp, Real) or not math.isfinite(stamp):
+        raise InputError(f"time: expected finite seconds, got {stamp!r}")
     if abs(stamp) < MAX_STAMP_S and np.spacing(abs(stamp)) < 0.01 * step_s:
         return
     unit = next((name for scale, name in UNITS.items() if abs(stamp) / scale > 1e8), "another unit")

@@ -1,6 +1,7 @@
 """Progress with the remaining time: a bar on a terminal, and a line now and then in a log."""
 
 import io
+import multiprocessing
 import sys
 from collections.abc import Iterable
 from typing import Any
@@ -31,7 +32,7 @@ def progress(items: Iterable[Any] | None = None, description: str = "", **option
         options: further options of tqdm, such as `total`.
     """
     options |= {"desc": description, "leave": False}
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() and multiprocessing.parent_process() is None:  # no bars of several workers
         return tqdm(items, delay=2, **options)
     options |= {"mininterval": LINE_S, "delay": LINE_S, "miniters": 1, "bar_format": LINE}
     return _Lines(items, file=io.StringIO(), **options)

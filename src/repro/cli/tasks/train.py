@@ -18,8 +18,6 @@ def run(job: Job) -> None:
     if not job.run.is_trained:
         progress = job.study.progress(job.key)
         print(f"{progress}, {job.run}" if progress else f"training {job.run}", flush=True)
-        if job.run.epochs:
-            print(f"resuming after epoch {job.run.epochs} of {job.call.train.max_epochs}", flush=True)
     if resolve_device(job.call.runtime.accelerator) == "cpu":
         use_idle_cores()
     runtime = job.call.runtime
