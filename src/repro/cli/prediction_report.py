@@ -98,6 +98,8 @@ def warn_of(table: pd.DataFrame, statistics: Statistics | None) -> None:
                 f"in the {statistics.windows} windows of the training"
             )
             is_wider = table["outside_training"].str.contains("fov_deg").any()  # and therefore sees more
+            if name == "fov_deg" and values.max() > high:
+                print(f"  prediction.fov_deg={high:.0f} crops the log, task=adapt learns from what it sees beside that")
             if name == "occupied_share" and values.max() > high and not is_wider:
                 print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
 

@@ -1,6 +1,7 @@
 """Adaptation of a network to logs of a wide lidar, whose beams outside of the view of the network label its maps.
 
-The last fifth of each log is for validation, or a part of little more than a window if that is longer. The weights are those of the epoch with the least validation loss.
+The last fifth of each log is for validation, or a part of little more than a window if that is longer. The weights are
+those of the epoch with the least validation loss.
 """
 
 import functools

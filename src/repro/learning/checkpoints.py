@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
-from repro.system.files import replacing
+from repro.system.files import clear_leftovers, replacing
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +40,7 @@ def resume_from(directory: Path) -> Path | None:
     Args:
         directory: directory with the checkpoints of a run.
     """
+    clear_leftovers(directory)
     candidates = [path for path in (directory / "last.ckpt", _before(directory / "last.ckpt")) if path.is_file()]
     intact = next((path for path in candidates if _is_intact(path)), None)
     if intact and find_best(directory):

@@ -1,5 +1,6 @@
 """Cost of trainings on this machine, measured before they start."""
 
+import time
 from contextlib import nullcontext
 
 import torch
@@ -30,6 +31,8 @@ def seconds_per_image(
 ) -> float:
     """Measure forward pass, backward pass and optimizer step per image on this machine [s], after a warm-up step.
 
+    On a CPU, it is the time of one thread, which the caller chooses, see `devices.one_thread`.
+
     Args:
         model: the network.
         encoding: its input.
@@ -52,13 +55,18 @@ def seconds_per_image(
     image = image.to(memory_format=torch.channels_last)
     for step in range(steps + 1):
         if step == 1:  # the first step is a warm-up
-            began = clock(device)
+            began = _clock(device)
         with torch.autocast(device, MIXED.get(precision), enabled=precision in MIXED):
             value = loss(network(image), image[:, :1])
         optimizer.zero_grad()
         value.backward()
         optimizer.step()
-    return (clock(device) - began) / steps / batch_size
+    return (_clock(device) - began) / steps / batch_size
+
+
+def _clock(device: str) -> float:
+    """Return the time of a clock [s]; that of this process on a CPU, which other processes share."""
+    return time.process_time() if device == "cpu" else clock(device)
 
 
 def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto") -> float:

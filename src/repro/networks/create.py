@@ -145,7 +145,7 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         return [ConfigError("model.parameters", model.parameters, expected)]
     smp_networks = _smp_networks()
     if architecture not in smp_networks.ARCHITECTURES:
-        return [ConfigError(key, architecture, f"must be one of {_known(smp_networks)}")]
+        return [ConfigError(key, architecture, f"must be one of {_known(smp_networks)}, in lower case")]
     return smp_networks.encoder_errors(model)
 
 

@@ -15,6 +15,7 @@ from repro.system.memory import available_memory_gb
 BYTES_PER_READING = 25  # of memory while a log is read, measured
 ARRAYS = ("ranges", "angles", "poses", "stamps")
 RANGE_MAX = "range_max_m"
+MAX_NAMED = 10  # arrays of a file that a message names
 RESOLUTION_M = 0.01  # of a position
 HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
@@ -60,7 +61,10 @@ def read_arrays(path: Path, *, needs_poses: bool = True) -> dict[str, np.ndarray
             missing = [name for name in ARRAYS if name not in content and (needs_poses or name != "poses")]
             if missing:
                 hint = ". For a lidar that stands, set prediction.pose=fixed" if missing == ["poses"] else ""
-                raise InputError(f"{path}: lacks {', '.join(missing)}: expected {', '.join(ARRAYS)}{hint}")
+                raise InputError(
+                    f"{path}: lacks {', '.join(missing)}: expected {', '.join(ARRAYS)}, got "
+                    f"{', '.join(list(content)[:MAX_NAMED]) or 'no array'}{hint}"
+                )
             assert content.zip, "it is open"
             names = [name for name in (*ARRAYS, RANGE_MAX) if name in content]
             for name in names:

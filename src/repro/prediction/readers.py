@@ -72,7 +72,9 @@ def kind_of(path: Path) -> str:
         return "CARMEN"
     packed = next((name for start, name in PACKED.items() if head.startswith(start)), None)
     advice = f"packed with {packed}: unpack it, or give the directory of a bag with its metadata.yaml" if packed else ""
-    raise InputError(f"{path}: is {advice or 'of no known kind'}: expected {KINDS}")
+    raise InputError(
+        f"{path}: is {advice or 'of no known kind'}: expected {KINDS}; JSON and CSV become an npz in some lines"
+    )
 
 
 def _unpacked_head(path: Path) -> bytes:

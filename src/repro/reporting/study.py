@@ -139,7 +139,7 @@ def _state(run: Run, study: Study) -> str:
         status = run.status
         if status in (Status.training, Status.paused):
             is_stopped = status is Status.training and not is_locked(run.path)
-            return f"{'stopped' if is_stopped else status}, {run.epochs} epochs"
+            return f"{'stopped' if is_stopped else status}, {run.epochs} epoch{'' if run.epochs == 1 else 's'}"
         return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics missing"
     except ValueError:
         return "cannot be read"

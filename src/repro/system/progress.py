@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 LINE_S = 20.0  # between two lines in a log
 LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} left"
+WITHOUT_TOTAL = "{desc}: {n_fmt}, {elapsed} passed"
 
 
 class _Lines(tqdm):
@@ -34,5 +35,8 @@ def progress(items: Iterable[Any] | None = None, description: str = "", **option
     options |= {"desc": description, "leave": False}
     if sys.stderr.isatty() and multiprocessing.parent_process() is None:  # no bars of several workers
         return tqdm(items, delay=2, **options)
-    options |= {"mininterval": LINE_S, "delay": LINE_S, "miniters": 1, "bar_format": LINE}
-    return _Lines(items, file=io.StringIO(), **options)
+    options |= {"mininterval": LINE_S, "delay": LINE_S, "miniters": 1}
+    lines = _Lines(items, file=io.StringIO(), bar_format=LINE, **options)
+    if not lines.total:
+        lines.bar_format = WITHOUT_TOTAL
+    return lines
