@@ -10,13 +10,17 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from conftest import ROOT
 from reproduce.real import __main__ as script
 from reproduce.real import fitting, measures
 from reproduce.real import logs as real_logs
+from reproduce.real.adapted import SOURCE, adapted
 from reproduce.real.evidence import Evidence, continued_walls, distance_map, evidence_of, score_map
 from sklearn.metrics import roc_auc_score
 
+from repro.learning import adaptation
+from repro.learning.held_out import View, swinging
 from repro.maps.grid import Grid
 from repro.metrics.counts import PROBABILITY
 from repro.networks.predictor import load_predictor
@@ -200,7 +204,7 @@ def standing_lidar(people: bool) -> ScanLog:
 def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
     log = standing_lidar(people=False)
     log = replace(log, ranges=np.broadcast_to(log.angles, log.ranges.shape))  # each reading tells its angle
-    virtual, _ = real_logs.swinging(log)
+    virtual, _ = swinging(log, View())
     assert virtual.poses[:, 2].min() == pytest.approx(-math.pi / 4, abs=0.01)
     assert virtual.poses[:, 2].max() == pytest.approx(math.pi / 4, abs=0.01)
     assert np.ptp(virtual.angles) == pytest.approx(math.pi / 2, abs=0.01)
@@ -209,7 +213,7 @@ def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
 
 def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
     predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
-    monkeypatch.setattr(real_logs, "read_log", lambda path, settings, options: standing_lidar(people=True))
+    monkeypatch.setattr(real_logs, "read_log", lambda *_: standing_lidar(people=True))
     cases = list(real_logs.standing(Path("people.bag"), predictor))
     for case in cases:
         x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
@@ -229,7 +233,7 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
 def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
     monkeypatch.setattr(script, "DRAWN", ("dense.log.gz", 2))
     weights = (ROOMS, DRIVE)
-    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept")
+    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept", folds=0)
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()
     kept = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*.npz")}
@@ -256,3 +260,23 @@ def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
     provenance = json.loads((tmp_path / "provenance.json").read_text())
     assert list(provenance["logs"]) == ["dense.log.gz", "sparse.log.gz"]
     assert provenance["commit"]
+
+
+@pytest.mark.slow
+def test_a_network_is_tested_on_logs_to_which_it_was_not_adapted(logs, tmp_path, monkeypatch):
+    predictor, tested = load_predictor(ROOT / "reproduce" / "results" / ROOMS), []
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
+    monkeypatch.setattr(adaptation, "MOST_WINDOWS", 8)
+    origin, checksums = {"weights": "some"}, {path: path.name for path in logs}
+    networks = adapted(predictor, origin, checksums, tmp_path, 2)
+    for number, path in enumerate(logs):
+        source = json.loads((tmp_path / f"fold-{number}" / SOURCE).read_text())
+        assert source == origin | {other.name: other.name for other in logs if other != path}
+        tested.append(next(iter(real_logs.driving(path, networks[path]))).window.scans)
+    maps = [networks[path].predict(scans) for path, scans in zip(logs, tested, strict=True)]
+    assert not any(torch.equal(one, predictor.predict(scans)) for one, scans in zip(maps, tested, strict=True))
+    monkeypatch.setattr("reproduce.real.adapted.adapt", None)  # a second call reads them
+    again = adapted(predictor, origin, checksums, tmp_path, 2)
+    assert all(
+        torch.equal(one, again[path].predict(scans)) for path, one, scans in zip(logs, maps, tested, strict=True)
+    )

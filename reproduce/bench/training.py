@@ -158,7 +158,7 @@ def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str,
     network = network_of(name)
     accelerate(network, device)
     keep_freed_memory()
-    module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), seed=0)
+    module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), 0, MapLoss())
 
     def epoch() -> tuple[float, float]:
         watch = EpochClock()

@@ -1,11 +1,14 @@
 """Compare networks and maps without a network with logs of real lidars.
 
-    python -m reproduce.real LOG [LOG ...] [--target DIRECTORY]
+    python -m reproduce.real LOG [LOG ...] [--target DIRECTORY] [--folds FOLDS]
 
-A part of the beams is kept from all maps, see `logs`; at the end of every window, the maps are compared with the pixels
-that these beams hit or passed over. Whatever a map fits or chooses is from the other logs given. The rows go to
-held_out.csv in the target, their origin to provenance.json. Maps of networks are kept in --kept, so that a comparison
-which was stopped goes on, and a changed map without a network takes minutes.
+A part of the beams is kept from all maps, see `repro.learning.held_out`; at the end of every window, the maps are
+compared with the pixels that these beams hit or passed over. Whatever a map fits or chooses is from the other logs
+given. The rows go to held_out.csv in the target, their origin to provenance.json. Maps of networks are kept in --kept,
+so that a comparison which was stopped goes on, and a changed map without a network takes minutes.
+
+With --folds, the first network is also adapted to logs, as task=adapt does, and tested on logs of another fold. Only
+its calibration has seen the tested log, by the networks of other folds; `network, uncalibrated` has seen nothing of it.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
@@ -22,13 +25,14 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from repro.learning import held_out
 from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.output import draw
 from repro.runs.provenance import environment
 from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
-from reproduce.real import logs
+from reproduce.real.adapted import adapted
 from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
 from reproduce.real.logs import Case, cases_of
@@ -117,14 +121,28 @@ def compare(
     return names, measured
 
 
-def compare_all(paths: list[Path], weights: str, kept: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Compare all maps of all logs; return the rows of the table and the chosen constants by log."""
+def compare_all(
+    paths: list[Path], weights: str, kept: Path, folds: int = 0
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Compare all maps of all logs; return the rows of the table and the chosen constants by log.
+
+    Args:
+        paths: the logs.
+        weights: the network.
+        kept: the directory of maps and adapted networks.
+        folds: the network is adapted to the logs of all folds but one, if there are any.
+    """
     predictor = load_predictor(RESULTS / weights)
-    origin = {"weights": sha256(RESULTS / weights / "model.safetensors"), "windows": sha256(Path(logs.__file__))}
+    origin = {"weights": sha256(RESULTS / weights / "model.safetensors"), "windows": sha256(Path(held_out.__file__))}
+    checksums, of_log = {path: sha256(path) for path in paths}, dict.fromkeys(paths, predictor)
+    if folds:
+        kept, weights = kept / f"adapted-{folds}", f"{weights}, adapted"
+        of_log = adapted(predictor, origin, checksums, kept, folds)
+        origin |= {"adapted_to": " ".join(checksums.values())}
     networks = {}
     for path in paths:
         maps_of_log = kept / weights / f"{path.name}.npz"
-        networks[path.name] = predictions(path, predictor, {"log": sha256(path), **origin}, maps_of_log)
+        networks[path.name] = predictions(path, of_log[path], {"log": checksums[path], **origin}, maps_of_log)
     samples = {path.name: sample(path, predictor, networks[path.name]) for path in paths}
     maps: dict[str, dict[str, Measured]] = defaultdict(dict)
     constants, groups = {}, tuple[str, ...]()
@@ -157,15 +175,18 @@ def main() -> None:
     parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
     parser.add_argument("--target", type=Path, default=TARGET)
     parser.add_argument("--kept", type=Path, default=KEPT)
+    parser.add_argument("--folds", type=int, default=0, help="adapt the first network to the logs of all folds but one")
     options = parser.parse_args()
     origin = environment()  # before the results change the working tree
     options.target.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     constants: dict[str, Any] = {}
     with one_thread():
-        for weights in options.weights:
-            of_weights, constants[weights] = compare_all(options.logs, weights, options.kept)
+        networks = [(weights, 0) for weights in options.weights]
+        for weights, folds in [*networks, *([(options.weights[0], options.folds)] if options.folds else [])]:
+            of_weights, chosen = compare_all(options.logs, weights, options.kept, folds)
             rows += of_weights
+            constants[of_weights[0]["weights"]] = chosen
             write(rows, constants, options, origin)
         draw_window(options.logs, options.weights[0], options.target)
 

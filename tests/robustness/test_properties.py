@@ -18,6 +18,7 @@ from repro.cli.call import read_call
 from repro.cli.errors import Refused
 from repro.config import Training
 from repro.evaluation.coverage import coverage_and_visibility
+from repro.learning.losses import MapLoss
 from repro.learning.training import TrainingModule
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
@@ -121,7 +122,9 @@ def coverage_of(recordings, grid):
 
 def learn(examples, training, model="fpn"):
     """Train one step."""
-    module = TrainingModule(create_network(paper_model(model)), examples, examples, training, 0)
+    module = TrainingModule(
+        create_network(paper_model(model)), examples, examples, training, 0, MapLoss(training.dice_eps)
+    )
     optimizer = module.configure_optimizers()
     loss = module.training_step(next(iter(module.train_dataloader())), 0)
     loss.backward()

@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from repro.cli.errors import Refused
-from repro.cli.settings import Demo, Directory, Prediction, Publish, Runtime, Source
+from repro.cli.settings import Adaptation, Demo, Directory, Prediction, Publish, Runtime, Source
 from repro.cli.tasks import Task, tasks
 from repro.config import RECURRENT, Encoding, EncodingParameters, NetworkParameters, Scale, Training
 from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, choice, config_errors_of
@@ -77,7 +77,8 @@ class Call:
         format: of an exported network.
         scans: a log of a robot.
         floor_map: the YAML of a map of map_server.
-        prediction: settings of task=predict.
+        prediction: settings of task=predict, of which task=adapt takes those that read a log.
+        adaptation: settings of task=adapt.
         demo: settings of task=demo.
         publish: settings of task=publish and task=export.
     """
@@ -101,6 +102,7 @@ class Call:
     scans: Source | None
     floor_map: Source | None
     prediction: Prediction
+    adaptation: Adaptation
     demo: Demo
     publish: Publish
 

@@ -51,7 +51,7 @@ def predict_log(job: Job) -> None:
     with printed_messages():
         if settings.inspect:
             print(*topics_of(path), sep="\n")
-        log, windows = _read(path, predictor, settings)
+        log, windows = read(path, predictor, settings)
         describe(log, windows, predictor.reach_m)
     if settings.inspect:
         _say_windows(log, windows)
@@ -96,7 +96,7 @@ def _check_target(target: Path, *sources: Path) -> None:
         )
 
 
-def _read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLog, WindowSettings]:
+def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLog, WindowSettings]:
     """Read a log, spaced by distance where its times are unusable and none is chosen, and return its windows."""
     windows = _windows(predictor, settings)
     options = ReadOptions(

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, model_validator
 
 from repro.cli.errors import Refused
-from repro.fields import KNOWN_KEYS, NotNegative, choice
+from repro.fields import KNOWN_KEYS, Name, NotNegative, choice
 from repro.parallel import has_gpu
 from repro.system.errors import InputError
 
@@ -137,6 +137,21 @@ class Prediction:
     frame: str | None
     mcap: bool
     inspect: bool
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """Settings of task=adapt.
+
+    Args:
+        logs: logs of a wide lidar.
+        name: name of the adapted network; None for that of the first log.
+    """
+
+    __pydantic_config__ = KNOWN_KEYS
+
+    logs: list[Source]
+    name: Name | None
 
 
 @dataclass(frozen=True)

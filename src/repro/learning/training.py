@@ -44,10 +44,12 @@ Facts = dict[str, Any]  # of a training, for its provenance
 class TrainingModule(L.LightningModule):
     """A network with its data, loss and optimizer."""
 
-    def __init__(self, network: nn.Module, train: Pairs, val: Pairs, settings: Training, seed: int) -> None:
+    def __init__(
+        self, network: nn.Module, train: Pairs, val: Pairs, settings: Training, seed: int, loss: nn.Module
+    ) -> None:
         super().__init__()
         self.network = network
-        self.loss = MapLoss(settings.dice_eps)
+        self.loss = loss
         self.pairs: dict[str, Pairs] = {"train": train, "val": val}
         self.settings = settings
         self.seed = seed
@@ -164,7 +166,8 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     check_interface(network, encoding.channels, config.data.size_px)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
-    return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed)
+    loss = MapLoss(config.train.dice_eps)
+    return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed, loss)
 
 
 def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: Budget | None) -> tuple[bool, Facts]:

@@ -53,6 +53,15 @@ class Statistics:
         levels = self.quantiles[name] if name in self.quantiles else ASSUMED[name]
         return levels[0], levels[-1]
 
+    def widened(self, other: "Statistics") -> "Statistics":
+        """Return these statistics with the lowest and highest values of both trainings."""
+        quantiles = {
+            name: (min(levels[0], other.range_of(name)[0]), *levels[1:-1], max(levels[-1], other.range_of(name)[1]))
+            for name, levels in ((name, self.quantiles.get(name, ASSUMED.get(name))) for name in other.quantiles)
+            if levels is not None
+        }
+        return Statistics(self.windows + other.windows, quantiles)
+
     def outside(self, values: Mapping[str, float]) -> list[str]:
         """Return the names of the statistics that are outside their range in training by more than one percent.
 

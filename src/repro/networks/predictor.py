@@ -171,7 +171,7 @@ class Predictor:
         Raises:
             ValueError: the network was loaded from an ONNX file, or the directory holds something else.
         """
-        return write_torch(Path(directory), self._copied_network().to(dtype), self._description())
+        return write_torch(Path(directory), self.copied_network().to(dtype), self._description())
 
     def save_onnx(self, path: Path | str, card: str = "") -> float:
         """Write the network with its encoding and grid to an ONNX file, see `onnx_files.write_onnx`.
@@ -187,9 +187,9 @@ class Predictor:
             ValueError: the network was loaded from an ONNX file, or ONNX Runtime gives other maps than torch.
         """
         description = self._description() | {"channels": self.encoding.channels}
-        return _onnx_files().write_onnx(Path(path), self._copied_network(), description, card)
+        return _onnx_files().write_onnx(Path(path), self.copied_network(), description, card)
 
-    def _copied_network(self) -> nn.Module:
+    def copied_network(self) -> nn.Module:
         if not isinstance(self.network, nn.Module) or not isinstance(self.network, PyTorchModelHubMixin):
             raise InputError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
         return copy.deepcopy(self.network)

@@ -1,0 +1,140 @@
+"""Networks that learn from the beams of a wide lidar outside of their view."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from conftest import ROOT, read_calls
+
+from repro.cli.jobs import resolve
+from repro.cli.tasks import adapt as task
+from repro.learning import adaptation
+from repro.learning.adaptation import UNKNOWN, PartialLoss, adapt, label
+from repro.learning.held_out import View, labeled, stands, turns_of
+from repro.maps.statistics import Statistics
+from repro.networks.predictor import load_predictor
+from repro.prediction.logs import ScanLog
+from repro.prediction.times import window_of
+from repro.scans import wrapped
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import sample_world
+from repro.world_config import read_world, world_spec
+
+PREDICTOR = load_predictor("rooms")
+
+
+@pytest.fixture(scope="module")
+def log() -> ScanLog:
+    """Return 50 s of a lidar of 180 degrees on a robot that drives through rooms."""
+    world = read_world(ROOT / "conf" / "world" / "rooms.yaml")
+    world["experiments"]["people"]["motion"] |= {"steps": 500}
+    spec = world_spec(world, "people").with_lidar(angle_range=math.pi, number=181)
+    scans = simulate(sample_world(spec, 100_011)).scans
+    return ScanLog(np.arange(500) * 0.1, scans.ranges.astype(np.float32), scans.angles, scans.poses, range_max_m=30.0)
+
+
+@pytest.fixture
+def short_schedule(monkeypatch):
+    monkeypatch.setattr(adaptation, "MOST_WINDOWS", 8)
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
+
+
+@pytest.mark.parametrize(("sees_deg", "turns_deg"), [(180, [-45, 0, 45]), (270, [-90, -45, 0, 45, 90])])
+def test_views_are_within_the_lidar(log, sees_deg, turns_deg):
+    wide = replace(log, angles=np.radians(np.linspace(-sees_deg / 2, sees_deg / 2, len(log.angles))))
+    assert np.degrees(turns_of(wide, math.pi / 2)) == pytest.approx(turns_deg)
+
+
+def test_a_lidar_that_sees_no_more_than_the_network_is_refused(log):
+    with pytest.raises(ValueError, match=r"a lidar that sees 110 degrees or more.*, got 90 degrees"):
+        turns_of(log.crop(math.pi / 2), math.pi / 2)
+
+
+@pytest.mark.parametrize("turn", [-math.pi / 4, 0.0, math.pi / 4])
+def test_a_view_has_the_beams_within_it_and_labels_are_of_the_others(log, turn):
+    inside, bearings = np.abs(log.angles - turn) <= math.pi / 4 + 1e-6, []
+    for window, shown in labeled(log, window_of(PREDICTOR), 50, PREDICTOR.grid, View(turn_rad=turn)):
+        number = int(np.searchsorted(log.stamps, window.stamp))
+        heading = log.poses[number, 2]
+        assert np.array_equal(window.scans.ranges[-1], log.ranges[number, inside])
+        directions = window.scans.poses[-1, 2] + window.scans.angles
+        assert wrapped(directions - heading - log.angles[inside]) == pytest.approx(0, abs=1e-6)
+        x, y = PREDICTOR.grid.centers().numpy()[np.flatnonzero(shown.hits)].T - PREDICTOR.grid.size_m / 2
+        is_far = np.hypot(x, y) > 2  # a near pixel covers many directions
+        bearings.append(wrapped(np.arctan2(y, x) - heading)[is_far])
+    bearing = np.concatenate(bearings)
+    assert len(bearing) > 50
+    assert (np.abs(bearing - turn) > math.pi / 4 - 0.1).all()
+    assert (np.abs(bearing) < math.pi / 2 + 0.1).all()
+
+
+def test_labels_are_free_obstacle_or_unknown_and_of_separate_parts_of_the_log(log, short_schedule):
+    train, val = label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)
+    assert 24 <= len(train.pairs) <= 27  # through three views
+    assert 8 <= len(val.pairs) <= 9  # of the last 12 s
+    for each in (train, val):
+        assert set(each.pairs.maps.unique().tolist()) == {0, 1, UNKNOWN}
+        assert each.statistics.quantiles["fov_deg"][2] == pytest.approx(90, abs=1)
+
+
+def test_a_log_that_is_too_short_is_refused(log):
+    with pytest.raises(ValueError, match=r"the log has 3\.0 s of scans, a window of 100 steps takes 9\.9 s"):
+        label(adaptation._part(log, log.stamps < 15), window_of(PREDICTOR), PREDICTOR, View(), seed=0)
+
+
+def test_unknown_pixels_have_no_gradient():
+    logits = torch.zeros(1, 1, 1, 3, requires_grad=True)
+    PartialLoss()(logits, torch.tensor([[[[0, 1, UNKNOWN]]]])).backward()
+    assert logits.grad.flatten().tolist() == pytest.approx([0.25, -0.25, 0])
+
+
+def test_statistics_are_widened_and_keep_their_median():
+    one = Statistics(10, {"path_m": (1.0, 2.0, 3.0, 4.0, 5.0)})
+    other = Statistics(5, {"path_m": (0.5, 0.6, 0.7, 6.0, 7.0), "valid_share": (0.5, 0.6, 0.7, 0.8, 0.9)})
+    both = one.widened(other)
+    assert both.windows == 15
+    assert both.quantiles == {"path_m": (0.5, 2.0, 3.0, 4.0, 7.0), "valid_share": (0.5, 1.0, 1.0, 1.0, 1.0)}
+
+
+@pytest.mark.slow
+def test_an_adapted_network_predicts_the_held_out_beams_better(log, tmp_path, short_schedule, monkeypatch):
+    monkeypatch.setattr(adaptation, "MOST_WINDOWS", 40)
+    monkeypatch.setattr(adaptation, "VALIDATION", 0.4)
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=3, ema_decay=0.9))
+    before = {name: value.clone() for name, value in PREDICTOR.network.state_dict().items()}
+    data = [label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)]
+    adapted, loss, less = adapt(PREDICTOR, data, tmp_path, seed=0)
+    assert less < 0.95 * loss
+    assert all(torch.equal(value, before[name]) for name, value in PREDICTOR.network.state_dict().items())
+    assert adapted.statistics.windows > PREDICTOR.statistics.windows
+
+
+@pytest.mark.slow
+def test_the_task_writes_a_network_that_the_prediction_takes_and_overwrites_none(tmp_path, short_schedule, log):
+    content = {"ranges": log.ranges, "angles": log.angles, "poses": log.poses, "stamps": log.stamps}
+    np.savez(tmp_path / "wide.npz", **content, range_max_m=30.0)
+    (call,) = read_calls("task=adapt", f"adaptation.logs=[{tmp_path / 'wide.npz'}]", f"outputs={tmp_path}")
+    task.run(resolve(call))
+    target = tmp_path / "adapted" / "wide"
+    assert sorted(path.name for path in target.parent.iterdir() if path.is_dir()) == ["wide"]
+    window = next(labeled(log, window_of(PREDICTOR), 100, PREDICTOR.grid, View()))[0]
+    one, other = (load_predictor(weights).predict(window.scans) for weights in (target, "rooms"))
+    assert not torch.equal(one, other)
+    written = {path: path.read_bytes() for path in Path(target).iterdir()}
+    with pytest.raises(ValueError, match=r"wide exists: set adaptation.name to another one"):
+        task.run(resolve(call))
+    assert {path: path.read_bytes() for path in target.iterdir()} == written
+
+
+def test_a_lidar_that_does_not_move_swings_its_view():
+    angles, stamps = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 541), np.arange(0, 15, 0.1)
+    ranges = np.full((len(stamps), len(angles)), 5.0, dtype=np.float32)
+    log = ScanLog(stamps, ranges, angles, np.full((len(stamps), 3), 7.0), range_max_m=11.0)
+    assert stands(log)
+    headings = [
+        window.scans.poses[-1, 2] for window, _ in labeled(log, window_of(PREDICTOR), 1, PREDICTOR.grid, View())
+    ]
+    assert np.ptp(headings) > 0.8
