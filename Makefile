@@ -72,7 +72,7 @@ test-ros2: setup .venv-ros2/ready ## the node on a real ROS 2 of this machine al
 	touch $@
 
 stress: setup ## an hour of kills, damaged files, generated configurations and concurrent processes
-	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/robustness
+	REPRO_KILLS=60 REPRO_EXAMPLES=400 REPRO_ROUNDS=10 $(PY) -m pytest tests/robustness --timeout 3600
 
 check: setup ## ruff (lint and format) and mypy
 	$(PY) -m ruff check .
