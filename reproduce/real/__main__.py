@@ -12,7 +12,7 @@ its calibration has seen the tested log, by the networks of other folds; `networ
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
-https://www.ipb.uni-bonn.de/datasets. Rows of bags are not published yet. Bags of a lidar among people (BSD-3-Clause):
+https://www.ipb.uni-bonn.de/datasets. Those in results/people are of bags of a standing lidar among people (BSD-3):
 https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted.
 """
 
