@@ -49,7 +49,7 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope
 
-test-fast: setup ## the tests that take seconds, in under two minutes on two idle cores
+test-fast: setup ## the tests that take seconds, in three to five minutes on two cores
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope -m "not slow"
 
 test-slurm: setup ## the sweep on a real Slurm of one node; needs root and Debian's slurm-wlm and munge
