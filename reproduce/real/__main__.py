@@ -32,6 +32,7 @@ from repro.prediction.output import draw
 from repro.runs.provenance import environment
 from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
+from reproduce.real import logs
 from reproduce.real.adapted import adapted
 from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
@@ -133,7 +134,8 @@ def compare_all(
         folds: the network is adapted to the logs of all folds but one, if there are any.
     """
     predictor = load_predictor(RESULTS / weights)
-    origin = {"weights": sha256(RESULTS / weights / "model.safetensors"), "windows": sha256(Path(held_out.__file__))}
+    origin = {"weights": sha256(RESULTS / weights / "model.safetensors")}
+    origin |= {module.__name__: sha256(Path(str(module.__file__))) for module in (logs, held_out)}
     checksums, of_log = {path: sha256(path) for path in paths}, dict.fromkeys(paths, predictor)
     if folds:
         kept, weights = kept / f"adapted-{folds}", f"{weights}, adapted"
@@ -183,7 +185,9 @@ def main() -> None:
     constants: dict[str, Any] = {}
     with one_thread():
         networks = [(weights, 0) for weights in options.weights]
-        for weights, folds in [*networks, *([(options.weights[0], options.folds)] if options.folds else [])]:
+        if options.folds:
+            networks.append((options.weights[0], options.folds))
+        for weights, folds in networks:
             of_weights, chosen = compare_all(options.logs, weights, options.kept, folds)
             rows += of_weights
             constants[of_weights[0]["weights"]] = chosen

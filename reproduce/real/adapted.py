@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+from repro.learning import adaptation
 from repro.learning.adaptation import Labeled, adapt, label
 from repro.networks.predictor import Predictor, load_predictor
 from repro.system.devices import resolve_precision
-from repro.system.files import read_mapping, write_json
+from repro.system.files import read_mapping, sha256, write_json
 from reproduce.real.logs import VIEW, log_of
 
 SOURCE = "adapted_to.json"
@@ -24,11 +25,12 @@ def adapted(
         folds: number of folds.
     """
     paths = list(logs)
+    code = origin | {"adaptation": sha256(Path(adaptation.__file__))}
     windows: dict[Path, tuple[Labeled, Labeled]] = {}
     found: dict[Path, Predictor] = {}
     for fold in range(folds):
         others = [path for number, path in enumerate(paths) if number % folds != fold]
-        source = {**origin, **{path.name: logs[path] for path in others}}
+        source = {**code, **{path.name: logs[path] for path in others}}
         directory = kept / f"fold-{fold}"
         if not (directory / SOURCE).is_file() or read_mapping(directory / SOURCE, "networks adapted to logs") != source:
             for path in others:
@@ -36,7 +38,8 @@ def adapted(
                     windows[path] = label(*log_of(path, predictor), predictor, VIEW, seed=paths.index(path))
             print(f"adapting to {', '.join(path.name for path in others)}", flush=True)
             precision = resolve_precision("auto", "cpu")
-            network, _, _ = adapt(predictor, [windows[path] for path in others], directory, precision=precision)
+            network, _, _ = adapt(predictor, [windows[path] for path in others], precision=precision)
+            directory.mkdir(parents=True, exist_ok=True)
             network.save(directory / "model")
             write_json(directory / SOURCE, source)
         found |= {path: load_predictor(directory / "model") for path in paths[fold::folds]}

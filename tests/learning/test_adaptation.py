@@ -38,7 +38,7 @@ def log() -> ScanLog:
 
 @pytest.fixture
 def short_schedule(monkeypatch):
-    monkeypatch.setattr(adaptation, "MOST_WINDOWS", 8)
+    monkeypatch.setattr(adaptation, "MAX_WINDOWS", 8)
     monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
 
 
@@ -100,13 +100,13 @@ def test_statistics_are_widened_and_keep_their_median():
 
 
 @pytest.mark.slow
-def test_an_adapted_network_predicts_the_held_out_beams_better(log, tmp_path, short_schedule, monkeypatch):
-    monkeypatch.setattr(adaptation, "MOST_WINDOWS", 40)
-    monkeypatch.setattr(adaptation, "VALIDATION", 0.4)
+def test_an_adapted_network_predicts_the_held_out_beams_better(log, short_schedule, monkeypatch):
+    monkeypatch.setattr(adaptation, "MAX_WINDOWS", 40)
+    monkeypatch.setattr(adaptation, "VALIDATION_SHARE", 0.4)
     monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=3, ema_decay=0.9))
     before = {name: value.clone() for name, value in PREDICTOR.network.state_dict().items()}
     data = [label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)]
-    adapted, loss, less = adapt(PREDICTOR, data, tmp_path, seed=0)
+    adapted, loss, less = adapt(PREDICTOR, data, seed=0)
     assert less < 0.95 * loss
     assert all(torch.equal(value, before[name]) for name, value in PREDICTOR.network.state_dict().items())
     assert adapted.statistics.windows > PREDICTOR.statistics.windows

@@ -6,6 +6,7 @@ those of the epoch with the least validation loss.
 
 import functools
 import math
+import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,12 +15,10 @@ import torch
 from torch import Tensor, nn
 
 from repro.config import Training
-from repro.learning.callbacks import Checkpoint, History, Stop, exponential_moving_average
-from repro.learning.checkpoints import find_best
 from repro.learning.held_out import View, labeled, turns_of
 from repro.learning.kernels import accelerate
 from repro.learning.losses import bce_loss
-from repro.learning.training import TrainingModule, create_trainer
+from repro.learning.training import TrainingModule, fit, load_best
 from repro.maps.bits import pack_bits
 from repro.maps.statistics import Statistics, summarize
 from repro.networks.predictor import Predictor
@@ -31,8 +30,8 @@ from repro.scans import Scans
 from repro.system.errors import InputError
 
 UNKNOWN = 2  # in a map, where 1 is free and 0 an obstacle
-MOST_WINDOWS = 150  # of a log through one view, so that long logs do not outweigh the others
-VALIDATION, LEAST_WINDOWS = 0.2, 1.2  # of each log, at its end; but as long as so many windows
+MAX_WINDOWS = 150  # of a log through one view, so that long logs do not outweigh the others
+VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
     min_delta=0.0,
@@ -57,17 +56,6 @@ class Labeled:
     pairs: Pairs
     statistics: Statistics
 
-    def to(self, device: str) -> "Labeled":
-        """Return the windows on a device."""
-        pairs = Pairs(self.pairs.stored.to(device), self.pairs.maps.to(device), self.pairs.encoding)
-        return replace(self, pairs=pairs)
-
-    def __add__(self, other: "Labeled") -> "Labeled":
-        """Return the windows of both."""
-        one, two = self.pairs, other.pairs
-        pairs = Pairs(torch.cat([one.stored, two.stored]), torch.cat([one.maps, two.maps]), one.encoding)
-        return Labeled(pairs, self.statistics.widened(other.statistics))
-
 
 class PartialLoss(nn.Module):
     """Binary cross-entropy (Eq. 1) on the pixels whose label is known."""
@@ -81,7 +69,7 @@ class PartialLoss(nn.Module):
 def label(
     log: ScanLog, settings: WindowSettings, predictor: Predictor, view: View, *, seed: int
 ) -> tuple[Labeled, Labeled]:
-    """Return the labeled windows of a log for training, through views in several directions, and for validation.
+    """Return the labeled windows of a log for training, through views in several directions, and those for validation.
 
     The frame of the log is turned at random for each view: buildings have walls in all directions.
 
@@ -96,18 +84,12 @@ def label(
         InputError: the lidar does not see beyond the view, or the log is too short for both.
     """
     rng = np.random.default_rng(seed)
-    turns = turns_of(log, view.fov_rad)
-    last_s = max(VALIDATION * (log.stamps[-1] - log.stamps[0]), LEAST_WINDOWS * settings.duration_s)
+    views = [replace(view, turn_rad=turn) for turn in turns_of(log, view.fov_rad)]
+    last_s = max(VALIDATION_SHARE * (log.stamps[-1] - log.stamps[0]), VALIDATION_WINDOWS * settings.duration_s)
     is_first = log.stamps <= log.stamps[-1] - last_s
     limited = predictor.with_range(log.range_max_m)
-    first, last = (
-        [
-            window
-            for turn in chosen
-            for window in _windows(_rotated(_part(log, kept), rng), settings, limited, replace(view, turn_rad=turn))
-        ]
-        for kept, chosen in ((is_first, turns), (~is_first, turns[len(turns) // 2 :][:1]))
-    )
+    first = _windows(_part(log, is_first), settings, limited, views, rng)
+    last = _windows(_part(log, ~is_first), settings, limited, [views[len(views) // 2]], rng)
     if not (first and last):
         raise InputError("no window of the first or of the last part of the log has hits and passes beside the view")
     return _drawn(first, limited), _drawn(last, limited)
@@ -125,11 +107,18 @@ def _rotated(log: ScanLog, rng: np.random.Generator) -> ScanLog:
     return replace(log, poses=np.column_stack([log.poses[:, :2] @ turn.T, log.poses[:, 2] + angle]))
 
 
-def _windows(log: ScanLog, settings: WindowSettings, predictor: Predictor, view: View) -> list[tuple[Scans, Observed]]:
-    """Return windows of a log with hits and passes beside the view, evenly over the log."""
+def _windows(
+    log: ScanLog, settings: WindowSettings, predictor: Predictor, views: list[View], rng: np.random.Generator
+) -> list[tuple[Scans, Observed]]:
+    """Return windows of a log through each view, evenly over the log, with hits and passes beside the view."""
     steps = (log.stamps[-1] - log.stamps[0] - settings.duration_s) / settings.step_s
-    found = labeled(log, settings, max(1.0, steps / MOST_WINDOWS), predictor.grid, view)
-    return [(window.scans, shown) for window, shown in found if shown.hits.any() and shown.passed.any()]
+    stride = max(1.0, steps / MAX_WINDOWS)
+    return [
+        (window.scans, shown)
+        for view in views
+        for window, shown in labeled(_rotated(log, rng), settings, stride, predictor.grid, view)
+        if shown.hits.any() and shown.passed.any()
+    ]
 
 
 def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Labeled:
@@ -147,7 +136,6 @@ def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Label
 def adapt(
     predictor: Predictor,
     logs: list[tuple[Labeled, Labeled]],
-    directory: Path,
     *,
     seed: int = 0,
     device: str = "cpu",
@@ -158,7 +146,6 @@ def adapt(
     Args:
         predictor: the network; it is not changed.
         logs: the windows of each log for training and validation, see `label`.
-        directory: of the history and the checkpoints, which is made.
         seed: seed of the order.
         device: cpu or cuda.
         precision: 32-true or bf16-mixed.
@@ -167,36 +154,30 @@ def adapt(
         the adapted network, with the statistics of both trainings, and the validation loss before and after.
 
     Raises:
-        InputError: the network cannot be trained, or its validation loss is no less than before.
+        InputError: the network cannot be trained, or the validation loss does not fall.
     """
-    directory.mkdir(parents=True, exist_ok=True)
-    train, val = (functools.reduce(Labeled.__add__, part).to(device) for part in zip(*logs, strict=True))
+    train, val = (_joined(part, device) for part in zip(*logs, strict=True))
     network = predictor.copied_network().to(device)
     accelerate(network, device)
-    module = TrainingModule(network, train.pairs, val.pairs, SCHEDULE, seed, PartialLoss())
-    assert SCHEDULE.ema_decay, "it averages the weights"
-    trainer = create_trainer(
-        SCHEDULE.max_epochs,
-        device,
-        precision,
-        [
-            History(directory / "history.csv"),
-            Stop(None, min_delta=SCHEDULE.min_delta, patience=SCHEDULE.patience),
-            exponential_moving_average(SCHEDULE.ema_decay),
-            Checkpoint(directory / "checkpoints", "best", monitor="val_loss"),
-        ],
-    )
+    module = TrainingModule(network, train, val, SCHEDULE, seed, PartialLoss())
     before = _validation_loss(module)
-    trainer.fit(module)
-    best = find_best(directory / "checkpoints")
-    assert best, "written at the end of an epoch"
-    module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
+    with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
+        fit(module, Path(directory), device, precision)
+        load_best(module, Path(directory))
     module.to(device)
     after = _validation_loss(module)
     if not after < before:
-        raise InputError(f"the network gets no better by these logs: validation loss {before:.4f}, then {after:.4f}")
-    statistics = predictor.statistics.widened(train.statistics) if predictor.statistics else train.statistics
+        raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
+    known = [predictor.statistics] if predictor.statistics else []
+    statistics = functools.reduce(Statistics.widened, [*known, *(first.statistics for first, _ in logs)])
     return replace(predictor, network=network.cpu(), statistics=statistics), before, after
+
+
+def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:
+    """Return the pairs of several logs on a device."""
+    pairs = [part.pairs for part in parts]
+    stored, maps = torch.cat([each.stored for each in pairs]), torch.cat([each.maps for each in pairs])
+    return Pairs(stored.to(device), maps.to(device), pairs[0].encoding)
 
 
 @torch.inference_mode()

@@ -22,7 +22,7 @@ from repro.system.errors import InputError
 
 SWING, PERIOD_S = math.pi / 4, 10.0  # of the view of a lidar that stands: amplitude and period of its direction
 STILL_M = 0.1  # extent of the positions of a lidar that stands
-LEAST = math.radians(10)  # that a lidar must see on each side of the view
+MIN_BESIDE = math.radians(10)  # that a lidar must see on each side of the view
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ def turns_of(log: ScanLog, fov_rad: float) -> list[float]:
         InputError: the lidar does not see enough beside a view.
     """
     sees = float(np.ptp(log.angles))
-    if sees < fov_rad + 2 * LEAST:
+    if sees < fov_rad + 2 * MIN_BESIDE:
         raise InputError(
-            f"expected a lidar that sees {math.degrees(fov_rad + 2 * LEAST):.0f} degrees or more, since the beams "
+            f"expected a lidar that sees {math.degrees(fov_rad + 2 * MIN_BESIDE):.0f} degrees or more, since the beams "
             f"outside of a view of {math.degrees(fov_rad):.0f} degrees say what is true there, got "
             f"{math.degrees(sees):.0f} degrees"
         )
@@ -104,7 +104,7 @@ def _swinging(log: ScanLog, settings: WindowSettings, stride: float, grid: Grid,
 
 def _windows(log: ScanLog, settings: WindowSettings, stride: float, grid: Grid) -> Iterator[Window]:
     for window in cut(log, settings, stride * settings.step_s, grid.size_m):
-        if isinstance(window, Window):  # else it says what the log lacks
+        if isinstance(window, Window):  # the others are messages about gaps
             yield window
 
 

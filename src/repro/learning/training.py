@@ -142,7 +142,7 @@ def train(
         module = _training_module(recordings, config, device)
         run.begin_step("trained", Status.training, precision=precision, command=run.command)
         try:
-            paused, facts = _fit(run, module, device, precision, budget)
+            paused, facts = fit(module, run.path, device, precision, budget)
         except FloatingPointError as error:
             run.end_step(Status.failed, str(error))
             raise
@@ -170,11 +170,16 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed, loss)
 
 
-def _fit(run: Run, module: TrainingModule, device: str, precision: str, budget: Budget | None) -> tuple[bool, Facts]:
-    """Train until early stopping, the last epoch or the time limit; return whether the limit came first, and facts."""
+def fit(
+    module: TrainingModule, directory: Path, device: str, precision: str, budget: Budget | None = None
+) -> tuple[bool, Facts]:
+    """Train until early stopping, the last epoch or the time limit; return whether the limit came first, and facts.
+
+    The directory gets history.csv and checkpoints, from which the training resumes if it has some.
+    """
     settings = module.settings
-    checkpoints = run.path / "checkpoints"
-    history = History(run.path / "history.csv")
+    checkpoints = directory / "checkpoints"
+    history = History(directory / "history.csv")
     stop = Stop(budget, min_delta=settings.min_delta, patience=settings.patience)
     callbacks = [
         history,
@@ -219,15 +224,24 @@ def _best_predictor(
     run: Run, module: TrainingModule, config: RunConfig, recordings: Path, statistics: Statistics
 ) -> Predictor:
     """Return the best weights with encoding, grid, and statistics and window of the training scans."""
-    checkpoints = run.path / "checkpoints"
+    load_best(module, run.path)
+    spec = read_manifest(recordings).world_spec
+    window = (spec.steps, spec.world.step_time, bool(spec.fixed))
+    return Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
+
+
+def load_best(module: TrainingModule, directory: Path) -> None:
+    """Load the best weights of a training in a directory.
+
+    Raises:
+        InputError: they are damaged.
+    """
+    checkpoints = directory / "checkpoints"
     best = find_best(checkpoints)
     if best is None:
         shutil.rmtree(checkpoints, ignore_errors=True)
         raise InputError(f"the best weights in {checkpoints} are damaged: run the same command again to retrain")
     module.load_state_dict(torch.load(best, map_location="cpu", weights_only=True)["state_dict"])
-    spec = read_manifest(recordings).world_spec
-    window = (spec.steps, spec.world.step_time, bool(spec.fixed))
-    return Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
 
 
 def quiet() -> None:

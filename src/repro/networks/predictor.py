@@ -190,6 +190,11 @@ class Predictor:
         return _onnx_files().write_onnx(Path(path), self.copied_network(), description, card)
 
     def copied_network(self) -> nn.Module:
+        """Return a copy of the network.
+
+        Raises:
+            InputError: it is in ONNX Runtime.
+        """
         if not isinstance(self.network, nn.Module) or not isinstance(self.network, PyTorchModelHubMixin):
             raise InputError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
         return copy.deepcopy(self.network)

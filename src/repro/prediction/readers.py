@@ -73,7 +73,7 @@ def kind_of(path: Path) -> str:
     packed = next((name for start, name in PACKED.items() if head.startswith(start)), None)
     advice = f"packed with {packed}: unpack it, or give the directory of a bag with its metadata.yaml" if packed else ""
     raise InputError(
-        f"{path}: is {advice or 'of no known kind'}: expected {KINDS}; JSON and CSV become an npz in some lines"
+        f"{path}: is {advice or 'of no known kind'}: expected {KINDS}; docs/robot.md converts JSON and CSV"
     )
 
 

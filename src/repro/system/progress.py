@@ -21,6 +21,7 @@ class _Lines(tqdm):
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Print a line; the last call has an empty message."""
         if msg is None:
+            self.bar_format = LINE if self.total else WITHOUT_TOTAL
             print(self, file=sys.stderr, flush=True)
 
 
@@ -36,7 +37,4 @@ def progress(items: Iterable[Any] | None = None, description: str = "", **option
     if sys.stderr.isatty() and multiprocessing.parent_process() is None:  # no bars of several workers
         return tqdm(items, delay=2, **options)
     options |= {"mininterval": LINE_S, "delay": LINE_S, "miniters": 1}
-    lines = _Lines(items, file=io.StringIO(), bar_format=LINE, **options)
-    if not lines.total:
-        lines.bar_format = WITHOUT_TOTAL
-    return lines
+    return _Lines(items, file=io.StringIO(), **options)

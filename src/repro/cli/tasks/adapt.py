@@ -1,4 +1,4 @@
-"""task=adapt: a network that has learned from logs of your own wide lidar, too."""
+"""task=adapt: adapt a network to logs of your own wide lidar."""
 
 from pathlib import Path
 
