@@ -169,7 +169,10 @@ def configuration(v):
             "workers": 1, "accelerator": "cpu", "precision": "auto", "max_minutes": None,
             "part": 0, "parts": 1,
         },
-        **{key: CONFIG[key] for key in ("format", "scans", "floor_map", "prediction", "demo", "publish")},
+        **{
+            key: CONFIG[key]
+            for key in ("format", "scans", "floor_map", "prediction", "adaptation", "demo", "publish")
+        },
     }  # fmt: skip
 
 
