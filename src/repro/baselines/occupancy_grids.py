@@ -1,5 +1,6 @@
 """Occupancy grids filtered step by step, as a mapping stack would do with the same scans."""
 
+import math
 from collections.abc import Iterator
 
 import torch
@@ -15,6 +16,8 @@ from repro.scans import Scans
 PRIOR = 0.08  # prior probability of an obstacle, its share in the paper's dynamic worlds
 HIT, PASSED = 0.9, 0.05  # probability of an obstacle, given a single beam that ended in the pixel or passed through it
 BATCH = 64  # recordings that are filtered at a time
+PRIOR_LOGIT = math.log(PRIOR / (1 - PRIOR))
+HIT_GAIN, PASSED_GAIN = (math.log(p / (1 - p)) - PRIOR_LOGIT for p in (HIT, PASSED))  # of the log-odds in a step
 
 
 def log_odds_grid(recorded: Recorded, forgetting: float) -> Tensor:
@@ -30,16 +33,14 @@ def log_odds_grid(recorded: Recorded, forgetting: float) -> Tensor:
     Returns:
         probability of an obstacle at the last step, (M, H, W).
     """
-    prior = _logit(PRIOR)
-    gain = {True: _logit(HIT) - prior, False: _logit(PASSED) - prior}
     maps = []
     for scans in _parts(recorded):
         log_odds = torch.zeros(len(scans), recorded.grid.size_px, recorded.grid.size_px)
         for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
             log_odds *= 1 - forgetting
-            log_odds += gain[True] * hit + gain[False] * passed
+            log_odds += HIT_GAIN * hit + PASSED_GAIN * passed
             log_odds.clamp_(-8, 8)
-        maps.append(torch.sigmoid(log_odds + prior))
+        maps.append(torch.sigmoid(log_odds + PRIOR_LOGIT))
     return torch.cat(maps)
 
 
@@ -86,7 +87,3 @@ def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tupl
 
 def _parts(recorded: Recorded) -> list[Scans]:
     return [recorded.scans[first : first + BATCH] for first in range(0, len(recorded), BATCH)]
-
-
-def _logit(probability: float) -> float:
-    return float(torch.logit(torch.tensor(probability)))

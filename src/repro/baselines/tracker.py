@@ -94,15 +94,16 @@ def track(found: list[Cluster], prior: Prior) -> list[Track]:
     return [each for _, each in fitted]
 
 
-def distances(tracks: list[Track], grid: Grid, coast_s: float) -> np.ndarray:
-    """Return the distance of each pixel to the nearest outline at the last step [m], negative inside, (H, W).
+def distances(tracks: list[Track], grid: Grid, coast_s: float, ahead_s: float = 0.0) -> np.ndarray:
+    """Return the distance of each pixel to the nearest outline [m], negative inside, (H, W).
 
-    A track moves on for at most `coast_s` [s] after its last hit, since obstacles turn.
+    A track moves on for at most `coast_s` [s] after its last hit, since obstacles turn. The map is that of the last
+    step, or of the time `ahead_s` [s] after it.
     """
     nearest = np.full((grid.size_px, grid.size_px), shapes.REACH_M, dtype=np.float32)
     for each in tracks:
         state = each.state.copy()
-        state[:2] -= state[2:4] * max(each.age_s - coast_s, 0.0)
+        state[:2] += state[2:4] * (min(each.age_s + ahead_s, max(coast_s, 0.0)) - each.age_s)
         shapes.draw(nearest, grid.resolution_m, state, each.is_disc)
     return nearest
 

@@ -20,7 +20,8 @@ def scan(
     Args:
         poses: robot poses x, y [m], heading [rad], (T, 3).
         angles: beam angles in the robot's frame [rad], (N,).
-        outlines: obstacle outlines in their own frame [m], (O, V, 2); a line string goes there and back.
+        outlines: obstacle outlines in their own frame [m], (O, V, 2), or (O, T, V, 2) if they differ from scan to scan;
+            a line string goes there and back.
         states: obstacle poses x, y [m], heading [rad], (O, T, 3).
         range_max_m: longest range [m].
 
@@ -35,7 +36,7 @@ def scan(
     ranges = np.full(heading.shape, np.inf)
     nearest = np.full(heading.shape, -1)
     for index, (outline, state) in enumerate(zip(outlines, states, strict=True)):
-        radius = np.linalg.norm(outline, axis=-1).max()
+        radius = np.linalg.norm(outline, axis=-1).max(axis=-1)  # () or (T,)
         offset = state[:, :2] - poses[:, :2]  # (T, 2)
         distance = np.linalg.norm(offset, axis=-1)
         rings = _rings(outline, state)
@@ -43,7 +44,8 @@ def scan(
         if _contains(rings[:, begins_in], poses[begins_in, :2]).any():
             raise InputError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
         along = np.einsum("td,tnd->tn", offset, directions)
-        near = (distance[:, None] ** 2 - along**2 <= radius**2) & (along > 0) | begins_in[:, None]
+        passes = distance[:, None] ** 2 - along**2 <= np.square(radius)[..., None]
+        near = passes & (along > 0) | begins_in[:, None]
         step, beam = np.nonzero(near)
         parts = np.array_split(np.arange(len(step)), 1 + len(step) * rings.shape[-1] // _MAX_SIDES)
         hit = np.concatenate([_cross(poses[:, :2], directions[step[k], beam[k]], rings, step[k]) for k in parts])
@@ -109,5 +111,6 @@ def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step:
 
 
 def _rings(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Return x and y of an outline (V, 2) at each state (T, 3), without its padding, (2, T, V)."""
-    return np.ascontiguousarray(np.moveaxis(placed(without_padding(outline), states), -1, 0))
+    """Return x and y of an outline (V, 2), or one per state (T, V, 2), at each state (T, 3), (2, T, V)."""
+    shape = without_padding(outline) if outline.ndim == 2 else outline
+    return np.ascontiguousarray(np.moveaxis(placed(shape, states), -1, 0))

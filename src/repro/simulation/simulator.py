@@ -61,7 +61,7 @@ def simulate(world: World) -> Recording:
         ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
-    poses, states, outlines = drive_robot(world), move_obstacles(world), _outlines(world)
+    poses, states, outlines = drive_robot(world), move_obstacles(world), outlines_of_world(world)
     lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
     angles, has_noise = beam_angles(lidar), lidar.get("noise", False)
     if has_noise:  # IR-SIM's first scan, before the first step, draws noise as well
@@ -203,8 +203,8 @@ def move_obstacles(world: World) -> np.ndarray:
     return np.stack([obstacle_states(obstacle, steps, step_time) for obstacle in world["obstacle"]])
 
 
-def _outlines(world: World) -> np.ndarray:
-    """Create the outlines with IR-SIM's geometry, (O, V, 2)."""
+def outlines_of_world(world: World) -> np.ndarray:
+    """Create the outlines of the obstacles of a world with IR-SIM's geometry [m], (O, V, 2)."""
     shapes = [obstacle["shape"] for obstacle in world["obstacle"]]
     return _pad([_outline(GeometryFactory.create_geometry(**shape)) for shape in shapes])
 

@@ -1,0 +1,179 @@
+"""The arms of the comparison: from what robots have seen so far to the maps that they plan on."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+
+from repro.baselines.occupancy_grids import HIT_GAIN, PASSED_GAIN, PRIOR_LOGIT
+from repro.baselines.tracker import Prior, clusters, distances, track
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.maps.projection import newest_hits
+from repro.maps.visibility import newest_passed
+from repro.navigation.courses import TURN_STEPS, Course
+from repro.navigation.planner import HORIZON_S, LAYER_S
+from repro.networks.predictor import Predictor
+from repro.outlines import padded
+from repro.scans import Scans
+
+AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of an arm that knows velocities, from now on
+NEVER = -(10**6)  # step of what has not been seen
+RECENT_S = 1.0  # age of the hits that are combined with a network
+
+
+@dataclass(eq=False)
+class Seen:
+    """What E robots have seen: the last scans, and when each pixel was last hit and passed over.
+
+    Args:
+        courses: the courses of the robots.
+        grid: grid of the maps.
+        angles: beam angles [rad], (N,).
+        range_max_m: maximum range [m].
+        step_s: duration of a step [s].
+        forgetting: share of the log-odds that is forgotten in every step.
+    """
+
+    courses: Sequence[Course]
+    grid: Grid
+    angles: np.ndarray
+    range_max_m: float
+    step_s: float
+    forgetting: float = 0.0
+    step: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        robots, size = len(self.courses), self.grid.size_px
+        self.ranges = np.full((robots, TURN_STEPS, len(self.angles)), np.nan, dtype=np.float32)
+        self.poses = np.zeros((robots, TURN_STEPS, 3))
+        self.hit, self.passed = (np.full((robots, size, size), NEVER) for _ in range(2))
+        self.log_odds = np.zeros((robots, size, size), dtype=np.float32)
+
+    def add(self, who: np.ndarray, ranges: np.ndarray, poses: np.ndarray) -> None:
+        """Add the scans of the next step, (K, N), at poses (K, 3), of K robots."""
+        self.step += 1
+        self.ranges[who], self.poses[who] = np.roll(self.ranges[who], -1, 1), np.roll(self.poses[who], -1, 1)
+        self.ranges[who, -1], self.poses[who, -1] = ranges, poses
+        scans = Scans(ranges[:, None], self.angles, poses[:, None]).tensors()
+        hit = newest_hits(scans, self.grid).numpy() > 0
+        passed = (newest_passed(scans, self.grid, self.range_max_m).numpy() > 0) & ~hit
+        self.hit[who] = np.where(hit, self.step, self.hit[who])
+        self.passed[who] = np.where(passed, self.step, self.passed[who])
+        log_odds = (1 - self.forgetting) * self.log_odds[who] + HIT_GAIN * hit + PASSED_GAIN * passed
+        self.log_odds[who] = np.clip(log_odds, -8, 8)
+
+    def hits(self, who: np.ndarray, age_s: float) -> np.ndarray:
+        """Return the pixels whose last hit is at most this old [s] and later than the last passing beam, (K, H, W)."""
+        hit = self.hit[who]
+        return (hit > self.passed[who]) & ((self.step - hit) * self.step_s <= age_s + 1e-9)
+
+    def window(self, who: np.ndarray) -> Scans:
+        """Return the last scans of K robots as a batch of windows."""
+        return Scans(self.ranges[who], self.angles, self.poses[who].astype(np.float32))
+
+
+Maps = Callable[[Seen, np.ndarray], np.ndarray]  # probabilities of an obstacle now, or also later, (K, 1 or L, H, W)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way to make maps.
+
+    Args:
+        title: its name in tables.
+        maps: the function, with the settings of `candidates` as keywords.
+        candidates: the values of further settings that are tuned, in ascending order.
+        is_binary: whether its maps are 0 or 1, so that a threshold has no effect.
+        sees_all: whether its lidar sees 360 degrees.
+    """
+
+    title: str
+    maps: Callable[..., np.ndarray]
+    candidates: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    is_binary: bool = False
+    sees_all: bool = False
+
+
+def _hits(seen: Seen, who: np.ndarray, *, age_s: float) -> np.ndarray:
+    return seen.hits(who, age_s)[:, None].astype(np.float32)
+
+
+def _log_odds(seen: Seen, who: np.ndarray, *, forgetting: float) -> np.ndarray:
+    assert forgetting == seen.forgetting, "the grid is filtered scan by scan"
+    return 1 / (1 + np.exp(-(seen.log_odds[who, None] + PRIOR_LOGIT)))
+
+
+def _network(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
+    return 1 - predictor.predict(seen.window(who), allow_empty=True).numpy()[:, None]
+
+
+def _network_and_hits(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
+    return np.maximum(_network(predictor, seen, who), seen.hits(who, RECENT_S)[:, None])
+
+
+def _tracked(settings: Mapping[str, float], seen: Seen, who: np.ndarray) -> np.ndarray:
+    """Return the tracked shapes now and ahead, with the settings that `baselines.registry.tracker` tunes."""
+    chosen = dict(settings)
+    near_m, coast_s, margin_m = (chosen.pop(key) for key in ("near_m", "coast_s", "margin_m"))
+    free_steps, prior = chosen.pop("free_steps"), Prior(**chosen)
+    window = seen.window(who)
+    maps = []
+    for index in range(len(who)):
+        tracks = track(clusters(window[index], seen.step_s, near_m), prior)
+        maps.append([distances(tracks, seen.grid, coast_s, ahead_s) <= margin_m for ahead_s in AHEAD_S])
+    passed = seen.passed[who]
+    occupied = np.array(maps)
+    occupied[:, 0] &= ~((passed > seen.hit[who]) & (seen.step - passed < free_steps))
+    return occupied.astype(np.float32)
+
+
+def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
+    """Return the true maps, of obstacles that keep their present velocity."""
+    courses = [seen.courses[index] for index in who]
+    now = [each.states[:, seen.step] for each in courses]
+    velocity = [(each.states[:, seen.step] - each.states[:, seen.step - 1]) / seen.step_s for each in courses]
+    states = [place + later * speed for place, speed in zip(now, velocity, strict=True) for later in ahead_s]
+    outlines = [each.outlines for each in courses for _ in ahead_s]
+    owner = torch.repeat_interleave(torch.tensor([len(each) for each in states]))
+    longest = max(each.shape[1] for each in outlines)
+    free = rasterize(
+        torch.from_numpy(np.concatenate([padded(each, longest) for each in outlines])),
+        torch.from_numpy(np.concatenate(states)),
+        owner,
+        len(states),
+        seen.grid,
+    )
+    return 1 - free.view(len(who), len(ahead_s), *free.shape[1:]).numpy().astype(np.float32)
+
+
+AGES_S = (1.0, 3.0, 10.0, 30.0)
+ALL_AGES_S = (0.0, *AGES_S, 1000.0)
+CLASSICAL = {
+    "scan": Arm("Current scan", partial(_hits, age_s=0.0), is_binary=True),
+    "keep": Arm("Hits, kept until a beam passes", partial(_hits, age_s=1000.0), is_binary=True),
+    "decay": Arm("Hits, kept for a time", _hits, {"age_s": AGES_S}, is_binary=True),
+    "log_odds": Arm("Log-odds grid", _log_odds, {"forgetting": (0.0, 0.005, 0.02, 0.05)}),
+    "full_circle": Arm("Lidar of 360 degrees, hits kept", _hits, {"age_s": ALL_AGES_S}, is_binary=True, sees_all=True),
+    "truth": Arm("True map", partial(_truth, ahead_s=AHEAD_S[:1]), is_binary=True),
+    "true_velocities": Arm("True map and velocities", partial(_truth, ahead_s=AHEAD_S), is_binary=True),
+}
+
+
+def arms(networks: Mapping[str, Predictor], tracker: Mapping[str, Any] | None) -> dict[str, Arm]:
+    """Return all arms by their names.
+
+    Args:
+        networks: predictors by the name of their arm; the last one is also combined with recent hits.
+        tracker: settings of the tracker; None leaves it out.
+    """
+    found = dict(CLASSICAL)
+    if tracker is not None:
+        found["tracker"] = Arm("Tracker", partial(_tracked, tracker), is_binary=True)
+    for name, predictor in networks.items():
+        found[name] = Arm(name, partial(_network, predictor))
+        found[f"{name}_hits"] = Arm(f"{name} or recent hits", partial(_network_and_hits, predictor))
+    return found

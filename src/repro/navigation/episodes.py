@@ -1,0 +1,197 @@
+"""Episodes: many robots drive their courses step by step, all with one arm and one planner.
+
+A step is one of IR-SIM: its differential kinematics for the robots, the motions of the obstacles, then a scan with its
+ray equations. A robot turns once on the spot, which fills a window; then it gets a map and a command every `EVERY`
+steps. Obstacles ignore the robots.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from repro.maps.grid import Grid
+from repro.navigation.arms import Arm, Seen
+from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, Course
+from repro.navigation.planner import Planner, Settings
+from repro.outlines import padded, placed
+from repro.scans import wrapped
+from repro.simulation.raycasting import scan
+from repro.simulation.simulator import beam_angles
+from repro.world_config import WorldSpec
+
+EVERY = 5  # steps from one map and command to the next
+REACHED_M = 1.0  # distance to a goal at which it counts as reached
+FAR_M = 3.0  # up to which the clearance is measured
+FAR_AWAY_M = 1e6  # where courses with fewer obstacles have the others
+
+
+@dataclass(frozen=True)
+class Episode:
+    """How one robot fared.
+
+    Args:
+        seed: number of the course.
+        obstacles: their number.
+        outcome: `goal`, `collision` or `timeout`.
+        time_s: from the end of the first turn [s].
+        path_m: length of the path [m].
+        way_m: length of the straight ways between the goals [m].
+        clearance_m: least distance of the robot's center to an outline, at most `FAR_M` [m].
+        moving_share: share of the time in which the robot drove.
+        contact_deg: bearing of the point of a collision in the frame of the robot [degrees]; NaN without one.
+        stood: whether the robot stood when it was hit.
+    """
+
+    seed: int
+    obstacles: int
+    outcome: str
+    time_s: float
+    path_m: float
+    way_m: float
+    clearance_m: float
+    moving_share: float
+    contact_deg: float
+    stood: bool
+
+
+class Fleet:
+    """The robots of a batch of courses, in the order of the courses.
+
+    Args:
+        spec: the worlds of the courses.
+        courses: E courses.
+        arm: how the robots make maps.
+        settings: values of the settings of the arm and of the planner.
+        grid: grid of the maps.
+    """
+
+    def __init__(
+        self, spec: WorldSpec, courses: Sequence[Course], arm: Arm, settings: dict[str, float | None], grid: Grid
+    ) -> None:
+        robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
+        self.step_s, self.radius_m, self.range_max_m = spec.world.step_time, robot["shape"]["radius"], spec.lidar.range_max
+        if arm.sees_all:  # the same spacing of the beams
+            number = round(2 * math.pi / lidar["angle_range"] * (lidar["number"] - 1))
+            lidar |= {"angle_range": 2 * math.pi * (1 - 1 / number), "number": number}
+        self.angles = beam_angles(lidar)
+        self.courses, self.settings = courses, {key: settings[key] for key in arm.candidates}
+        self.arm = arm
+        self.planner = Planner(
+            grid,
+            Settings(**{key: value for key, value in settings.items() if key not in arm.candidates}),
+            self.radius_m,
+            *map(float, robot["vel_max"]),
+        )
+        forgetting = float(settings.get("forgetting") or 0.0)
+        self.seen = Seen(courses, grid, self.angles, self.range_max_m, self.step_s, forgetting)
+        most = max(len(each.outlines) for each in courses)
+        longest = max(each.outlines.shape[1] for each in courses)
+        self.outlines = np.stack([_filled(padded(each.outlines, longest), most) for each in courses], axis=1)
+        self.obstacles = np.stack([_filled(each.states, most, FAR_AWAY_M) for each in courses], axis=1)  # (O, E, S, 3)
+        self.radii = np.linalg.norm(self.outlines, axis=-1).max(-1)  # (O, E)
+        self.poses = np.array([each.start for each in courses])
+        self.goal = np.zeros(len(courses), dtype=int)
+        self.commands = np.tile([0.0, 2 * math.pi / (TURN_STEPS * self.step_s)], (len(courses), 1))
+        self.path_m, self.moving_steps = np.zeros((2, len(courses)))
+        self.clearance_m = np.full(len(courses), FAR_M)
+        self.episodes: dict[int, Episode] = {}
+
+    def drive(self) -> list[Episode]:
+        """Drive all courses to their ends."""
+        for step in range(1, TURN_STEPS + LIMIT_STEPS + 1):
+            who = np.array([index for index in range(len(self.courses)) if index not in self.episodes])
+            if not len(who):
+                break
+            if step > TURN_STEPS and (step - TURN_STEPS - 1) % EVERY == 0:
+                occupied = self.arm.maps(self.seen, who, **self.settings)
+                goals = np.array([self.courses[index].goals[self.goal[index]] for index in who])
+                self.commands[who] = self.planner.plan(occupied, self.poses[who], goals)
+            self._move(who, step)
+        for index in set(range(len(self.courses))) - set(self.episodes):
+            self._end(index, "timeout", TURN_STEPS + LIMIT_STEPS)
+        return [self.episodes[index] for index in range(len(self.courses))]
+
+    def _move(self, who: np.ndarray, step: int) -> None:
+        """Move the robots, end the episodes that are over, and scan."""
+        self.poses[who] = moved(self.poses[who], self.commands[who], self.step_s)
+        if step > TURN_STEPS:
+            self.path_m[who] += np.abs(self.commands[who, 0]) * self.step_s
+            self.moving_steps[who] += self.commands[who, 0] != 0
+        obstacles = self.obstacles[:, who, step]
+        distance, contact = nearest(self.poses[who, :2], self.outlines[:, who], obstacles, self.radii[:, who])
+        self.clearance_m[who] = np.minimum(self.clearance_m[who], distance)
+        for index, touched, point in zip(who, distance < self.radius_m, contact, strict=True):
+            if touched:
+                self._end(index, "collision", step, point)
+            elif np.hypot(*(self.courses[index].goals[self.goal[index]] - self.poses[index, :2])) < REACHED_M:
+                self.goal[index] += 1
+                if self.goal[index] == len(self.courses[index].goals):
+                    self._end(index, "goal", step)
+        going = np.array([index not in self.episodes for index in who])
+        who, obstacles = who[going], obstacles[:, going]
+        if len(who):
+            ranges, _ = scan(self.poses[who], self.angles, self.outlines[:, who], obstacles, self.range_max_m)
+            self.seen.add(who, ranges.astype(np.float32), self.poses[who])
+
+    def _end(self, index: int, outcome: str, step: int, contact: np.ndarray | None = None) -> None:
+        course, pose = self.courses[index], self.poses[index]
+        bearing, driven = math.nan, max(step - TURN_STEPS, 0)
+        if contact is not None:
+            bearing = math.degrees(wrapped(math.atan2(*(contact - pose[:2])[::-1]) - pose[2]))
+        self.episodes[index] = Episode(
+            course.seed,
+            len(course.outlines),
+            outcome,
+            driven * self.step_s,
+            float(self.path_m[index]),
+            course.way_m,
+            float(self.clearance_m[index]),
+            float(self.moving_steps[index] / max(driven, 1)),
+            bearing,
+            outcome == "collision" and bool(self.commands[index, 0] == 0),
+        )
+
+
+def moved(poses: np.ndarray, commands: np.ndarray, step_s: float) -> np.ndarray:
+    """Compute the next poses of robots, (E, 3), as IR-SIM's differential kinematics does."""
+    speed, turn = commands.T
+    step = np.stack([speed * np.cos(poses[:, 2]), speed * np.sin(poses[:, 2]), turn], axis=1)
+    new = poses + step * step_s
+    return np.column_stack([new[:, :2], wrapped(new[:, 2])])
+
+
+def nearest(
+    points: np.ndarray, outlines: np.ndarray, states: np.ndarray, radii: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the nearest point of the outlines around each of E points.
+
+    Args:
+        points: x, y [m], (E, 2), all outside of the obstacles.
+        outlines: outlines in their own frames [m], (O, E, V, 2).
+        states: x, y [m], heading [rad] of the obstacles, (O, E, 3).
+        radii: of the circles around the outlines [m], (O, E).
+
+    Returns:
+        distance [m], at most `FAR_M`, (E,), and the point, (E, 2).
+    """
+    which, robot = np.nonzero(np.linalg.norm(states[..., :2] - points, axis=-1) < radii + FAR_M)
+    rings = placed(outlines[which, robot], states[which, robot])  # (K, V, 2)
+    edges = np.roll(rings, -1, axis=1) - rings
+    away = points[robot, None] - rings
+    share = (away * edges).sum(-1) / np.maximum((edges**2).sum(-1), 1e-12)
+    feet = rings + np.clip(share, 0, 1)[..., None] * edges
+    gaps = np.linalg.norm(points[robot, None] - feet, axis=-1)
+    best = gaps.argmin(1)
+    distance, foot = np.full(len(points), FAR_M), np.array(points)
+    for index, gap, point in zip(robot, gaps.min(1), feet[np.arange(len(best)), best], strict=True):
+        if gap < distance[index]:
+            distance[index], foot[index] = gap, point
+    return distance, foot
+
+
+def _filled(values: np.ndarray, count: int, value: float = 0.0) -> np.ndarray:
+    """Append rows of a value to an array, up to `count`."""
+    rest = np.full((count - len(values), *values.shape[1:]), value)
+    return np.concatenate([values, rest])

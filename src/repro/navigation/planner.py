@@ -1,0 +1,156 @@
+"""The planner of all arms: a cost-to-go on the map, and arcs that are rolled out over it.
+
+The probability of an obstacle p is inflated: the largest one within a radius. A meter costs 1 + weight p. Dijkstra's
+algorithm (SciPy) gives the cost from every pixel to the goal. Of the arcs of constant speed and turn over two seconds,
+as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of the cost
+from its end to the goal, of the weight times the mean p along the arc times the longest way, and, if it drives
+backward, of the longest way.
+"""
+
+import itertools
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.ndimage import grey_dilation
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from repro.maps.grid import Grid
+
+HORIZON_S = 2.0  # of an arc
+LAYER_S = 0.5  # from one map of the future to the next
+POINTS = 10  # on an arc, at which the map is read
+SPEEDS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the largest
+TURNS = 13  # from one largest rate of turn to the other
+OUTSIDE = 1.0  # probability of an obstacle beyond the border
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is tuned for every arm.
+
+    Args:
+        inflation_m: radius by which obstacles grow [m].
+        weight: cost of a meter in an obstacle, in meters.
+        threshold: probability above which a pixel is an obstacle; None takes the probabilities as they are.
+    """
+
+    inflation_m: float
+    weight: float
+    threshold: float | None = None
+
+
+class Planner:
+    """Commands for many robots, each with its map.
+
+    Args:
+        grid: grid of the maps.
+        settings: tuned values.
+        speed_m_s: largest speed [m/s].
+        turn_rad_s: largest rate of turn [rad/s].
+    """
+
+    def __init__(self, grid: Grid, settings: Settings, radius_m: float, speed_m_s: float, turn_rad_s: float) -> None:
+        self.grid, self.settings, self.longest_m = grid, settings, speed_m_s * HORIZON_S
+        speeds, turns = speed_m_s * np.array(SPEEDS), np.linspace(-turn_rad_s, turn_rad_s, TURNS)
+        self.commands = np.array([*itertools.product(speeds, turns)])
+        self.arcs = arcs(self.commands, np.arange(1, POINTS + 1) * HORIZON_S / POINTS)
+        reach = int(settings.inflation_m / grid.resolution_m)
+        offsets = grid.resolution_m * np.arange(-reach, reach + 1)
+        away = np.hypot(offsets[:, None], offsets)
+        core = radius_m + grid.resolution_m / 2
+        fall = np.clip((settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9), 0, 1)
+        self.fall = np.where(away <= core, 1, fall)
+
+    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
+        """Choose the commands of E robots.
+
+        Args:
+            occupied: probability of an obstacle now and every `LAYER_S` later, K maps, (E, K, H, W).
+            poses: x, y [m], heading [rad], (E, 3).
+            goals: x, y [m], (E, 2).
+
+        Returns:
+            speed [m/s] and rate of turn [rad/s], (E, 2).
+        """
+        if self.settings.threshold is not None:
+            occupied = (occupied > self.settings.threshold).astype(np.float32)
+        inflated = self.inflate(occupied)
+        to_go = np.stack([self.cost_to_go(each[0], goal) for each, goal in zip(inflated, goals, strict=True)])
+        points = _placed(self.arcs, poses)  # (E, A, P, 2)
+        layer = np.minimum(np.arange(1, POINTS + 1) * HORIZON_S / POINTS // LAYER_S, occupied.shape[1] - 1).astype(int)
+        risk = np.stack([self._read(inflated[:, k], points[:, :, p]) for p, k in enumerate(layer)]).mean(0)
+        cost = self._read(to_go, points[:, :, -1], outside=np.inf) + self.settings.weight * self.longest_m * risk
+        cost += self.longest_m * (self.commands[:, 0] < 0)
+        return self.commands[cost.argmin(1)]
+
+    def inflate(self, occupied: np.ndarray) -> np.ndarray:
+        """Return the largest product of p and the falling weight of its distance around each pixel, (..., H, W)."""
+        size, reach = occupied.shape[-1], len(self.fall) // 2
+        inflated = occupied.copy()
+        for down, right in zip(*np.nonzero(self.fall), strict=True):
+            weight, down, right = self.fall[down, right], down - reach, right - reach
+            to = (slice(max(0, down), size + min(0, down)), slice(max(0, right), size + min(0, right)))
+            of = (slice(max(0, -down), size + min(0, -down)), slice(max(0, -right), size + min(0, -right)))
+            np.maximum(inflated[..., *to], weight * occupied[..., *of], out=inflated[..., *to])
+        return inflated
+
+    def cost_to_go(self, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Compute the cost from every pixel of a map (H, W) to a goal [m], (H, W)."""
+        size = self.grid.size_px
+        cost = (1 + self.settings.weight * inflated).ravel() * self.grid.resolution_m
+        start, end, first, length = _neighbors(size)
+        graph = csr_array((0.5 * (cost[start] + cost[end]) * length, end, first), shape=(size**2, size**2))
+        column, row = np.clip(goal // self.grid.resolution_m, 0, size - 1).astype(int)
+        return dijkstra(graph, indices=(size - 1 - row) * size + column).reshape(size, size)
+
+    def _read(self, maps: np.ndarray, points: np.ndarray, outside: float = OUTSIDE) -> np.ndarray:
+        """Interpolate maps (E, H, W) at points x, y [m], (E, ..., 2), with a value for those outside, (E, ...)."""
+        size = self.grid.size_px
+        x, y = np.moveaxis(points, -1, 0) / self.grid.resolution_m
+        column, row = np.clip(x - 0.5, 0, size - 1.001), np.clip(size - y - 0.5, 0, size - 1.001)
+        left, top = column.astype(int), row.astype(int)
+        which = np.arange(len(maps)).reshape(-1, *[1] * (points.ndim - 2))
+        right, below = column - left, row - top
+        upper = maps[which, top, left] * (1 - right) + maps[which, top, left + 1] * right
+        lower = maps[which, top + 1, left] * (1 - right) + maps[which, top + 1, left + 1] * right
+        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
+        return np.where(inside, upper * (1 - below) + lower * below, outside)
+
+
+def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Compute the points of arcs from the origin, heading along x [m], (A, P, 2).
+
+    Args:
+        commands: speed [m/s] and rate of turn [rad/s], (A, 2).
+        times: times of the points [s], (P,).
+    """
+    speed, turn = commands[:, :1], commands[:, 1:]
+    angle = turn * times / 2
+    chord = speed * times * np.sinc(angle / np.pi)
+    return np.stack([chord * np.cos(angle), chord * np.sin(angle)], axis=-1)
+
+
+def _placed(own: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Move points (A, P, 2) from the frame of each robot to that of the map, (E, A, P, 2)."""
+    cos, sin = np.cos(poses[:, 2])[:, None, None], np.sin(poses[:, 2])[:, None, None]
+    x, y = own[..., 0] * cos - own[..., 1] * sin, own[..., 0] * sin + own[..., 1] * cos
+    return np.stack([x, y], axis=-1) + poses[:, None, None, :2]
+
+
+@lru_cache(maxsize=4)
+def _neighbors(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the edges between the eight neighbors on a grid, sorted: start, end, first edge of each pixel, length."""
+    pixel = np.arange(size**2).reshape(size, size)
+    starts, ends, lengths = [], [], []
+    for down, right in itertools.product((-1, 0, 1), repeat=2):
+        if down or right:
+            own = pixel[max(0, -down) : size - max(0, down), max(0, -right) : size - max(0, right)].ravel()
+            starts.append(own)
+            ends.append(own + down * size + right)
+            lengths.append(np.full(len(own), np.hypot(down, right)))
+    start, end, length = map(np.concatenate, (starts, ends, lengths))
+    order = np.lexsort((end, start))
+    first = np.searchsorted(start[order], np.arange(size**2 + 1))
+    return start[order], end[order].astype(np.int32), first.astype(np.int32), length[order]
