@@ -12,7 +12,7 @@ from shapely import affinity
 from repro.baselines import tracker
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.registry import PREDICTORS, TRACKER, _climb, dilate, steps_since_free
+from repro.baselines.registry import PREDICTORS, TRACKER, climb, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
@@ -181,7 +181,7 @@ def test_an_obstacle_that_is_seen_twice_is_joined():
 
 
 def test_climbing_stops_where_no_step_improves():
-    place = _climb(lambda values: -4 * (values[0] - 7) ** 2 - (values[1] - values[0]) ** 2, [range(10), range(10)])
+    place = climb(lambda values: -4 * (values[0] - 7) ** 2 - (values[1] - values[0]) ** 2, [range(10), range(10)])
     assert place == (7, 7)
 
 

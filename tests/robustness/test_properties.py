@@ -171,7 +171,7 @@ def configuration(v):
         },
         **{
             key: CONFIG[key]
-            for key in ("format", "scans", "floor_map", "prediction", "adaptation", "demo", "publish")
+            for key in ("format", "scans", "floor_map", "prediction", "adaptation", "navigation", "demo", "publish")
         },
     }  # fmt: skip
 

@@ -76,7 +76,7 @@ def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
     """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
     settings = {"moving": (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0), "radius_m": _radii_m(val)}
-    return tune(partial(_dilated, transitional_grid, "moving"), settings, val, test, climb=True)
+    return tune(partial(_dilated, transitional_grid, "moving"), settings, val, test, climbs=True)
 
 
 def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
@@ -96,7 +96,7 @@ def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
 
         return predict
 
-    return tune(prepare, TRACKER, val, test, climb=True)
+    return tune(prepare, TRACKER, val, test, climbs=True)
 
 
 PREDICTORS: dict[str, Baseline] = {
@@ -120,7 +120,7 @@ def tune(
     val: Recorded,
     test: Recorded,
     *,
-    climb: bool = False,
+    climbs: bool = False,
 ) -> tuple[Tensor, Settings]:
     """Predict the test set with the settings that have the best obstacle IoU on the validation set.
 
@@ -132,7 +132,7 @@ def tune(
         settings: the candidate values of each setting, in ascending order.
         val: the validation recordings.
         test: the test recordings.
-        climb: False tries all combinations; True starts from the middle values and moves one setting after another to
+        climbs: False tries all combinations; True starts from the middle values and moves one setting after another to
             the next value as long as the IoU rises.
 
     Returns:
@@ -146,7 +146,7 @@ def tune(
     kept = {number: since >= number for number in (round(share * steps) for share in FREE)}
 
     lengths = [len(values) for values in settings.values()]
-    tried = progress(description="tuning", total=sum(lengths) if climb else math.prod(lengths))  # climbing: about
+    tried = progress(description="tuning", total=sum(lengths) if climbs else math.prod(lengths))  # climbing: about
 
     @cache
     def score(*values: float) -> tuple[float, int]:
@@ -158,8 +158,8 @@ def tune(
         found = free.numpy() < THRESHOLD
         return max(((_iou(found & mask, occupied), number) for number, mask in kept.items()), key=lambda each: each[0])
 
-    if climb:
-        best = _climb(lambda values: score(*values)[0], list(settings.values()))
+    if climbs:
+        best = climb(lambda values: score(*values)[0], list(settings.values()))
     else:
         best = max(itertools.product(*settings.values()), key=lambda values: score(*values)[0])
     tried.close()
@@ -168,7 +168,7 @@ def tune(
     return free, {**chosen, "free_steps": free_steps}
 
 
-def _climb(score: Callable[[tuple[float, ...]], float], candidates: list[Sequence[float]]) -> tuple[float, ...]:
+def climb(score: Callable[[tuple[float, ...]], float], candidates: list[Sequence[float]]) -> tuple[float, ...]:
     """Return values, one of each list of candidates, from which no step of a single one raises the score."""
     best, before = tuple(values[len(values) // 2] for values in candidates), None
     while best != before:

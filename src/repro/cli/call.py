@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from repro.cli.errors import Refused
-from repro.cli.settings import Adaptation, Demo, Directory, Prediction, Publish, Runtime, Source
+from repro.cli.settings import Adaptation, Demo, Directory, Navigation, Prediction, Publish, Runtime, Source
 from repro.cli.tasks import Task, tasks
 from repro.config import RECURRENT, Encoding, EncodingParameters, NetworkParameters, Scale, Training
 from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, choice, config_errors_of
@@ -79,6 +79,7 @@ class Call:
         floor_map: the YAML of a map of map_server.
         prediction: settings of task=predict, of which task=adapt takes those that read a log.
         adaptation: settings of task=adapt.
+        navigation: settings of task=navigate.
         demo: settings of task=demo.
         publish: settings of task=publish and task=export.
     """
@@ -103,6 +104,7 @@ class Call:
     floor_map: Source | None
     prediction: Prediction
     adaptation: Adaptation
+    navigation: Navigation
     demo: Demo
     publish: Publish
 

@@ -154,6 +154,30 @@ class Adaptation:
     name: Name | None
 
 
+SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test follow those of the validation
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """Settings of task=navigate.
+
+    Args:
+        arm: how the robots make maps.
+        experiments: those of `world` in which they drive.
+        validation_seeds: courses per experiment for the choice of the settings of an arm.
+        test_seeds: courses per experiment for the test.
+        curve_seeds: courses per experiment for each inflation.
+    """
+
+    __pydantic_config__ = KNOWN_KEYS
+
+    arm: Name
+    experiments: Annotated[list[Name], Field(min_length=1)]
+    validation_seeds: SeedCount
+    test_seeds: SeedCount
+    curve_seeds: SeedCount
+
+
 @dataclass(frozen=True)
 class Demo:
     """Settings of task=demo.

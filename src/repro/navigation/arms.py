@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Literal
 
 import numpy as np
 import torch
@@ -54,10 +54,9 @@ class Seen:
         self.log_odds = np.zeros((robots, size, size), dtype=np.float32)
 
     def add(self, who: np.ndarray, ranges: np.ndarray, poses: np.ndarray) -> None:
-        """Add the scans of the next step, (K, N), at poses (K, 3), of K robots."""
+        """Add the scans of the next step, (K, N), at poses (K, 3), of K robots that still drive."""
+        self.ranges[who, self.step % TURN_STEPS], self.poses[who, self.step % TURN_STEPS] = ranges, poses
         self.step += 1
-        self.ranges[who], self.poses[who] = np.roll(self.ranges[who], -1, 1), np.roll(self.poses[who], -1, 1)
-        self.ranges[who, -1], self.poses[who, -1] = ranges, poses
         scans = Scans(ranges[:, None], self.angles, poses[:, None]).tensors()
         hit = newest_hits(scans, self.grid).numpy() > 0
         passed = (newest_passed(scans, self.grid, self.range_max_m).numpy() > 0) & ~hit
@@ -73,7 +72,8 @@ class Seen:
 
     def window(self, who: np.ndarray) -> Scans:
         """Return the last scans of K robots as a batch of windows."""
-        return Scans(self.ranges[who], self.angles, self.poses[who].astype(np.float32))
+        order = (np.arange(TURN_STEPS) + self.step) % TURN_STEPS
+        return Scans(self.ranges[who][:, order], self.angles, self.poses[who][:, order].astype(np.float32))
 
 
 Maps = Callable[[Seen, np.ndarray], np.ndarray]  # probabilities of an obstacle now, or also later, (K, 1 or L, H, W)
@@ -84,18 +84,16 @@ class Arm:
     """One way to make maps.
 
     Args:
-        title: its name in tables.
         maps: the function, with the settings of `candidates` as keywords.
         candidates: the values of further settings that are tuned, in ascending order.
         is_binary: whether its maps are 0 or 1, so that a threshold has no effect.
-        sees_all: whether its lidar sees 360 degrees.
+        lidar: its field of view: `robot`, that of the world; `circle`, 360 degrees; `none`, which needs no scans.
     """
 
-    title: str
     maps: Callable[..., np.ndarray]
     candidates: Mapping[str, Sequence[float]] = field(default_factory=dict)
     is_binary: bool = False
-    sees_all: bool = False
+    lidar: Literal["robot", "circle", "none"] = "robot"
 
 
 def _hits(seen: Seen, who: np.ndarray, *, age_s: float) -> np.ndarray:
@@ -153,27 +151,21 @@ def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
 AGES_S = (1.0, 3.0, 10.0, 30.0)
 ALL_AGES_S = (0.0, *AGES_S, 1000.0)
 CLASSICAL = {
-    "scan": Arm("Current scan", partial(_hits, age_s=0.0), is_binary=True),
-    "keep": Arm("Hits, kept until a beam passes", partial(_hits, age_s=1000.0), is_binary=True),
-    "decay": Arm("Hits, kept for a time", _hits, {"age_s": AGES_S}, is_binary=True),
-    "log_odds": Arm("Log-odds grid", _log_odds, {"forgetting": (0.0, 0.005, 0.02, 0.05)}),
-    "full_circle": Arm("Lidar of 360 degrees, hits kept", _hits, {"age_s": ALL_AGES_S}, is_binary=True, sees_all=True),
-    "truth": Arm("True map", partial(_truth, ahead_s=AHEAD_S[:1]), is_binary=True),
-    "true_velocities": Arm("True map and velocities", partial(_truth, ahead_s=AHEAD_S), is_binary=True),
+    "scan": Arm(partial(_hits, age_s=0.0), is_binary=True),
+    "keep": Arm(partial(_hits, age_s=1000.0), is_binary=True),
+    "decay": Arm(_hits, {"age_s": AGES_S}, is_binary=True),
+    "log_odds": Arm(_log_odds, {"forgetting": (0.0, 0.005, 0.02, 0.05)}),
+    "full_circle": Arm(_hits, {"age_s": ALL_AGES_S}, is_binary=True, lidar="circle"),
+    "truth": Arm(partial(_truth, ahead_s=AHEAD_S[:1]), is_binary=True, lidar="none"),
+    "true_velocities": Arm(partial(_truth, ahead_s=AHEAD_S), is_binary=True, lidar="none"),
 }
 
 
-def arms(networks: Mapping[str, Predictor], tracker: Mapping[str, Any] | None) -> dict[str, Arm]:
-    """Return all arms by their names.
+def network_arm(predictor: Predictor, *, with_hits: bool = False) -> Arm:
+    """Return the arm of a trained network, alone or with recent hits: the larger of the two probabilities."""
+    return Arm(partial(_network_and_hits if with_hits else _network, predictor))
 
-    Args:
-        networks: predictors by the name of their arm; the last one is also combined with recent hits.
-        tracker: settings of the tracker; None leaves it out.
-    """
-    found = dict(CLASSICAL)
-    if tracker is not None:
-        found["tracker"] = Arm("Tracker", partial(_tracked, tracker), is_binary=True)
-    for name, predictor in networks.items():
-        found[name] = Arm(name, partial(_network, predictor))
-        found[f"{name}_hits"] = Arm(f"{name} or recent hits", partial(_network_and_hits, predictor))
-    return found
+
+def tracker_arm(settings: Mapping[str, float]) -> Arm:
+    """Return the arm of the tracker with settings that `baselines.registry` has tuned."""
+    return Arm(partial(_tracked, settings), is_binary=True)

@@ -53,8 +53,8 @@ class Course:
 def sample_course(spec: WorldSpec, seed: int) -> tuple[Course, World]:
     """Draw the course of a seed, and its world as IR-SIM reads it.
 
-    The obstacles are those of the experiment, and turn at the border of the map. At the start they keep `clear_radius_m`
-    from the goals, and during the robot's first turn from the robot.
+    The obstacles are those of the experiment, and turn at the border of the map. At the start they keep
+    `clear_radius_m` from the goals, and during the robot's first turn from the robot.
 
     Raises:
         InputError: there is no room for the goals and the obstacles.

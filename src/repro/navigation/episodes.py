@@ -8,6 +8,7 @@ steps. Obstacles ignore the robots.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,8 @@ class Episode:
         way_m: length of the straight ways between the goals [m].
         clearance_m: least distance of the robot's center to an outline, at most `FAR_M` [m].
         moving_share: share of the time in which the robot drove.
-        contact_deg: bearing of the point of a collision in the frame of the robot [degrees]; NaN without one.
+        contact: where an obstacle touched the robot: `in view` of its lidar, `beside` it, `behind` it (the quarter
+            turn opposite to its heading); empty without a collision.
         stood: whether the robot stood when it was hit.
     """
 
@@ -52,7 +54,7 @@ class Episode:
     way_m: float
     clearance_m: float
     moving_share: float
-    contact_deg: float
+    contact: str
     stood: bool
 
 
@@ -68,11 +70,16 @@ class Fleet:
     """
 
     def __init__(
-        self, spec: WorldSpec, courses: Sequence[Course], arm: Arm, settings: dict[str, float | None], grid: Grid
+        self, spec: WorldSpec, courses: Sequence[Course], arm: Arm, settings: dict[str, Any], grid: Grid
     ) -> None:
         robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
-        self.step_s, self.radius_m, self.range_max_m = spec.world.step_time, robot["shape"]["radius"], spec.lidar.range_max
-        if arm.sees_all:  # the same spacing of the beams
+        self.step_s, self.radius_m, self.range_max_m = (
+            spec.world.step_time,
+            robot["shape"]["radius"],
+            spec.lidar.range_max,
+        )
+        self.half_view = lidar["angle_range"] / 2
+        if arm.lidar == "circle":  # the same spacing of the beams
             number = round(2 * math.pi / lidar["angle_range"] * (lidar["number"] - 1))
             lidar |= {"angle_range": 2 * math.pi * (1 - 1 / number), "number": number}
         self.angles = beam_angles(lidar)
@@ -131,15 +138,19 @@ class Fleet:
                     self._end(index, "goal", step)
         going = np.array([index not in self.episodes for index in who])
         who, obstacles = who[going], obstacles[:, going]
-        if len(who):
+        if self.arm.lidar == "none":
+            self.seen.step = step
+        elif len(who):
             ranges, _ = scan(self.poses[who], self.angles, self.outlines[:, who], obstacles, self.range_max_m)
             self.seen.add(who, ranges.astype(np.float32), self.poses[who])
 
     def _end(self, index: int, outcome: str, step: int, contact: np.ndarray | None = None) -> None:
         course, pose = self.courses[index], self.poses[index]
-        bearing, driven = math.nan, max(step - TURN_STEPS, 0)
+        place, driven = "", max(step - TURN_STEPS, 0)
         if contact is not None:
-            bearing = math.degrees(wrapped(math.atan2(*(contact - pose[:2])[::-1]) - pose[2]))
+            x, y = contact - pose[:2]
+            bearing = abs(wrapped(math.atan2(y, x) - pose[2]))
+            place = "in view" if bearing <= self.half_view else "behind" if bearing >= 3 * math.pi / 4 else "beside"
         self.episodes[index] = Episode(
             course.seed,
             len(course.outlines),
@@ -149,7 +160,7 @@ class Fleet:
             course.way_m,
             float(self.clearance_m[index]),
             float(self.moving_steps[index] / max(driven, 1)),
-            bearing,
+            place,
             outcome == "collision" and bool(self.commands[index, 0] == 0),
         )
 

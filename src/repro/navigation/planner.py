@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import grey_dilation
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
