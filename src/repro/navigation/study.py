@@ -58,6 +58,7 @@ class Study:
 
     def run(self, seeds: Seeds) -> None:
         """Tune the arm, and drive the courses of the test with its settings and with those of every inflation."""
+        self.directory.mkdir(parents=True, exist_ok=True)
         tuned = self.tuned(seeds.validation)
         test = [self.episodes("test", tuned, seeds.test)]
         curve = [

@@ -49,6 +49,7 @@ class Drift:
         self.keep_out_m = keep_out_m
         self.walls = shapely.multilinestrings([shapely.LineString(line) for line in walls_m]) if walls_m else None
         self.radius_m = radius_m
+        self._steps_clear = 0  # further steps that cannot end at a wall
         self._head(self.rng.uniform(-math.pi, math.pi))
         self._countdown = self._interval()
 
@@ -77,8 +78,13 @@ class Drift:
 
     def _is_clear(self, x: float, y: float, step_time: float) -> bool:
         """Check that the next step ends clear of the walls."""
+        if self._steps_clear > 0:
+            self._steps_clear -= 1
+            return True
         ahead = shapely.Point(x + self.vx * step_time, y + self.vy * step_time)
-        return shapely.distance(self.walls, ahead) >= self.radius_m
+        gap_m = float(shapely.distance(self.walls, ahead)) - self.radius_m
+        self._steps_clear = int(gap_m / (self.speed_m_s * step_time) - 1e-6)  # whatever its headings
+        return gap_m >= 0
 
     def _interval(self) -> int:
         return int(self.rng.integers(self.turn_steps[0], self.turn_steps[1] + 1))
