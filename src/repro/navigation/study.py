@@ -17,7 +17,7 @@ from repro.baselines.registry import climb
 from repro.maps.grid import Grid
 from repro.navigation.arms import Arm
 from repro.navigation.courses import Course, sample_course
-from repro.navigation.episodes import Episode, Fleet
+from repro.navigation.episodes import Fleet
 from repro.system.files import write_text
 from repro.system.progress import progress
 from repro.world_config import WorldSpec
@@ -25,7 +25,7 @@ from repro.world_config import WorldSpec
 INFLATIONS_M = (0.8, 1.2, 1.6, 2.0, 2.4, 3.2, 4.0)
 WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
-BATCH = 100  # courses that are driven at the same time
+BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
@@ -91,23 +91,23 @@ class Study:
         path = self.directory / f"{split}-{label}.csv"
         parts = [pd.read_csv(path)] if path.is_file() else []
         known = set(zip(parts[0]["experiment"], parts[0]["seed"], strict=True)) if parts else set()
-        for experiment in self.specs:
-            seeds = [FIRST[split] + number for number in range(count)]
-            missing = [seed for seed in seeds if (experiment, seed) not in known]
-            for first in progress(range(0, len(missing), BATCH), f"{self.name} {experiment} {split} {label}"):
-                found = self._drive(experiment, missing[first : first + BATCH], settings)
-                rows = pd.DataFrame(map(dataclasses.asdict, found))
-                parts.append(rows.assign(experiment=experiment, arm=self.name, split=split, **settings))
-                write_text(path, pd.concat(parts).to_csv(index=False, float_format="%.4f"))
+        wanted = [(experiment, FIRST[split] + number) for experiment in self.specs for number in range(count)]
+        missing = [each for each in wanted if each not in known]
+        for first in progress(range(0, len(missing), BATCH), f"{self.name}, {split} {label}"):
+            parts.append(self._drive(missing[first : first + BATCH], settings).assign(split=split))
+            write_text(path, pd.concat(parts).to_csv(index=False, float_format="%.4f"))
         rows = pd.read_csv(path)
         return rows[rows["seed"] < FIRST[split] + count]
 
-    def _drive(self, experiment: str, seeds: list[int], settings: Settings) -> list[Episode]:
-        for seed in seeds:
+    def _drive(self, names: list[tuple[str, int]], settings: Settings) -> pd.DataFrame:
+        """Drive courses of several experiments together; they have the same robot."""
+        for experiment, seed in names:
             if (experiment, seed) not in self.courses:
                 self.courses[experiment, seed] = sample_course(self.specs[experiment], seed)[0]
-        courses = [self.courses[experiment, seed] for seed in seeds]
-        return Fleet(self.specs[experiment], courses, self.arm, settings, self.grid).drive()
+        spec = next(iter(self.specs.values()))
+        episodes = Fleet(spec, [self.courses[name] for name in names], self.arm, settings, self.grid).drive()
+        rows = pd.DataFrame(map(dataclasses.asdict, episodes))
+        return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)
 
 
 def spl(episodes: pd.DataFrame) -> pd.Series:

@@ -49,6 +49,7 @@ def _arm(job: Job, name: str) -> tuple[str, Any]:
     if name in NETWORK_ARMS:
         from repro.evaluation.evaluate import check_trained
 
+        job.run.check(job.config)
         check_trained(job.run)
         with_hits = name == "network_hits"
         label = f"{job.key.model}_hits" if with_hits else job.key.model

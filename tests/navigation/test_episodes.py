@@ -1,0 +1,326 @@
+"""Robots that drive by their maps: kinematics, collisions, planner, memory, arms and their study."""
+
+import itertools
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+import torch
+import yaml
+from conftest import ROOT, refuse
+from irsim.lib.algorithm.kinematics import differential_kinematics
+from scipy.ndimage import distance_transform_edt
+
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.navigation import study
+from repro.navigation.arms import AHEAD_S, CLASSICAL, Arm, Seen
+from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sample_course
+from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
+from repro.navigation.planner import Planner, Settings, arcs
+from repro.outlines import placed
+from repro.reporting.navigation import barn, compare
+from repro.simulation.raycasting import scan
+from repro.simulation.simulator import make
+from repro.system.errors import InputError
+from repro.world_config import WorldSpec, read_world, world_spec
+
+WORLD = read_world(ROOT / "conf" / "world" / "navigation.yaml")
+SPECS = {name: world_spec(WORLD, name) for name in ("static", "fast")}
+GRID = Grid(64, 50.0)
+USUAL = {"inflation_m": 1.6, "weight": 20.0, "threshold": None}
+GENERATOR = np.random.default_rng(0)
+STEPS = TURN_STEPS + LIMIT_STEPS
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+def course(*obstacles: tuple[float, float, float, float], goals=((40.0, 25.0),), start=(10.0, 25.0, 0.0)) -> Course:
+    """Create a course with squares of 2 m at x, y [m] that move at vx, vy [m/s] after the turn."""
+    obstacles = obstacles or ((0.0, 49.0, 0.0, 0.0),)
+    time = 0.1 * np.maximum(np.arange(STEPS + 1) - TURN_STEPS, 0)
+    states = [
+        np.stack([x + vx * time, y + vy * time, 0 * time], axis=1) for x, y, vx, vy in obstacles or [(0, 49, 0, 0)]
+    ]
+    outlines = np.repeat(SQUARE[None], len(states), axis=0)
+    return Course(0, np.array(start), np.array(goals), outlines, np.stack(states))
+
+
+def drive(*courses: Course, arm: str = "truth", **settings) -> list:
+    return Fleet(SPECS["static"], courses, CLASSICAL[arm], {**USUAL, **settings}, GRID).drive()
+
+
+def test_robots_move_as_in_irsim():
+    poses, commands = GENERATOR.uniform(-3, 3, (20, 3)), GENERATOR.uniform(-2, 2, (20, 2))
+    expected = [
+        differential_kinematics(pose[:, None], command[:, None], 0.1)[:, 0]
+        for pose, command in zip(poses, commands, strict=True)
+    ]
+    assert moved(poses, commands, 0.1) == pytest.approx(np.array(expected), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_courses_have_room_turns_and_worlds_of_irsim(name, tmp_path):
+    courses = [sample_course(SPECS[name], seed) for seed in range(3)]
+    again, _ = sample_course(SPECS[name], 1)
+    assert np.array_equal(again.states, courses[1][0].states)
+    for found, world in courses:
+        places = np.array([found.start[:2], *found.goals])
+        ways = np.diff(places, axis=0)
+        assert ((places > 2.5) & (places < 47.5)).all()
+        assert (np.linalg.norm(ways, axis=1) >= WAY[0] * 50).all()
+        assert ways[0] @ ways[1] <= 0, "a turn of 90 degrees or more"
+        assert found.states.shape == (len(world["obstacle"]), STEPS + 1, 3)
+        points = [shapely.Point(*place) for place in places]
+        shapes = [
+            shapely.Polygon(placed(outline, state))
+            for outline, state in zip(found.outlines, found.states[:, 0], strict=True)
+        ]
+        assert min(shapely.distance(shape, point) for shape in shapes for point in points) >= 2.5 - 0.01
+    if name == "fast":  # plain IR-SIM moves the obstacles to the same places
+        (tmp_path / "world.yaml").write_text(yaml.safe_dump(courses[0][1]))
+        env = make(tmp_path / "world.yaml")
+        for _ in range(50):
+            env.step()
+        expected = np.array([obstacle.state[:2, 0] for obstacle in env.obstacle_list])
+        assert courses[0][0].states[:, 50, :2] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_robot_that_is_too_large_for_the_map_is_refused():
+    raw = {**SPECS["static"].raw, "clear_radius_m": 24.0}
+    with pytest.raises(InputError, match="no course in the worlds of static: expected room for 2 goals"):
+        sample_course(WorldSpec.parse(raw), 0)
+
+
+def test_the_nearest_outline_is_that_of_shapely():
+    found, _ = sample_course(SPECS["fast"], 3)
+    states = found.states[:, 300]
+    shapes = [shapely.Polygon(placed(outline, state)) for outline, state in zip(found.outlines, states, strict=True)]
+    points = [
+        point
+        for point in GENERATOR.uniform(0, 50, (300, 2))
+        if not shapely.union_all(shapes).covers(shapely.Point(point))
+    ]
+    outlines = np.repeat(found.outlines[:, None], len(points), axis=1)
+    radii = np.linalg.norm(outlines, axis=-1).max(-1)
+    distance, foot = nearest(np.array(points), outlines, np.repeat(states[:, None], len(points), axis=1), radii)
+    expected = [min(shapely.distance(shape, shapely.Point(point)) for shape in shapes) for point in points]
+    assert distance == pytest.approx(np.minimum(expected, FAR_M), abs=1e-9)
+    is_near = distance < FAR_M
+    assert is_near.sum() > 30
+    assert np.linalg.norm(foot - points, axis=1)[is_near] == pytest.approx(distance[is_near])
+
+
+def test_scans_of_several_worlds_are_those_of_each():
+    courses = [sample_course(SPECS["static"], seed)[0] for seed in (1, 2)]
+    count = min(len(each.outlines) for each in courses)
+    angles = np.linspace(-0.7, 0.7, 30)
+    poses = np.array([each.start for each in courses])
+    together, _ = scan(
+        poses,
+        angles,
+        np.stack([each.outlines[:count] for each in courses], axis=1),
+        np.stack([each.states[:count, 0] for each in courses], axis=1),
+        30.0,
+    )
+    for index, each in enumerate(courses):
+        alone, _ = scan(poses[index : index + 1], angles, each.outlines[:count], each.states[:count, :1], 30.0)
+        assert np.array_equal(together[index], alone[0])
+
+
+def planner(**settings) -> Planner:
+    return Planner(GRID, Settings(**{**USUAL, **settings}), 0.5, 2.0, 1.5)
+
+
+def test_arcs_are_the_paths_of_the_commands():
+    commands = np.array([[2.0, 0.0], [1.0, 1.5], [-1.0, 0.7], [0.0, 1.0]])
+    poses = np.zeros((4, 3))
+    for _ in range(20_000):
+        poses = moved(poses, commands, 1e-4)
+    assert arcs(commands, np.array([2.0]))[:, 0] == pytest.approx(poses[:, :2], abs=1e-3)
+
+
+def test_inflated_maps_fall_with_the_distance():
+    occupied = (GENERATOR.random((64, 64)) < 0.01).astype(float)
+    away = distance_transform_edt(occupied == 0) * GRID.resolution_m
+    core = 0.5 + GRID.resolution_m / 2
+    expected = np.where(away <= core, 1, np.clip((2.4 - away) / (2.4 - core), 0, 1))
+    assert planner(inflation_m=2.4).inflate(occupied) == pytest.approx(expected)
+    half = planner(inflation_m=2.4).inflate(0.5 * occupied)
+    assert half == pytest.approx(0.5 * expected)
+
+
+def test_the_cost_to_go_is_the_way_around_a_wall():
+    free = planner().cost_to_go(np.zeros((64, 64)), np.array([10.0, 25.0]))
+    row, column = 63 - int(25 / GRID.resolution_m), int(10 / GRID.resolution_m)
+    down, right = np.abs(np.arange(64)[:, None] - row), np.abs(np.arange(64) - column)
+    octile = np.maximum(down, right) + (math.sqrt(2) - 1) * np.minimum(down, right)
+    assert free == pytest.approx(GRID.resolution_m * octile)
+    wall = np.zeros((64, 64))
+    wall[10:, 30] = 1.0
+    around = planner(weight=1e6).cost_to_go(wall, np.array([10.0, 25.0]))
+    assert around[row, 50] > free[row, 50] + 15
+    assert around[row, 50] < 1000, "through the gap, not through the wall"
+
+
+@pytest.mark.parametrize(("bearing", "turns"), [(0.0, 0), (1.0, 1), (-1.0, -1)])
+def test_a_robot_heads_for_its_goal(bearing, turns):
+    goal = np.array([[25 + 15 * math.cos(bearing), 25 + 15 * math.sin(bearing)]])
+    (speed, turn), *_ = planner().plan(np.zeros((1, 1, 64, 64)), np.array([[25.0, 25.0, 0.0]]), goal)
+    assert np.sign(turn) == turns
+    assert speed > 0
+
+
+def test_a_map_of_the_future_counts_when_the_robot_is_there():
+    later = np.zeros((1, len(AHEAD_S), 64, 64))
+    later[:, 3:, :, 34:38] = 1.0  # an obstacle crosses ahead in 1.5 s
+    pose, goal = np.array([[25.0, 25.0, 0.0]]), np.array([[45.0, 25.0]])
+    speed_now = planner().plan(later[:, :1], pose, goal)[0, 0]
+    assert speed_now == 2.0
+    assert planner().plan(later, pose, goal)[0, 0] < speed_now
+
+
+def test_robots_reach_goals_collide_and_wait():
+    wall = [(25.0, y, 0.0, 0.0) for y in np.arange(0.0, 51.0, 1.5)]
+    free, blocked, hit = drive(course(), course(*wall), course((10.0, 35.0, 0.0, -1.5)), inflation_m=0.8, weight=80.0)
+    assert (free.outcome, blocked.outcome) == ("goal", "timeout")
+    assert 29 / 2 < free.time_s < 17
+    assert free.path_m == pytest.approx(29, abs=1)
+    assert free.moving_share == 1
+    assert blocked.time_s == LIMIT_STEPS * 0.1
+    assert hit.outcome == "goal", "the robot leaves before the obstacle comes"
+
+
+def test_where_a_robot_is_hit():
+    def blind(seen: Seen, who: np.ndarray) -> np.ndarray:
+        return np.zeros((len(who), 1, *seen.hit.shape[1:]), dtype=np.float32)
+
+    ahead = course((30.0, 25.0, 0.0, 0.0))
+    behind = course((5.0, 25.0, 10.0, 0.0), start=(10.0, 25.0, 0.0))
+    beside = course((10.0, 35.0, 1.9, -9.0))
+    arm = Arm(blind)
+    found = Fleet(SPECS["static"], [ahead, behind, beside], arm, USUAL, GRID).drive()
+    assert [each.outcome for each in found] == ["collision"] * 3
+    assert [each.contact for each in found] == ["in view", "behind", "beside"]
+    assert found[0].clearance_m < 0.5
+
+
+def test_memory_ages_and_is_cleared_by_beams():
+    angles = np.array([-0.01, 0.0, 0.01])
+    seen = Seen([course(), course()], GRID, angles, 30.0, 0.1)
+    who, pose = np.array([1]), np.array([[10.0, 25.0, 0.0]])
+    seen.add(who, np.full((1, 3), 10.0, dtype=np.float32), pose)
+    assert not seen.hits(np.array([0]), 1000.0).any(), "another robot has seen nothing"
+    assert seen.hits(who, 0.0).any()
+    seen.add(who, np.full((1, 3), np.nan, dtype=np.float32), pose)
+    assert not seen.hits(who, 0.0).any(), "too old"
+    assert seen.hits(who, 0.1).any()
+    seen.add(who, np.full((1, 3), np.inf, dtype=np.float32), pose)
+    assert not seen.hits(who, 1000.0).any(), "passed over"
+    window = seen.window(who)
+    assert window.ranges.shape == (1, TURN_STEPS, 3)
+    assert np.isinf(window.ranges[0, -1]).all()
+    assert window.ranges[0, -3] == pytest.approx(10.0)
+
+
+def test_the_true_map_moves_on_with_its_velocities():
+    moving = course((20.0, 25.0, 1.5, 0.0))
+    seen = Seen([moving], GRID, np.zeros(2), 30.0, 0.1)
+    seen.step = TURN_STEPS + 20
+    maps = CLASSICAL["true_velocities"].maps(seen, np.array([0]))
+    assert maps.shape == (1, len(AHEAD_S), 64, 64)
+    for occupied, later in zip(maps[0], AHEAD_S, strict=True):
+        place = torch.tensor([[20.0 + 1.5 * (2 + later), 25.0, 0.0]], dtype=torch.float64)
+        free = rasterize(torch.tensor(SQUARE[None]), place, torch.zeros(1, dtype=torch.long), 1, GRID)
+        assert np.array_equal(occupied, 1 - free[0].numpy())
+    assert np.array_equal(CLASSICAL["truth"].maps(seen, np.array([0]))[:, 0], maps[:, 0])
+
+
+@pytest.mark.slow
+def test_an_episode_that_is_replayed_with_shapely_ends_the_same():
+    """Drive by memory, and check every step of each episode with another implementation of the collision test."""
+    courses = [sample_course(SPECS["fast"], seed)[0] for seed in range(20, 26)]
+    fleet = Fleet(SPECS["fast"], courses, CLASSICAL["decay"], {**USUAL, "age_s": 3.0}, GRID)
+    paths, move = [], fleet._move
+
+    def recording(who, step):
+        move(who, step)
+        paths.append(fleet.poses[:, :2].copy())
+
+    fleet._move = recording
+    for index, (episode, each) in enumerate(zip(fleet.drive(), courses, strict=True)):
+        last = TURN_STEPS + round(episode.time_s / 0.1)
+        gaps = [gap(each, step, paths[step - 1][index]) for step in range(1, last + 1)]
+        assert (min(gaps) < 0.5) == (episode.outcome == "collision")
+        assert min(gaps[:-1]) >= 0.5
+        if episode.outcome == "goal":
+            assert np.hypot(*(paths[last - 1][index] - each.goals[-1])) < 1
+
+
+def gap(each: Course, step: int, place: np.ndarray) -> float:
+    """Return the distance of a place to the nearest obstacle of a course [m]."""
+    shapes = (shapely.Polygon(placed(o, s)) for o, s in zip(each.outlines, each.states[:, step], strict=True))
+    return min(shapely.distance(shape, shapely.Point(place)) for shape in shapes)
+
+
+def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "INFLATIONS_M", (0.8, 1.6))
+    monkeypatch.setattr(study, "WEIGHTS", (20.0,))
+    driven = []
+
+    def fake(self, names, settings):
+        driven.extend((*name, settings["inflation_m"]) for name in names)
+        outcome = "goal" if settings["inflation_m"] == 0.8 else "timeout"
+        values = {"time_s": 20.0, "path_m": 30.0, "way_m": 30.0, "outcome": outcome}
+        return pd.DataFrame([{"experiment": name, "seed": seed, **values, **settings} for name, seed in names])
+
+    monkeypatch.setattr(study.Study, "_drive", fake)
+    own = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID)
+    own.run(study.Seeds(validation=2, test=3, curve=1))
+    assert pd.read_csv(tmp_path / "truth" / "test.csv")["inflation_m"].unique() == [0.8]
+    assert len(pd.read_csv(tmp_path / "truth" / "curve.csv")) == 2 * 2
+    before = len(driven)
+    own.run(study.Seeds(validation=2, test=3, curve=1))
+    assert len(driven) == before
+    own.run(study.Seeds(validation=2, test=4, curve=1))
+    assert driven[before:] == [(name, study.FIRST["test"] + 3, 0.8) for name in SPECS]
+
+
+def test_arms_are_compared_on_the_same_courses():
+    rows = []
+    for arm, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru": "gggg", "truth": "ggggg"}.items():
+        for seed, outcome in enumerate(outcomes):
+            is_hit = outcome == "c"
+            rows.append(
+                {"experiment": "fast", "arm": arm, "seed": seed, "outcome": "collision" if is_hit else "goal"}
+                | {"time_s": 25.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0, "moving_share": 1.0}
+                | {"contact": "behind" if is_hit else "", "stood": is_hit}
+            )
+    found = compare(pd.DataFrame(rows)).set_index("arm")
+    assert list(found["success"]) == [0.5, 0.75, 1.0, 1.0]
+    assert list(found["episodes"]) == [4] * 4
+    assert list(found["difference"]) == [-0.25, 0.0, 0.25, 0.25]
+    assert list(found["share_of_gap"]) == [0.0, 0.5, 1.0, 1.0]
+    assert found.loc["scan", ["hit_behind", "hit_standing", "spl"]].tolist() == [0.5, 0.5, 0.4]
+    assert found.loc["keep", "low"] <= 0.75 <= found.loc["keep", "high"]
+    assert barn(pd.DataFrame(rows))[4] == pytest.approx(20 / 80)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["navigation.arm=a/b"], "navigation.arm=a/b"),
+        (["navigation.test_seeds=0"], "navigation.test_seeds=0"),
+        (["navigation.experiments=[]"], "navigation.experiments"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(arguments, reason):
+    assert any(reason in each for each in refuse("task=navigate", "world=navigation", *arguments))
+
+
+def test_paths_do_not_jump():
+    found, _ = sample_course(SPECS["fast"], 5)
+    steps = np.linalg.norm(np.diff(found.states[..., :2], axis=1), axis=-1)
+    assert steps.max() <= 0.15 + 1e-9
+    assert all(a.shape == b.shape for a, b in itertools.pairwise(found.outlines))
