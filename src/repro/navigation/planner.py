@@ -3,13 +3,13 @@
 The probability of an obstacle p is inflated: the largest one within a radius. A meter costs 1 + weight p. Dijkstra's
 algorithm (SciPy) gives the cost from every pixel to the goal. Of the arcs of constant speed and turn over two seconds,
 as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of the cost
-from its end to the goal, of the weight times the mean p along the arc times the longest way, and, if it drives
-backward, of the longest way.
+from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the longest
+way. The risk is the mean of the inflated p along the arc and `LETHAL` times the largest p within the robot's radius.
 """
 
 import itertools
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -22,6 +22,7 @@ LAYER_S = 0.5  # from one map of the future to the next
 POINTS = 10  # on an arc, at which the map is read
 SPEEDS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the largest
 TURNS = 13  # from one largest rate of turn to the other
+LETHAL = 2.0  # of the risk, for the largest p that touches the robot: more than an arc can gain
 OUTSIDE = 1.0  # probability of an obstacle beyond the border
 
 
@@ -60,7 +61,7 @@ class Planner:
         away = np.hypot(offsets[:, None], offsets)
         core = radius_m + grid.resolution_m / 2
         fall = np.clip((settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9), 0, 1)
-        self.fall = np.where(away <= core, 1, fall)
+        self.fall, self.core = np.where(away <= core, 1, fall), np.where(away <= core, 1.0, 0.0)
 
     def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """Choose the commands of E robots.
@@ -75,21 +76,22 @@ class Planner:
         """
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
-        inflated = self.inflate(occupied)
+        inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
         to_go = np.stack([self.cost_to_go(each[0], goal) for each, goal in zip(inflated, goals, strict=True)])
         points = _placed(self.arcs, poses)  # (E, A, P, 2)
         layer = np.minimum(np.arange(1, POINTS + 1) * HORIZON_S / POINTS // LAYER_S, occupied.shape[1] - 1).astype(int)
-        risk = np.stack([self._read(inflated[:, k], points[:, :, p]) for p, k in enumerate(layer)]).mean(0)
+        on_arc = partial(self._along, points=points, layer=layer)
+        risk = on_arc(inflated).mean(0) + LETHAL * on_arc(lethal).max(0)
         cost = self._read(to_go, points[:, :, -1], outside=np.inf) + self.settings.weight * self.longest_m * risk
         cost += self.longest_m * (self.commands[:, 0] < 0)
         return self.commands[cost.argmin(1)]
 
-    def inflate(self, occupied: np.ndarray) -> np.ndarray:
-        """Return the largest product of p and the falling weight of its distance around each pixel, (..., H, W)."""
-        size, reach = occupied.shape[-1], len(self.fall) // 2
+    def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
+        """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""
+        size, reach = occupied.shape[-1], len(fall) // 2
         inflated = occupied.copy()
-        for down, right in zip(*np.nonzero(self.fall), strict=True):
-            weight, down, right = self.fall[down, right], down - reach, right - reach
+        for down, right in zip(*np.nonzero(fall), strict=True):
+            weight, down, right = fall[down, right], down - reach, right - reach
             to = (slice(max(0, down), size + min(0, down)), slice(max(0, right), size + min(0, right)))
             of = (slice(max(0, -down), size + min(0, -down)), slice(max(0, -right), size + min(0, -right)))
             np.maximum(inflated[..., *to], weight * occupied[..., *of], out=inflated[..., *to])
@@ -103,6 +105,10 @@ class Planner:
         graph = csr_array((0.5 * (cost[start] + cost[end]) * length, end, first), shape=(size**2, size**2))
         column, row = np.clip(goal // self.grid.resolution_m, 0, size - 1).astype(int)
         return dijkstra(graph, indices=(size - 1 - row) * size + column).reshape(size, size)
+
+    def _along(self, maps: np.ndarray, points: np.ndarray, layer: np.ndarray) -> np.ndarray:
+        """Read maps (E, K, H, W) at the points of arcs (E, A, P, 2), each in its layer (P,); returns (P, E, A)."""
+        return np.stack([self._read(maps[:, k], points[:, :, p]) for p, k in enumerate(layer)])
 
     def _read(self, maps: np.ndarray, points: np.ndarray, outside: float = OUTSIDE) -> np.ndarray:
         """Interpolate maps (E, H, W) at points x, y [m], (E, ..., 2), with a value for those outside, (E, ...)."""
