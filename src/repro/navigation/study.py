@@ -27,6 +27,7 @@ WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
 BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
+TEST, CURVE, TRIED, ORIGIN = "test.csv", "curve.csv", "tried.csv", "provenance.json"  # files of an arm
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
 Settings = dict[str, Any]
@@ -64,8 +65,8 @@ class Study:
         curve = [
             self.episodes("test", {**tuned, "inflation_m": inflation_m}, seeds.curve) for inflation_m in INFLATIONS_M
         ]
-        write_text(self.directory / "test.csv", pd.concat(test).to_csv(index=False))
-        write_text(self.directory / "curve.csv", pd.concat(curve).to_csv(index=False))
+        write_text(self.directory / TEST, pd.concat(test).to_csv(index=False))
+        write_text(self.directory / CURVE, pd.concat(curve).to_csv(index=False))
 
     def tuned(self, count: int) -> Settings:
         """Return the settings with the best score on the validation courses of all experiments, and write all tried."""
@@ -81,7 +82,7 @@ class Study:
         for thresholds in [(None,)] if self.arm.is_binary else [(None,), THRESHOLDS]:
             candidates: list[Any] = [INFLATIONS_M, WEIGHTS, thresholds, *self.arm.candidates.values()]
             climb(lambda values: score(*values), candidates)
-        write_text(self.directory / "tried.csv", pd.DataFrame(tried).to_csv(index=False, float_format="%.4f"))
+        write_text(self.directory / TRIED, pd.DataFrame(tried).to_csv(index=False, float_format="%.4f"))
         best = max(tried, key=lambda each: each["score"])
         return {name: best[name] for name in names}
 

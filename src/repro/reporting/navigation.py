@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from repro.metrics.bootstrap import DRAWS, LEVEL
-from repro.navigation.study import spl
+from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
 from repro.reporting.plots import COLORS, MARKERS, STYLE, columns, one_legend, save
-from repro.system.files import write_text
+from repro.system.files import read_mapping, write_json, write_text
 
 TITLES = {
     "scan": "Current scan",
@@ -28,22 +28,29 @@ BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical arms
 SPEED_M_S = 2.0  # of the robot
 
 
-def write_results(directory: Path) -> None:
-    """Write results.csv, tuned.csv, curve.csv and the figure from the arms that are finished."""
-    test, curve, tried = (_read(directory, f"{name}.csv") for name in ("test", "curve", "tried"))
-    if test.empty:
-        return
-    results = compare(test)
-    write_text(directory / "results.csv", results.to_csv(index=False, float_format="%.4f"))
+def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
+    """Write navigation.csv, its tuned settings, curve, figure and provenance from the arms that are finished.
+
+    Args:
+        episodes: directory of the files of every arm, see `navigation.study`.
+        analysis: directory of the analysis of the outputs.
+
+    Returns:
+        the rows of navigation.csv, see `compare`.
+    """
+    arms = [arm for arm in TITLES if (episodes / arm / CURVE).is_file()]
+    test, curve, tried = (
+        pd.concat([pd.read_csv(episodes / arm / name).assign(arm=arm) for arm in arms]) for name in (TEST, CURVE, TRIED)
+    )
+    results, points = compare(test), points_of(curve)
     tuned = tried.loc[tried.groupby("arm", sort=False)["score"].idxmax()]
-    write_text(directory / "tuned.csv", tuned.to_csv(index=False, float_format="%.4g"))
-    points = _points(curve)
-    write_text(directory / "curve.csv", points.to_csv(index=False, float_format="%.4f"))
-    _draw(points, directory / "success_time")
-    for experiment, rows in results.groupby("experiment", sort=False):
-        print(f"{experiment}:")
-        for row in rows.itertuples():
-            print(f"  {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}], {row.time_s:.1f} s")
+    analysis.mkdir(parents=True, exist_ok=True)
+    for stem, table in {"": results, "_tuned": tuned, "_curve": points}.items():
+        write_text(analysis / f"navigation{stem}.csv", table.to_csv(index=False, float_format="%.4g"))
+    origins = {arm: read_mapping(episodes / arm / ORIGIN, "the provenance of an arm") for arm in arms}
+    write_json(analysis / "navigation.json", origins)
+    _draw(points, analysis / "navigation")
+    return results
 
 
 def compare(test: pd.DataFrame) -> pd.DataFrame:
@@ -103,7 +110,7 @@ def _interval(name: str, prefix: str, values: np.ndarray, draws: np.ndarray) -> 
     return {name: float(values.mean()), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
 
-def _points(curve: pd.DataFrame) -> pd.DataFrame:
+def points_of(curve: pd.DataFrame) -> pd.DataFrame:
     """Return success and mean time of the successes by experiment, arm and inflation."""
     groups = curve.assign(success=curve["outcome"] == "goal").groupby(["experiment", "arm", "inflation_m"], sort=False)
     reached = curve[curve["outcome"] == "goal"].groupby(["experiment", "arm", "inflation_m"], sort=False)
@@ -125,9 +132,3 @@ def _draw(points: pd.DataFrame, stem: Path) -> None:
         axes[0, 0].set_ylabel("success without collision")
         one_legend(figure, axes[0], rows=3)
         save(figure, stem)
-
-
-def _read(directory: Path, name: str) -> pd.DataFrame:
-    """Read a table of every arm that is finished, in the order of `TITLES`."""
-    found = [(arm, directory / arm / name) for arm in TITLES if (directory / arm / "curve.csv").is_file()]
-    return pd.concat([pd.read_csv(path).assign(arm=arm) for arm, path in found] or [pd.DataFrame()])
