@@ -4,6 +4,8 @@ ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
 SWEEP := model=unet,fpn,upernet,segformer
 ENCODINGS := projection,stack4,stack10,series10
+NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=16000 outputs=outputs/navigation
+ARMS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
@@ -12,7 +14,7 @@ ROS2 := ros-jazzy-rclpy[fastrtps] ros-jazzy-nav-msgs ros-jazzy-sensor-msgs ros-j
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce analysis test test-fast test-slurm test-ros test-ros2 stress check verify bench demo docs clean
+.PHONY: help setup reproduce analysis navigation test test-fast test-slurm test-ros test-ros2 stress check verify bench demo docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -45,6 +47,13 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
 	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
+
+navigation: setup ## do maps help a robot? a day on two cores: train two networks, tune and drive with every kind of map
+	$(PY) run.py $(NAVIGATION) model=convgru encoding=series10
+	$(PY) run.py $(NAVIGATION) model=unet
+	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.arm=$(ARMS)
+	$(PY) run.py -m task=navigate $(NAVIGATION) model=convgru encoding=series10 navigation.arm=network,network_hits
+	$(PY) run.py task=navigate $(NAVIGATION) navigation.arm=network
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope

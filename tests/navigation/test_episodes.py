@@ -25,6 +25,7 @@ from repro.reporting.navigation import barn, compare
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
+from repro.system.files import read_mapping
 from repro.world_config import WorldSpec, read_world, world_spec
 
 WORLD = read_world(ROOT / "conf" / "world" / "navigation.yaml")
@@ -272,6 +273,7 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     driven = []
 
     def fake(self, names, settings):
+        self.driven += len(names)
         driven.extend((*name, settings["inflation_m"]) for name in names)
         outcome = "goal" if settings["inflation_m"] == 0.8 else "timeout"
         values = {"time_s": 20.0, "path_m": 30.0, "way_m": 30.0, "outcome": outcome}
@@ -279,13 +281,15 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
 
     monkeypatch.setattr(study.Study, "_drive", fake)
     own = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID)
-    own.run(study.Seeds(validation=2, test=3, curve=1))
+    own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert pd.read_csv(tmp_path / "truth" / "test.csv")["inflation_m"].unique() == [0.8]
     assert len(pd.read_csv(tmp_path / "truth" / "curve.csv")) == 2 * 2
     before = len(driven)
-    own.run(study.Seeds(validation=2, test=3, curve=1))
+    own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert len(driven) == before
-    own.run(study.Seeds(validation=2, test=4, curve=1))
+    own.run(study.Seeds(validation=2, test=4, curve=1), {"commit": "1"})
+    steps = read_mapping(tmp_path / "truth" / study.ORIGIN, "")["steps"]
+    assert [each["commit"] for each in steps] == ["1", "1"], "nothing was driven in between"
     assert driven[before:] == [(name, study.FIRST["test"] + 3, 0.8) for name in SPECS]
 
 

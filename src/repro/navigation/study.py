@@ -18,11 +18,11 @@ from repro.maps.grid import Grid
 from repro.navigation.arms import Arm
 from repro.navigation.courses import Course, sample_course
 from repro.navigation.episodes import Fleet
-from repro.system.files import write_text
+from repro.system.files import read_mapping, write_json, write_text
 from repro.system.progress import progress
 from repro.world_config import WorldSpec
 
-INFLATIONS_M = (0.8, 1.2, 1.6, 2.0, 2.4, 3.2, 4.0)
+INFLATIONS_M = (0.8, 1.2, 1.6, 2.4, 3.2)
 WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
 BATCH = 150  # courses that are driven at the same time
@@ -56,17 +56,29 @@ class Study:
     def __init__(self, directory: Path, name: str, arm: Arm, specs: Mapping[str, WorldSpec], grid: Grid) -> None:
         self.directory, self.name, self.arm, self.specs, self.grid = directory / name, name, arm, specs, grid
         self.courses: dict[tuple[str, int], Course] = {}
+        self.driven = 0  # episodes of the present run
 
-    def run(self, seeds: Seeds) -> None:
-        """Tune the arm, and drive the courses of the test with its settings and with those of every inflation."""
+    def run(self, seeds: Seeds, origin: Mapping[str, Any]) -> None:
+        """Tune the arm, and drive the courses of the test with its settings and with those of every inflation.
+
+        Args:
+            seeds: numbers of courses.
+            origin: the provenance of the episodes that are driven now, which is added to that of earlier ones.
+        """
         self.directory.mkdir(parents=True, exist_ok=True)
+        self.driven = 0
         tuned = self.tuned(seeds.validation)
-        test = [self.episodes("test", tuned, seeds.test)]
+        test = self.episodes("test", tuned, seeds.test)
         curve = [
             self.episodes("test", {**tuned, "inflation_m": inflation_m}, seeds.curve) for inflation_m in INFLATIONS_M
         ]
-        write_text(self.directory / TEST, pd.concat(test).to_csv(index=False))
+        write_text(self.directory / TEST, test.to_csv(index=False))
         write_text(self.directory / CURVE, pd.concat(curve).to_csv(index=False))
+        path = self.directory / ORIGIN
+        steps = read_mapping(path, "the provenance of an arm")["steps"] if path.is_file() else []
+        if self.driven or not steps:
+            steps.append({"seeds": dataclasses.asdict(seeds), "episodes": self.driven, **origin})
+        write_json(path, {"steps": steps})
 
     def tuned(self, count: int) -> Settings:
         """Return the settings with the best score on the validation courses of all experiments, and write all tried."""
@@ -107,6 +119,7 @@ class Study:
                 self.courses[experiment, seed] = sample_course(self.specs[experiment], seed)[0]
         spec = next(iter(self.specs.values()))
         episodes = Fleet(spec, [self.courses[name] for name in names], self.arm, settings, self.grid).drive()
+        self.driven += len(episodes)
         rows = pd.DataFrame(map(dataclasses.asdict, episodes))
         return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)
 

@@ -38,7 +38,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     Returns:
         the rows of navigation.csv, see `compare`.
     """
-    arms = [arm for arm in TITLES if (episodes / arm / CURVE).is_file()]
+    arms = [arm for arm in TITLES if (episodes / arm / ORIGIN).is_file()]
     test, curve, tried = (
         pd.concat([pd.read_csv(episodes / arm / name).assign(arm=arm) for arm in arms]) for name in (TEST, CURVE, TRIED)
     )

@@ -1,6 +1,5 @@
 """task=navigate: drive a robot to goals by the maps of one arm, tuned alone, and compare the arms."""
 
-from dataclasses import asdict
 from typing import Any
 
 from repro.cli.jobs import Job
@@ -15,12 +14,11 @@ def run(job: Job) -> None:
     Raises:
         InputError: the arm is unknown, its network is not trained, or a world has no room for courses.
     """
-    from repro.navigation.study import ORIGIN, Seeds, Study
+    from repro.navigation.study import Seeds, Study
     from repro.reporting.navigation import write_results
     from repro.runs.provenance import environment
     from repro.system.devices import few_threads
     from repro.system.errors import InputError
-    from repro.system.files import write_json
     from repro.world_config import world_spec
 
     settings, directory = job.call.navigation, job.outputs.path / "navigation"
@@ -33,8 +31,7 @@ def run(job: Job) -> None:
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     study = Study(directory, name, arm, specs, _grid(job))
     with few_threads():
-        study.run(seeds)
-    write_json(study.directory / ORIGIN, {"settings": asdict(settings), **environment()})
+        study.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
 
