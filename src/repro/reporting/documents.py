@@ -9,6 +9,7 @@ import pandas as pd
 from repro.config import PROJECTION
 from repro.reporting import analysis_tables
 from repro.reporting.names import TITLES
+from repro.reporting.navigation import arms_table
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells
 from repro.reporting.results import read_frames, read_published
@@ -26,6 +27,10 @@ ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # table
         analysis_tables.networks,
         "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two",
     ),
+    "arms": (
+        arms_table,
+        "Share of the courses without a collision, with 95 % intervals; time and difference for fast obstacles",
+    ),
 }
 
 
@@ -33,8 +38,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`), or one network or `average` for its rows in both
-    tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`), or one network or `average` for its rows
+    in both tables.
 
     Raises:
         ValueError: a mark is not closed before the next one.

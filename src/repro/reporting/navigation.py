@@ -8,7 +8,8 @@ import pandas as pd
 
 from repro.metrics.bootstrap import DRAWS, LEVEL
 from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
-from repro.reporting.plots import COLORS, MARKERS, STYLE, columns, one_legend, save
+from repro.reporting.plots import COLORS, MARKERS, STYLE, DataFrames, columns, one_legend, save
+from repro.reporting.render import Cells, number, with_interval
 from repro.system.files import read_mapping, write_json, write_text
 
 TITLES = {
@@ -25,6 +26,7 @@ TITLES = {
     "true_velocities": "True map and velocities",
 }
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical arms with the robot's lidar
+DIFFERENCE = ["difference", "difference_low", "difference_high"]
 SPEED_M_S = 2.0  # of the robot
 
 
@@ -51,6 +53,19 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     write_json(analysis / "navigation.json", origins)
     _draw(points, analysis / "navigation")
     return results
+
+
+def arms_table(frames: DataFrames, caption: str) -> Cells:
+    """Return success, time and difference of all arms, a row each, from navigation.csv."""
+    results = frames["navigation"]
+    experiments, rows = list(results["experiment"].unique()), []
+    for title, own in results.groupby("title", sort=False):
+        of = own.set_index("experiment")
+        success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
+        last = of.loc[experiments[-1]]
+        rows.append([title, *success, number(last["time_s"], 1), with_interval(*last[DIFFERENCE], "+.3f")])
+    heads = ["Map", *map(str.capitalize, experiments), "Time [s]", f"{experiments[-1].capitalize()}, minus the best"]
+    return Cells(heads, rows, caption)
 
 
 def compare(test: pd.DataFrame) -> pd.DataFrame:
