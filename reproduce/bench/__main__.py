@@ -1,11 +1,12 @@
 """Benchmark speed and memory against straightforward implementations, all in the same run on this machine.
 
-make bench        or        python reproduce/bench [recording projection streaming training sharing]
+make bench        or        python reproduce/bench [recording projection streaming training sharing navigation]
 """
 
 import argparse
 import warnings
 
+from navigation import bench_navigation
 from projection import bench_projection
 from recording import bench_recording
 from sharing import bench_sharing
@@ -18,6 +19,7 @@ PARTS = {  # with the time that each takes on 2 idle cores
     "streaming": (bench_streaming, "2 minutes"),
     "training": (bench_training, "8 minutes"),
     "sharing": (bench_sharing, "1 minute"),
+    "navigation": (bench_navigation, "3 minutes"),
 }
 
 

@@ -26,7 +26,6 @@ TITLES = {
     "true_velocities": "True map and velocities",
 }
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical arms with the robot's lidar
-DIFFERENCE = ["difference", "difference_low", "difference_high"]
 SPEED_M_S = 2.0  # of the robot
 
 
@@ -63,7 +62,8 @@ def arms_table(frames: DataFrames, caption: str) -> Cells:
         of = own.set_index("experiment")
         success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
         last = of.loc[experiments[-1]]
-        rows.append([title, *success, number(last["time_s"], 1), with_interval(*last[DIFFERENCE], "+.3f")])
+        gain, low, high = last[["difference", "difference_low", "difference_high"]]
+        rows.append([title, *success, number(last["time_s"], 1), with_interval(gain, low, high, "+.3f")])
     heads = ["Map", *map(str.capitalize, experiments), "Time [s]", f"{experiments[-1].capitalize()}, minus the best"]
     return Cells(heads, rows, caption)
 
