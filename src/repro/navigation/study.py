@@ -91,9 +91,12 @@ class Study:
             return value
 
         tried: list[dict[str, Any]] = []
-        for thresholds in [(None,)] if self.arm.is_binary else [(None,), THRESHOLDS]:
-            candidates: list[Any] = [INFLATIONS_M, WEIGHTS, thresholds, *self.arm.candidates.values()]
-            climb(lambda values: score(*values), candidates)
+        candidates: list[Any] = [INFLATIONS_M, WEIGHTS, (None,), *self.arm.candidates.values()]
+        found = climb(lambda values: score(*values), candidates)
+        if not self.arm.is_binary:
+            candidates[2] = THRESHOLDS
+            start = (*found[:2], THRESHOLDS[len(THRESHOLDS) // 2], *found[3:])
+            climb(lambda values: score(*values), candidates, start)
         write_text(self.directory / TRIED, pd.DataFrame(tried).to_csv(index=False, float_format="%.4f"))
         best = max(tried, key=lambda each: each["score"])
         return {name: best[name] for name in names}
