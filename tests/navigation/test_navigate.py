@@ -1,0 +1,69 @@
+"""task=navigate as it is called: with a network that is trained in the same outputs, and what is refused."""
+
+import pandas as pd
+import pytest
+from conftest import ROOT, read_calls
+
+from repro.cli.jobs import resolve
+from repro.navigation import study
+from repro.system.errors import InputError
+
+pytestmark = pytest.mark.slow
+
+TINY = ["scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"]
+FEW = ["navigation.validation_seeds=1", "navigation.test_seeds=2", "navigation.curve_seeds=1"]
+
+
+def run(outputs, *arguments) -> None:
+    words = ["world=navigation", "exp=mixed", *TINY, f"outputs={outputs}", "runtime.accelerator=cpu"]
+    (call,) = read_calls(*words, *arguments)
+    call.facts.run(resolve(call))
+
+
+@pytest.fixture(scope="module")
+def outputs(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("navigation") / "first"
+    with pytest.MonkeyPatch.context() as context:
+        context.chdir(ROOT)
+        run(directory, "task=record")
+        run(directory, "task=train")
+    return directory
+
+
+@pytest.fixture(autouse=True)
+def one_candidate(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(study, "INFLATIONS_M", (1.6,))
+    monkeypatch.setattr(study, "WEIGHTS", (20.0,))
+    monkeypatch.setattr(study, "THRESHOLDS", (0.35,))
+
+
+def navigate(outputs, arm, *arguments) -> None:
+    experiments = [] if any("experiments" in each for each in arguments) else ["navigation.experiments=[static]"]
+    run(outputs, "task=navigate", f"navigation.arm={arm}", *FEW, *experiments, *arguments)
+
+
+def test_arms_are_driven_and_compared(outputs):
+    for arm in ("truth", "network"):
+        navigate(outputs, arm)
+    rows = pd.read_csv(outputs / "analysis" / "navigation.csv")
+    assert list(rows["arm"]) == ["unet", "truth"]
+    assert list(rows["episodes"]) == [2, 2]
+    tuned = pd.read_csv(outputs / "analysis" / "navigation_tuned.csv").set_index("arm")
+    assert tuned.loc["truth", ["inflation_m", "weight"]].tolist() == [1.6, 20.0]
+    assert pd.isna(tuned.loc["truth", "threshold"])
+    assert (outputs / "analysis" / "navigation.png").is_file()
+    assert (outputs / "analysis" / "navigation.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["network", "model=fpn"], "is not fully trained"),
+        (["sonar"], "navigation.arm: expected one of scan, keep"),
+        (["keep", "navigation.experiments=[walls]"], "navigation.experiments: walls is none of static, slow"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused(outputs, arguments, reason):
+    with pytest.raises(InputError, match=reason):
+        navigate(outputs, *arguments)
