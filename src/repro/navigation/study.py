@@ -93,6 +93,7 @@ class Study:
         tried: list[dict[str, Any]] = []
         candidates: list[Any] = [INFLATIONS_M, WEIGHTS, (None,), *self.arm.candidates.values()]
         found = climb(lambda values: score(*values), candidates)
+        score(*found)  # where there is no choice
         if not self.arm.is_binary:
             candidates[2] = THRESHOLDS
             start = (*found[:2], THRESHOLDS[len(THRESHOLDS) // 2], *found[3:])

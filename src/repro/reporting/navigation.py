@@ -41,7 +41,8 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     """
     arms = [arm for arm in TITLES if (episodes / arm / ORIGIN).is_file()]
     test, curve, tried = (
-        pd.concat([pd.read_csv(episodes / arm / name).assign(arm=arm) for arm in arms]) for name in (TEST, CURVE, TRIED)
+        pd.concat([pd.read_csv(episodes / arm / name).assign(arm=arm) for arm in arms], ignore_index=True)
+        for name in (TEST, CURVE, TRIED)
     )
     results, points = compare(test), points_of(curve)
     tuned = tried.loc[tried.groupby("arm", sort=False)["score"].idxmax()]
