@@ -22,7 +22,7 @@ from repro.system.files import read_mapping, write_json, write_text
 from repro.system.progress import progress
 from repro.world_config import WorldSpec
 
-INFLATIONS_M = (0.8, 1.2, 1.6, 2.4, 3.2)
+INFLATIONS_M = (0.8, 1.2, 1.6, 2.4, 3.2, 4.0)
 WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
 BATCH = 150  # courses that are driven at the same time
