@@ -1,6 +1,7 @@
 """The comparison of the arms of task=navigate: tables, and the figure of success against time to goal."""
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -8,7 +9,7 @@ import pandas as pd
 
 from repro.metrics.bootstrap import DRAWS, LEVEL
 from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
-from repro.reporting.plots import COLORS, MARKERS, STYLE, DataFrames, columns, one_legend, save
+from repro.reporting.plots import MARKERS, STYLE, DataFrames, columns, one_legend, save
 from repro.reporting.render import Cells, number, with_interval
 from repro.system.files import read_mapping, write_json, write_text
 
@@ -140,10 +141,10 @@ def _draw(points: pd.DataFrame, stem: Path) -> None:
         figure, axes = columns(points, 1, sharey=True)
         figure.set_size_inches(3.1 * axes.shape[1], 4.2)
         for ax, (experiment, rows) in zip(axes[0], points.groupby("experiment", sort=False), strict=True):
-            for number, (arm, title) in enumerate(TITLES.items()):
+            for number, arm in enumerate(arm for arm in TITLES if arm in set(points["arm"])):
                 own = rows[rows["arm"] == arm].sort_values("inflation_m")
-                color, marker = COLORS[number % 4], MARKERS[number % 8]
-                ax.plot(own["time_s"], own["success"], color=color, marker=marker, ms=4, lw=1, label=title)
+                look: Any = {"color": f"C{number % 10}", "marker": MARKERS[number % 8], "ms": 4, "lw": 1}
+                ax.plot(own["time_s"], own["success"], label=TITLES[arm], **look)
             ax.set(title=experiment, xlabel="time to the goals [s]")
         axes[0, 0].set_ylabel("success without collision")
         one_legend(figure, axes[0], rows=3)
