@@ -31,7 +31,7 @@ SPEED_M_S = 2.0  # of the robot
 
 
 def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
-    """Write navigation.csv, its tuned settings, curve, figure and provenance from the arms that are finished.
+    """Write navigation.csv, its tuned settings, curve, episodes, figure and provenance from the arms that are finished.
 
     Args:
         episodes: directory of the files of every arm, see `navigation.study`.
@@ -48,7 +48,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     results, points = compare(test), points_of(curve)
     tuned = tried.loc[tried.groupby("arm", sort=False)["score"].idxmax()]
     analysis.mkdir(parents=True, exist_ok=True)
-    for stem, table in {"": results, "_tuned": tuned, "_curve": points}.items():
+    for stem, table in {"": results, "_tuned": tuned, "_curve": points, "_episodes": test}.items():
         write_text(analysis / f"navigation{stem}.csv", table.to_csv(index=False, float_format="%.4g"))
     origins = {arm: read_mapping(episodes / arm / ORIGIN, "the provenance of an arm") for arm in arms}
     write_json(analysis / "navigation.json", origins)
