@@ -48,7 +48,7 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 
-navigation: setup ## do maps help a robot? a day on two cores: train two networks, tune and drive with every kind of map
+navigation: setup ## do maps help a robot? hours: train two networks, tune and drive with every kind of map
 	$(PY) run.py $(NAVIGATION) model=convgru encoding=series10
 	$(PY) run.py $(NAVIGATION) model=unet
 	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.arm=$(ARMS)

@@ -1,6 +1,5 @@
 """Robots that drive by their maps: kinematics, collisions, planner, memory, arms and their study."""
 
-import itertools
 import math
 
 import numpy as np
@@ -13,15 +12,16 @@ from conftest import ROOT, refuse
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from scipy.ndimage import distance_transform_edt
 
+from repro.cli.settings import ARMS
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.navigation import study
-from repro.navigation.arms import AHEAD_S, CLASSICAL, Arm, Seen
+from repro.navigation.arms import AHEAD_S, CLASSICAL, Arm, Seen, network_arm, tracker_arm
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sample_course
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.planner import Planner, Settings, arcs
 from repro.outlines import placed
-from repro.reporting.navigation import barn, compare
+from repro.reporting.navigation import TITLES, barn, compare
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
@@ -240,6 +240,54 @@ def test_the_true_map_moves_on_with_its_velocities():
     assert np.array_equal(CLASSICAL["truth"].maps(seen, np.array([0]))[:, 0], maps[:, 0])
 
 
+TRACKER = {"near_m": 0.7, "coast_s": 5.0, "margin_m": 0.0, "free_steps": 50, "radius_m": 1.1, "spread_m": 0.2} | {
+    "aspect": 1.4, "speed_m_s": 0.4, "join": 10.0
+}  # fmt: skip
+
+
+def mapped(arm: Arm, each: Course, **settings: float) -> np.ndarray:
+    """Return the first map of an arm after the turn, (H, W)."""
+    fleet = Fleet(SPECS["static"], [each], arm, {**USUAL, **settings}, GRID)
+    for step in range(1, TURN_STEPS + 1):
+        fleet._move(np.array([0]), step)
+    return arm.maps(fleet.seen, np.array([0]), **settings)[0, 0]
+
+
+def test_the_maps_of_all_arms_show_what_was_seen():
+    ahead, behind = (20.0, 25.0, 0.0, 0.0), (4.4, 25.0, 0.0, 0.0)
+    each = course(ahead, behind)
+    near = np.s_[63 - int(25 / GRID.resolution_m), [int(19.2 / GRID.resolution_m), int(5.1 / GRID.resolution_m)]]
+    free = np.s_[63 - int(25 / GRID.resolution_m), int(15 / GRID.resolution_m)]
+    both, only_ahead = [True, True], [True, False]
+    for arm, settings, expected in [
+        (CLASSICAL["scan"], {}, only_ahead),
+        (CLASSICAL["keep"], {}, both),
+        (CLASSICAL["decay"], {"age_s": 1.0}, only_ahead),
+        (CLASSICAL["decay"], {"age_s": 10.0}, both),
+        (CLASSICAL["log_odds"], {"forgetting": 0.0}, both),
+        (CLASSICAL["full_circle"], {"age_s": 0.0}, both),
+        (tracker_arm(TRACKER), {}, both),
+        (CLASSICAL["truth"], {}, both),
+    ]:
+        occupied = mapped(arm, each, **settings)
+        assert list(occupied[near] > 0.5) == expected, arm
+        assert occupied[free] < 0.1, arm
+
+
+def test_recent_hits_are_added_to_a_network():
+    class Half:
+        def predict(self, scans, allow_empty):
+            return torch.full((len(scans), 64, 64), 0.5)
+
+    occupied = mapped(network_arm(Half(), with_hits=True), course((20.0, 25.0, 0.0, 0.0)))
+    assert set(np.unique(occupied)) == {0.5, 1.0}
+    assert set(np.unique(mapped(network_arm(Half()), course((20.0, 25.0, 0.0, 0.0))))) == {0.5}
+
+
+def test_the_settings_name_every_arm():
+    assert {*ARMS} == {*CLASSICAL, "tracker"} == {*TITLES}
+
+
 @pytest.mark.slow
 def test_an_episode_that_is_replayed_with_shapely_ends_the_same():
     """Drive by memory, and check every step of each episode with another implementation of the collision test."""
@@ -295,15 +343,26 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
 
 def test_arms_are_compared_on_the_same_courses():
     rows = []
-    for arm, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru": "gggg", "truth": "ggggg"}.items():
+    for arm, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru-series10": "gggg", "truth": "ggggg"}.items():
         for seed, outcome in enumerate(outcomes):
             is_hit = outcome == "c"
             rows.append(
                 {"experiment": "fast", "arm": arm, "seed": seed, "outcome": "collision" if is_hit else "goal"}
-                | {"time_s": 25.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0, "moving_share": 1.0}
+                | {
+                    "time_s": 25.0,
+                    "speed_m_s": 2.0,
+                    "path_m": 50.0,
+                    "way_m": 40.0,
+                    "clearance_m": 1.0,
+                    "moving_share": 1.0,
+                }
                 | {"contact": "behind" if is_hit else "", "stood": is_hit}
             )
-    found = compare(pd.DataFrame(rows)).set_index("arm")
+    found = compare(pd.DataFrame(rows))
+    whole, found = (found[found["experiment"] == name].set_index("arm") for name in ("all", "fast"))
+    assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"
+    assert found.loc["convgru-series10", "title"] == "ConvGRU, series10"
+    assert list(found["time_difference_s"]) == [0.0] * 4
     assert list(found["success"]) == [0.5, 0.75, 1.0, 1.0]
     assert list(found["episodes"]) == [4] * 4
     assert list(found["difference"]) == [-0.25, 0.0, 0.25, 0.25]
@@ -319,6 +378,8 @@ def test_arms_are_compared_on_the_same_courses():
         (["navigation.arm=a/b"], "navigation.arm=a/b"),
         (["navigation.test_seeds=0"], "navigation.test_seeds=0"),
         (["navigation.experiments=[]"], "navigation.experiments"),
+        (["navigation.arm=sonar"], "navigation.arm=sonar"),
+        (["navigation.experiments=[walls]"], "navigation.experiments: walls is none of static, slow"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(arguments, reason):
@@ -329,4 +390,3 @@ def test_paths_do_not_jump():
     found, _ = sample_course(SPECS["fast"], 5)
     steps = np.linalg.norm(np.diff(found.states[..., :2], axis=1), axis=-1)
     assert steps.max() <= 0.15 + 1e-9
-    assert all(a.shape == b.shape for a, b in itertools.pairwise(found.outlines))

@@ -47,8 +47,8 @@ def test_arms_are_driven_and_compared(outputs):
     for arm in ("truth", "network"):
         navigate(outputs, arm)
     rows = pd.read_csv(outputs / "analysis" / "navigation.csv")
-    assert list(rows["arm"]) == ["unet", "truth"]
-    assert list(rows["episodes"]) == [2, 2]
+    assert list(rows["arm"]) == ["unet-projection", "truth"] * 2
+    assert list(rows["episodes"]) == [2] * 4
     tuned = pd.read_csv(outputs / "analysis" / "navigation_tuned.csv").set_index("arm")
     assert tuned.loc["truth", ["inflation_m", "weight"]].tolist() == [1.6, 20.0]
     assert pd.isna(tuned.loc["truth", "threshold"])
@@ -60,8 +60,6 @@ def test_arms_are_driven_and_compared(outputs):
     ("arguments", "reason"),
     [
         (["network", "model=fpn"], "is not fully trained"),
-        (["sonar"], "navigation.arm: expected one of scan, keep"),
-        (["keep", "navigation.experiments=[walls]"], "navigation.experiments: walls is none of static, slow"),
     ],
 )
 def test_what_cannot_be_driven_is_refused(outputs, arguments, reason):

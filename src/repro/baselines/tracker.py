@@ -103,7 +103,7 @@ def distances(tracks: list[Track], grid: Grid, coast_s: float, ahead_s: float = 
     nearest = np.full((grid.size_px, grid.size_px), shapes.REACH_M, dtype=np.float32)
     for each in tracks:
         state = each.state.copy()
-        state[:2] += state[2:4] * (min(each.age_s + ahead_s, max(coast_s, 0.0)) - each.age_s)
+        state[:2] += state[2:4] * (min(each.age_s + ahead_s, coast_s) - each.age_s)
         shapes.draw(nearest, grid.resolution_m, state, each.is_disc)
     return nearest
 

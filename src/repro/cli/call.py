@@ -166,6 +166,16 @@ class Call:
             raise Refused(f"train.batch_size={train.batch_size}: {expected}")
         return train
 
+    @field_validator("navigation")
+    @classmethod
+    def _drives_in_the_world(cls, navigation: Navigation, info: ValidationInfo) -> Navigation:
+        known = info.data.get("world", {}).get("experiments", navigation.experiments)
+        unknown = [name for name in navigation.experiments if name not in known]
+        if info.data.get("task") == "navigate" and unknown:
+            listing = f"{', '.join(unknown)} is none of {', '.join(known)}: set world=navigation"
+            raise Refused(f"navigation.experiments: {listing}")
+        return navigation
+
     @field_validator("scans", "floor_map")
     @classmethod
     def _is_needed(cls, value: str | None, info: ValidationInfo) -> str | None:

@@ -154,6 +154,8 @@ class Adaptation:
     name: Name | None
 
 
+ARMS = ("scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities")
+NETWORK_ARMS = ("network", "network_hits")  # of the network of the call
 SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test follow those of the validation
 
 
@@ -171,7 +173,7 @@ class Navigation:
 
     __pydantic_config__ = KNOWN_KEYS
 
-    arm: Name
+    arm: Annotated[str, choice(*ARMS, *NETWORK_ARMS)]
     experiments: Annotated[list[Name], Field(min_length=1)]
     validation_seeds: SeedCount
     test_seeds: SeedCount

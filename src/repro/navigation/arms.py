@@ -22,6 +22,7 @@ from repro.scans import Scans
 
 AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of an arm that knows velocities, from now on
 NEVER = -(10**6)  # step of what has not been seen
+HITS = "-hits"  # end of the name of the arm of a network that is combined with recent hits
 RECENT_S = 1.0  # age of the hits that are combined with a network
 
 

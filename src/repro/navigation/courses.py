@@ -2,17 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
 
-from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.placement import Attempts, Site, sample_obstacles
-from repro.simulation.rooms import sample_rooms
 from repro.simulation.shapes import boundaries, union
-from repro.simulation.simulator import outlines_of_world
-from repro.simulation.worlds import World, experiment_number, fixed_obstacles
+from repro.simulation.simulator import first_states, move_obstacles, outlines_of_world
+from repro.simulation.worlds import World, check_spec, experiment_number, sample_fixed
 from repro.system.errors import InputError
 from repro.world_config import WorldSpec
 
@@ -20,7 +17,6 @@ GOALS = 2
 TURN_STEPS = 100  # of the turn on the spot with which an episode begins, a window
 LIMIT_STEPS = 1200  # for the drive
 WAY = (0.4, 0.6)  # from one goal to the next, as shares of the side of the map
-LEAST_TURN_RAD = math.pi / 2  # at a goal, toward the next one
 _SPLIT = 52  # third number of the seed of a course, so that its world is none of the recordings
 _RESTARTS = 100  # attempts to draw a course
 _TRIES = 1000  # attempts to find its goals
@@ -57,13 +53,13 @@ def sample_course(spec: WorldSpec, seed: int) -> tuple[Course, World]:
     `clear_radius_m` from the goals, and during the robot's first turn from the robot.
 
     Raises:
-        InputError: there is no room for the goals and the obstacles.
+        InputError: there is no room for the goals and the obstacles, or see `worlds.check_spec`.
     """
+    check_spec(spec)
     rng = np.random.default_rng([experiment_number(spec.experiment), seed, _SPLIT])
     attempts = Attempts()
     for _ in range(_RESTARTS):
-        rooms = sample_rooms(rng, spec.rooms, spec.world.width) if spec.rooms else []
-        fixed = [*fixed_obstacles(spec), *rooms]
+        fixed = sample_fixed(rng, spec)
         walls = union(fixed)
         places = _places(rng, spec, walls)
         if places is None:
@@ -84,15 +80,8 @@ def sample_course(spec: WorldSpec, seed: int) -> tuple[Course, World]:
     start = [*map(float, places[0]), float(rng.uniform(-math.pi, math.pi))]
     robot = {**spec.robot.irsim(), "state": start, "goal": [*map(float, places[-1]), 0.0]}
     world = {"world": spec.world.irsim(), "robot": robot, "obstacle": [*fixed, *obstacles]}
-    return Course(seed, np.array(start), places[1:], outlines_of_world(world), _states(world)), world
-
-
-def _states(world: dict[str, Any]) -> np.ndarray:
-    """Compute the states of the obstacles of a course, (O, S + 1, 3)."""
-    steps, step_s = TURN_STEPS + LIMIT_STEPS, world["world"]["step_time"]
-    states = [obstacle_states(each, steps, step_s) for each in world["obstacle"]]
-    first = np.array([each["state"] for each in world["obstacle"]], dtype=float)[:, None]
-    return np.concatenate([first, np.stack(states)], axis=1)
+    states = np.concatenate([first_states(world)[:, None], move_obstacles(world, TURN_STEPS + LIMIT_STEPS)], axis=1)
+    return Course(seed, np.array(start), places[1:], outlines_of_world(world), states), world
 
 
 def _places(rng: np.random.Generator, spec: WorldSpec, walls: shapely.Geometry | None) -> np.ndarray | None:
@@ -105,14 +94,9 @@ def _places(rng: np.random.Generator, spec: WorldSpec, walls: shapely.Geometry |
         way = place - places[-1]
         is_far = WAY[0] * side <= np.hypot(*way) <= WAY[1] * side
         is_clear = walls is None or shapely.distance(walls, shapely.points([places[-1], place])).min() >= margin
-        if not (is_far and is_clear):
-            continue
-        if len(places) > 1:
-            before = places[-1] - places[-2]
-            turn = math.atan2(before[0] * way[1] - before[1] * way[0], before @ way)
-            if abs(turn) < LEAST_TURN_RAD:
-                continue
-        places.append(place)
+        is_back = len(places) == 1 or (places[-1] - places[-2]) @ way <= 0  # a turn of 90 degrees or more
+        if is_far and is_clear and is_back:
+            places.append(place)
         if len(places) == 1 + GOALS:
             return np.array(places)
     return None

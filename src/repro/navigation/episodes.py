@@ -37,6 +37,7 @@ class Episode:
         obstacles: their number.
         outcome: `goal`, `collision` or `timeout`.
         time_s: from the end of the first turn [s].
+        speed_m_s: largest speed of the robot [m/s].
         path_m: length of the path [m].
         way_m: length of the straight ways between the goals [m].
         clearance_m: least distance of the robot's center to an outline, at most `FAR_M` [m].
@@ -50,6 +51,7 @@ class Episode:
     obstacles: int
     outcome: str
     time_s: float
+    speed_m_s: float
     path_m: float
     way_m: float
     clearance_m: float
@@ -156,6 +158,7 @@ class Fleet:
             len(course.outlines),
             outcome,
             driven * self.step_s,
+            self.planner.speed_m_s,
             float(self.path_m[index]),
             course.way_m,
             float(self.clearance_m[index]),

@@ -16,10 +16,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
+from repro.outlines import placed
 
 HORIZON_S = 2.0  # of an arc
 LAYER_S = 0.5  # from one map of the future to the next
-POINTS = 10  # on an arc, at which the map is read
+TIMES_S = np.arange(1, 11) * HORIZON_S / 10  # of the points of an arc at which the map is read
 SPEEDS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the largest
 TURNS = 13  # from one largest rate of turn to the other
 LETHAL = 2.0  # of the risk, for the largest p that touches the robot: more than an arc can gain
@@ -47,15 +48,16 @@ class Planner:
     Args:
         grid: grid of the maps.
         settings: tuned values.
+        radius_m: radius of the robots [m].
         speed_m_s: largest speed [m/s].
         turn_rad_s: largest rate of turn [rad/s].
     """
 
     def __init__(self, grid: Grid, settings: Settings, radius_m: float, speed_m_s: float, turn_rad_s: float) -> None:
-        self.grid, self.settings, self.longest_m = grid, settings, speed_m_s * HORIZON_S
+        self.grid, self.settings, self.speed_m_s, self.longest_m = grid, settings, speed_m_s, speed_m_s * HORIZON_S
         speeds, turns = speed_m_s * np.array(SPEEDS), np.linspace(-turn_rad_s, turn_rad_s, TURNS)
         self.commands = np.array([*itertools.product(speeds, turns)])
-        self.arcs = arcs(self.commands, np.arange(1, POINTS + 1) * HORIZON_S / POINTS)
+        self.arcs = arcs(self.commands, TIMES_S)
         reach = int(settings.inflation_m / grid.resolution_m)
         offsets = grid.resolution_m * np.arange(-reach, reach + 1)
         away = np.hypot(offsets[:, None], offsets)
@@ -78,8 +80,8 @@ class Planner:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
         to_go = np.stack([self.cost_to_go(each[0], goal) for each, goal in zip(inflated, goals, strict=True)])
-        points = _placed(self.arcs, poses)  # (E, A, P, 2)
-        layer = np.minimum(np.arange(1, POINTS + 1) * HORIZON_S / POINTS // LAYER_S, occupied.shape[1] - 1).astype(int)
+        points = placed(self.arcs, poses[:, None])  # (E, A, P, 2)
+        layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
         on_arc = partial(self._along, points=points, layer=layer)
         risk = on_arc(inflated).mean(0) + LETHAL * on_arc(lethal).max(0)
         cost = self._read(to_go, points[:, :, -1], outside=np.inf) + self.settings.weight * self.longest_m * risk
@@ -135,13 +137,6 @@ def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
     angle = turn * times / 2
     chord = speed * times * np.sinc(angle / np.pi)
     return np.stack([chord * np.cos(angle), chord * np.sin(angle)], axis=-1)
-
-
-def _placed(own: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Move points (A, P, 2) from the frame of each robot to that of the map, (E, A, P, 2)."""
-    cos, sin = np.cos(poses[:, 2])[:, None, None], np.sin(poses[:, 2])[:, None, None]
-    x, y = own[..., 0] * cos - own[..., 1] * sin, own[..., 0] * sin + own[..., 1] * cos
-    return np.stack([x, y], axis=-1) + poses[:, None, None, :2]
 
 
 @lru_cache(maxsize=4)

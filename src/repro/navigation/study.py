@@ -86,9 +86,9 @@ class Study:
 
         @cache
         def score(*values: Any) -> float:
-            value = score_of(self.episodes("validation", dict(zip(names, values, strict=True)), count))
-            tried.append(dict(zip(names, values, strict=True)) | {"score": value})
-            return value
+            settings = dict(zip(names, values, strict=True))
+            tried.append({**settings, "score": score_of(self.episodes("validation", settings, count))})
+            return tried[-1]["score"]
 
         tried: list[dict[str, Any]] = []
         candidates: list[Any] = [INFLATIONS_M, WEIGHTS, (None,), *self.arm.candidates.values()]

@@ -1,5 +1,6 @@
 """The comparison of the arms of task=navigate: tables, and the figure of success against time to goal."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from repro.metrics.bootstrap import DRAWS, LEVEL
+from repro.metrics.bootstrap import bounds, draw_weights
+from repro.navigation.arms import HITS
 from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
+from repro.reporting.names import predictor_title
 from repro.reporting.plots import MARKERS, STYLE, DataFrames, columns, one_legend, save
 from repro.reporting.render import Cells, number, with_interval
 from repro.system.files import read_mapping, write_json, write_text
@@ -19,15 +22,12 @@ TITLES = {
     "decay": "Hits for a time",
     "log_odds": "Log-odds grid",
     "tracker": "Tracker, constant velocity",
-    "unet": "U-Net, the paper's image",
-    "convgru": "ConvGRU",
-    "convgru_hits": "ConvGRU or hits of 1 s",
     "full_circle": "Hits of a lidar of 360 degrees",
     "truth": "True map",
     "true_velocities": "True map and velocities",
-}
+}  # networks stand before the lidar of 360 degrees
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical arms with the robot's lidar
-SPEED_M_S = 2.0  # of the robot
+ALL = "all"  # experiments together
 
 
 def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
@@ -40,7 +40,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     Returns:
         the rows of navigation.csv, see `compare`.
     """
-    arms = [arm for arm in TITLES if (episodes / arm / ORIGIN).is_file()]
+    arms = arms_of(path.parent.name for path in episodes.glob(f"*/{ORIGIN}"))
     test, curve, tried = (
         pd.concat([pd.read_csv(episodes / arm / name).assign(arm=arm) for arm in arms], ignore_index=True)
         for name in (TEST, CURVE, TRIED)
@@ -63,17 +63,16 @@ def arms_table(frames: DataFrames, caption: str) -> Cells:
     for title, own in results.groupby("title", sort=False):
         of = own.set_index("experiment")
         success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
-        last = of.loc[experiments[-1]]
-        gain, low, high = last[["difference", "difference_low", "difference_high"]]
-        rows.append([title, *success, number(last["time_s"], 1), with_interval(gain, low, high, "+.3f")])
-    heads = ["Map", *map(str.capitalize, experiments), "Time [s]", f"{experiments[-1].capitalize()}, minus the best"]
-    return Cells(heads, rows, caption)
+        gain, low, high = map(float, of.loc[ALL, ["difference", "difference_low", "difference_high"]])
+        rows.append([title, *success, number(of.loc[ALL, "time_s"], 1), with_interval(gain, low, high, "+.3f")])
+    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, minus the best"], rows, caption)
 
 
 def compare(test: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per experiment and arm: how the robots fared, with intervals over the courses.
+    """Return one row per experiment and arm, and one for all experiments: how the robots fared.
 
-    The difference is that to the classical arm with the most successes in all experiments, of the same courses.
+    Intervals are over the courses. Differences are those to the classical arm with the most successes in all
+    experiments, of the same courses; that of the time is over the courses where both succeed.
     """
     shared = test.groupby("arm")["seed"].nunique().min()
     test = test[test["seed"] < test["seed"].min() + shared].assign(
@@ -82,15 +81,17 @@ def compare(test: pd.DataFrame) -> pd.DataFrame:
     classical = test[test["arm"].isin(BEST_OF)]
     best = classical.groupby("arm")["success"].mean().idxmax() if len(classical) else None
     rows = []
-    for experiment, of_experiment in test.groupby("experiment", sort=False):
-        success = of_experiment.pivot(index="seed", columns="arm", values="success")
-        draws = np.random.default_rng(0).integers(len(success), size=(DRAWS, len(success)))
-        for arm in [name for name in TITLES if name in success]:
+    for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
+        by_arm = of_experiment.pivot(index=["experiment", "seed"], columns="arm", values=["success", "time_s"])
+        success, time_s = by_arm["success"], by_arm["time_s"].where(by_arm["success"] == 1)
+        weights = draw_weights(len(success))
+        for arm in arms_of(success):
             own = of_experiment[of_experiment["arm"] == arm]
-            row = {"experiment": experiment, "arm": arm, "title": TITLES[arm], "episodes": len(own)}
-            row |= _interval("success", "", success[arm].to_numpy(), draws)
+            row: dict[str, Any] = {"experiment": experiment, "arm": arm, "title": title_of(arm), "episodes": len(own)}
+            row |= _interval("success", "", success[arm].to_numpy(), weights)
             if best is not None:
-                row |= _interval("difference", "difference_", (success[arm] - success[best]).to_numpy(), draws)
+                row |= _interval("difference", "difference_", (success[arm] - success[best]).to_numpy(), weights)
+                row["time_difference_s"] = float((time_s[arm] - time_s[best]).mean())
             if {"scan", "truth"} <= set(success):
                 gap = success["truth"].mean() - success["scan"].mean()
                 row["share_of_gap"] = (success[arm].mean() - success["scan"].mean()) / gap if gap else np.nan
@@ -98,9 +99,24 @@ def compare(test: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def title_of(arm: str) -> str:
+    """Return the title of an arm; that of a network is named `<model>-<encoding>`, with `-hits` for recent hits."""
+    if arm in TITLES:
+        return TITLES[arm]
+    model, _, encoding = arm.removesuffix(HITS).partition("-")
+    return predictor_title(model, encoding) + (" or hits of 1 s" if arm.endswith(HITS) else "")
+
+
+def arms_of(names: Iterable[str]) -> list[str]:
+    """Sort arms for tables and figures."""
+    order = list(TITLES)
+    place = order.index("full_circle") - 0.5  # of the networks
+    return sorted(names, key=lambda name: (order.index(name) if name in order else place, name))
+
+
 def barn(test: pd.DataFrame) -> pd.Series:
     """Return the score of the BARN challenge of every episode, at most 0.25 (Xiao et al. 2022)."""
-    ideal = test["way_m"] / SPEED_M_S
+    ideal = test["way_m"] / test["speed_m_s"]
     return (test["outcome"] == "goal") * ideal / test["time_s"].clip(lower=4 * ideal, upper=8 * ideal)
 
 
@@ -122,17 +138,19 @@ def _measures(own: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _interval(name: str, prefix: str, values: np.ndarray, draws: np.ndarray) -> dict[str, float]:
-    low, high = np.quantile(values[draws].mean(1), [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return {name: float(values.mean()), f"{prefix}low": float(low), f"{prefix}high": float(high)}
+def _interval(name: str, prefix: str, values: np.ndarray, weights: np.ndarray) -> dict[str, float]:
+    drawn = weights @ values / len(values)
+    low, high = bounds(drawn)
+    return {name: float(drawn[0]), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
 
 def points_of(curve: pd.DataFrame) -> pd.DataFrame:
     """Return success and mean time of the successes by experiment, arm and inflation."""
-    groups = curve.assign(success=curve["outcome"] == "goal").groupby(["experiment", "arm", "inflation_m"], sort=False)
-    reached = curve[curve["outcome"] == "goal"].groupby(["experiment", "arm", "inflation_m"], sort=False)
-    points = groups.agg(episodes=("seed", "size"), success=("success", "mean"))
-    return points.join(reached.agg(time_s=("time_s", "mean"))).reset_index()
+    reached = curve["outcome"] == "goal"
+    groups = curve.assign(success=reached, time_s=curve["time_s"].where(reached)).groupby(
+        ["experiment", "arm", "inflation_m"], sort=False
+    )
+    return groups.agg(episodes=("seed", "size"), success=("success", "mean"), time_s=("time_s", "mean")).reset_index()
 
 
 def _draw(points: pd.DataFrame, stem: Path) -> None:
@@ -141,10 +159,10 @@ def _draw(points: pd.DataFrame, stem: Path) -> None:
         figure, axes = columns(points, 1, sharey=True)
         figure.set_size_inches(3.1 * axes.shape[1], 4.2)
         for ax, (experiment, rows) in zip(axes[0], points.groupby("experiment", sort=False), strict=True):
-            for number, arm in enumerate(arm for arm in TITLES if arm in set(points["arm"])):
+            for number, arm in enumerate(arms_of(points["arm"].unique())):
                 own = rows[rows["arm"] == arm].sort_values("inflation_m")
                 look: Any = {"color": f"C{number % 10}", "marker": MARKERS[number % 8], "ms": 4, "lw": 1}
-                ax.plot(own["time_s"], own["success"], label=TITLES[arm], **look)
+                ax.plot(own["time_s"], own["success"], label=title_of(arm), **look)
             ax.set(title=experiment, xlabel="time to the goals [s]")
         axes[0, 0].set_ylabel("success without collision")
         one_legend(figure, axes[0], rows=3)

@@ -61,13 +61,13 @@ def simulate(world: World) -> Recording:
         ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
-    poses, states, outlines = drive_robot(world), move_obstacles(world), outlines_of_world(world)
+    steps = recorded_steps(world["robot"]["behavior"])
+    poses, states, outlines = drive_robot(world), move_obstacles(world, steps), outlines_of_world(world)
     lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
     angles, has_noise = beam_angles(lidar), lidar.get("noise", False)
     if has_noise:  # IR-SIM's first scan, before the first step, draws noise as well
-        first = [obstacle["state"] for obstacle in world["obstacle"]]
         poses = np.concatenate([[world["robot"]["state"]], poses])
-        states = np.concatenate([np.array(first, dtype=float)[:, None], states], axis=1)
+        states = np.concatenate([first_states(world)[:, None], states], axis=1)
     ranges, seen = scan(poses, angles, outlines, states, lidar["range_max"])
     is_plain = (has_noise and (lidar.get("angle_std") or 0) > 0) or (
         fixed > 0 and grazes(poses, angles, outlines[:fixed], states[:fixed])
@@ -197,10 +197,15 @@ def _drive(behavior: str, start: tuple, vel_max: tuple, step_time: float) -> np.
     return np.array(poses)
 
 
-def move_obstacles(world: World) -> np.ndarray:
-    """Compute the states of the obstacles after each step, (O, T, 3); their headings are constant."""
-    steps, step_time = recorded_steps(world["robot"]["behavior"]), world["world"]["step_time"]
+def move_obstacles(world: World, steps: int) -> np.ndarray:
+    """Compute the states of the obstacles after each of T steps, (O, T, 3); their headings are constant."""
+    step_time = world["world"]["step_time"]
     return np.stack([obstacle_states(obstacle, steps, step_time) for obstacle in world["obstacle"]])
+
+
+def first_states(world: World) -> np.ndarray:
+    """Return the states of the obstacles before the first step, (O, 3)."""
+    return np.array([obstacle["state"] for obstacle in world["obstacle"]], dtype=float)
 
 
 def outlines_of_world(world: World) -> np.ndarray:

@@ -54,8 +54,7 @@ def sample_world(spec: WorldSpec, seed: int) -> World:
     rng = np.random.default_rng([experiment_number(spec.experiment), seed])
     attempts = Attempts()
     for _ in range(_RESTARTS):
-        rooms = sample_rooms(rng, spec.rooms, spec.world.width) if spec.rooms else []
-        fixed = [*fixed_obstacles(spec), *rooms]
+        fixed = sample_fixed(rng, spec)
         walls = union(fixed)
         drive = _sample_drive(rng, spec, walls)
         site = _site(spec, drive, walls, boundaries(fixed))
@@ -91,6 +90,12 @@ def _site(spec: WorldSpec, drive: Behavior | None, walls: shapely.Geometry | Non
 def fixed_obstacles(spec: WorldSpec) -> list[Obstacle]:
     """Return the obstacles of every world of an experiment, as IR-SIM reads them."""
     return [standing(each.shape.irsim(), each.state) for each in spec.fixed]
+
+
+def sample_fixed(rng: np.random.Generator, spec: WorldSpec) -> list[Obstacle]:
+    """Return the fixed obstacles of one world: those of all worlds, and the walls of its rooms."""
+    rooms = sample_rooms(rng, spec.rooms, spec.world.width) if spec.rooms else []
+    return [*fixed_obstacles(spec), *rooms]
 
 
 def experiment_number(experiment: str) -> int:
