@@ -36,7 +36,7 @@ class Seen:
         angles: beam angles [rad], (N,).
         range_max_m: maximum range [m].
         step_s: duration of a step [s].
-        forgetting: share of the log-odds that is forgotten in every step.
+        forgetting: share of the log-odds that is forgotten in every step; None where no map needs them.
     """
 
     courses: Sequence[Course]
@@ -44,14 +44,14 @@ class Seen:
     angles: np.ndarray
     range_max_m: float
     step_s: float
-    forgetting: float = 0.0
+    forgetting: float | None = None
     step: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         robots, size = len(self.courses), self.grid.size_px
         self.ranges = np.full((robots, TURN_STEPS, len(self.angles)), np.nan, dtype=np.float32)
         self.poses = np.zeros((robots, TURN_STEPS, 3))
-        self.hit, self.passed = (np.full((robots, size, size), NEVER) for _ in range(2))
+        self.hit, self.passed = (np.full((robots, size, size), NEVER, dtype=np.int32) for _ in range(2))
         self.log_odds = np.zeros((robots, size, size), dtype=np.float32)
 
     def add(self, who: np.ndarray, ranges: np.ndarray, poses: np.ndarray) -> None:
@@ -63,8 +63,9 @@ class Seen:
         passed = (newest_passed(scans, self.grid, self.range_max_m).numpy() > 0) & ~hit
         self.hit[who] = np.where(hit, self.step, self.hit[who])
         self.passed[who] = np.where(passed, self.step, self.passed[who])
-        log_odds = (1 - self.forgetting) * self.log_odds[who] + HIT_GAIN * hit + PASSED_GAIN * passed
-        self.log_odds[who] = np.clip(log_odds, -8, 8)
+        if self.forgetting is not None:
+            log_odds = (1 - self.forgetting) * self.log_odds[who] + HIT_GAIN * hit + PASSED_GAIN * passed
+            self.log_odds[who] = np.clip(log_odds, -8, 8)
 
     def hits(self, who: np.ndarray, age_s: float) -> np.ndarray:
         """Return the pixels whose last hit is at most this old [s] and later than the last passing beam, (K, H, W)."""

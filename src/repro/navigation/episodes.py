@@ -93,7 +93,7 @@ class Fleet:
             self.radius_m,
             *map(float, robot["vel_max"]),
         )
-        forgetting = float(settings.get("forgetting") or 0.0)
+        forgetting = self.settings.get("forgetting")
         self.seen = Seen(courses, grid, self.angles, self.range_max_m, self.step_s, forgetting)
         most = max(len(each.outlines) for each in courses)
         longest = max(each.outlines.shape[1] for each in courses)

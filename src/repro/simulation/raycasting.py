@@ -1,12 +1,14 @@
 """Ray casting for all scans of a recording at once, with the equations that IR-SIM applies to one scan."""
 
+import math
+
 import numpy as np
 
 from repro.outlines import placed, without_padding
+from repro.system.compiled import compiled
 from repro.system.errors import InputError
 
 GRAZE_M = 1e-9  # from a beam to a corner; rounding decides whether IR-SIM's beam hits there
-_MAX_SIDES = 4_000_000  # beams times corners at once, to bound the memory
 
 
 def scan(
@@ -14,7 +16,7 @@ def scan(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute all scans of a recording: the nearest crossing of every beam with every outline.
 
-    A beam is tested against an outline only if it passes through the circle around its origin, or begins in it. A
+    A beam is tested against an outline only if it passes through the circle around it, or begins in it. A
     crossing solves origin + t * direction = a + u * (b - a) with 0 < t <= range_max and 0 <= u <= 1, as IR-SIM does.
 
     Args:
@@ -38,21 +40,12 @@ def scan(
     for index, (outline, state) in enumerate(zip(outlines, states, strict=True)):
         radius = np.linalg.norm(outline, axis=-1).max(axis=-1)  # () or (T,)
         offset = state[:, :2] - poses[:, :2]  # (T, 2)
-        distance = np.linalg.norm(offset, axis=-1)
+        begins_in = np.linalg.norm(offset, axis=-1) <= radius
         rings = _rings(outline, state)
-        begins_in = distance <= radius
         if _contains(rings[:, begins_in], poses[begins_in, :2]).any():
             raise InputError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
-        along = np.einsum("td,tnd->tn", offset, directions)
-        passes = distance[:, None] ** 2 - along**2 <= np.square(radius)[..., None]
-        near = passes & (along > 0) | begins_in[:, None]
-        step, beam = np.nonzero(near)
-        parts = np.array_split(np.arange(len(step)), 1 + len(step) * rings.shape[-1] // _MAX_SIDES)
-        hit = np.concatenate([_cross(poses[:, :2], directions[step[k], beam[k]], rings, step[k]) for k in parts])
-        hit[hit > range_max_m] = np.inf
-        closer = hit < ranges[step, beam]
-        ranges[step[closer], beam[closer]] = hit[closer]
-        nearest[step[closer], beam[closer]] = index
+        around = np.column_stack([offset, np.broadcast_to(radius, len(offset))])
+        _cross(ranges, nearest, index, np.ascontiguousarray(poses[:, :2]), directions, rings, around, range_max_m)
     return ranges, np.isin(np.arange(len(outlines)), nearest)
 
 
@@ -83,31 +76,57 @@ def _contains(rings: np.ndarray, points: np.ndarray) -> np.ndarray:
     return (crosses & (at > x)).sum(axis=-1) % 2 == 1
 
 
-def _cross(origins: np.ndarray, directions: np.ndarray, rings: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Compute the distance along K beams to the ring of their step [m], (K,); inf without a crossing.
+@compiled
+def _cross(
+    ranges: np.ndarray,
+    nearest: np.ndarray,
+    index: int,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    rings: np.ndarray,
+    around: np.ndarray,
+    range_max_m: float,
+) -> None:
+    """Shorten the ranges of all scans to the ring of one obstacle, where it is nearer.
 
     Args:
-        origins: origin of the beams at every step, (T, 2).
-        directions: unit vector of each beam, (K, 2).
-        rings: x and y of the vertices at every step, (2, T, V).
-        step: step of each beam, (K,).
+        ranges: ranges so far [m], (T, N).
+        nearest: index of the obstacle that each beam hits, (T, N).
+        index: that of this obstacle.
+        origins: origins of the beams, (T, 2).
+        directions: unit vectors of the beams, (T, N, 2).
+        rings: x and y of the vertices, (2, T, V).
+        around: circle around the ring: center from the origin of the beams and radius [m], (T, 3).
+        range_max_m: longest range [m].
     """
-    edges = np.roll(rings, -1, axis=-1) - rings
-    to_origin = origins.T[..., None] - rings  # (2, T, V)
-    # Signed distance of each vertex to the beam [m]; the few edges with ends on both sides are the only candidates
-    side = to_origin[1, step] * directions[:, :1] - to_origin[0, step] * directions[:, 1:]
-    left, right = side >= -1e-6, side <= 1e-6
-    beam, vertex = np.nonzero((left | np.roll(left, -1, axis=1)) & (right | np.roll(right, -1, axis=1)))
-    (x, y), (edge_x, edge_y) = to_origin[:, step[beam], vertex], edges[:, step[beam], vertex]
-    dx, dy = directions[beam].T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        denominator = edge_y * dx - edge_x * dy
-        u = (y * dx - x * dy) / denominator
-        t = (edge_x * y - edge_y * x) / denominator
-    crossed = (u >= 0) & (u <= 1) & (t > 1e-9)
-    nearest = np.full(len(directions), np.inf)
-    np.minimum.at(nearest, beam[crossed], t[crossed])
-    return nearest
+    vertices = rings.shape[2]
+    for step in range(len(ranges)):
+        across, up, radius = around[step]
+        square = across * across + up * up
+        if math.sqrt(square) - radius > range_max_m:
+            continue
+        for beam in range(ranges.shape[1]):
+            dx, dy = directions[step, beam]
+            along = across * dx + up * dy
+            if square > radius * radius and (along <= 0 or square - along * along > radius * radius):
+                continue
+            for vertex in range(vertices):
+                following = vertex + 1 if vertex + 1 < vertices else 0
+                x, y = origins[step, 0] - rings[0, step, vertex], origins[step, 1] - rings[1, step, vertex]
+                end_x = origins[step, 0] - rings[0, step, following]
+                end_y = origins[step, 1] - rings[1, step, following]
+                side, end_side = y * dx - x * dy, end_y * dx - end_x * dy  # signed distance to the beam [m]
+                if min(side, end_side) > 1e-6 or max(side, end_side) < -1e-6:
+                    continue
+                edge_x = rings[0, step, following] - rings[0, step, vertex]
+                edge_y = rings[1, step, following] - rings[1, step, vertex]
+                denominator = edge_y * dx - edge_x * dy
+                if denominator == 0:
+                    continue
+                u, t = (y * dx - x * dy) / denominator, (edge_x * y - edge_y * x) / denominator
+                if 0 <= u <= 1 and 1e-9 < t <= range_max_m and t < ranges[step, beam]:
+                    ranges[step, beam] = t
+                    nearest[step, beam] = index
 
 
 def _rings(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
