@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
 from repro.outlines import placed
+from repro.system.compiled import compiled
 
 HORIZON_S = 2.0  # of an arc
 LAYER_S = 0.5  # from one map of the future to the next
@@ -90,13 +91,8 @@ class Planner:
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""
-        size, reach = occupied.shape[-1], len(fall) // 2
-        inflated = occupied.copy()
-        for down, right in zip(*np.nonzero(fall), strict=True):
-            weight, down, right = fall[down, right], down - reach, right - reach
-            to = (slice(max(0, down), size + min(0, down)), slice(max(0, right), size + min(0, right)))
-            of = (slice(max(0, -down), size + min(0, -down)), slice(max(0, -right), size + min(0, -right)))
-            np.maximum(inflated[..., *to], weight * occupied[..., *of], out=inflated[..., *to])
+        inflated = np.zeros_like(occupied)
+        _spread(occupied.reshape(-1, *occupied.shape[-2:]), fall, inflated.reshape(-1, *occupied.shape[-2:]))
         return inflated
 
     def cost_to_go(self, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
@@ -137,6 +133,23 @@ def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
     angle = turn * times / 2
     chord = speed * times * np.sinc(angle / np.pi)
     return np.stack([chord * np.cos(angle), chord * np.sin(angle)], axis=-1)
+
+
+@compiled
+def _spread(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
+    """Spread maps (M, H, W) by the weights of the distances, (2 R + 1, 2 R + 1), into maps of zeros."""
+    size, reach = maps.shape[1], len(fall) // 2
+    for index in range(len(maps)):
+        for row in range(size):
+            for column in range(size):
+                p = maps[index, row, column]
+                if p <= 0:
+                    continue
+                for to_row in range(max(0, row - reach), min(size, row + reach + 1)):
+                    for to_column in range(max(0, column - reach), min(size, column + reach + 1)):
+                        spread = p * fall[to_row - row + reach, to_column - column + reach]
+                        if spread > inflated[index, to_row, to_column]:
+                            inflated[index, to_row, to_column] = spread
 
 
 @lru_cache(maxsize=4)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from repro.outlines import placed, without_padding
+from repro.outlines import placed
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 
@@ -35,17 +35,14 @@ def scan(
     """
     heading = poses[:, 2:] + angles  # (T, N)
     directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    ranges = np.full(heading.shape, np.inf)
-    nearest = np.full(heading.shape, -1)
-    for index, (outline, state) in enumerate(zip(outlines, states, strict=True)):
-        radius = np.linalg.norm(outline, axis=-1).max(axis=-1)  # () or (T,)
-        offset = state[:, :2] - poses[:, :2]  # (T, 2)
-        begins_in = np.linalg.norm(offset, axis=-1) <= radius
-        rings = _rings(outline, state)
-        if _contains(rings[:, begins_in], poses[begins_in, :2]).any():
-            raise InputError(f"obstacle {index} reaches the robot: enlarge clear_radius_m")
-        around = np.column_stack([offset, np.broadcast_to(radius, len(offset))])
-        _cross(ranges, nearest, index, np.ascontiguousarray(poses[:, :2]), directions, rings, around, range_max_m)
+    rings = placed(outlines if outlines.ndim == 4 else outlines[:, None], states)  # (O, T, V, 2)
+    radii = np.linalg.norm(outlines, axis=-1).max(axis=-1).reshape(len(outlines), -1)  # (O, 1 or T)
+    offsets = states[..., :2] - poses[:, :2]  # (O, T, 2)
+    ranges, nearest = np.full(heading.shape, np.inf), np.full(heading.shape, -1)
+    radii = np.broadcast_to(radii, offsets.shape[:2])
+    reached = _cast(ranges, nearest, poses, directions, rings, offsets, radii, range_max_m)
+    if reached >= 0:
+        raise InputError(f"obstacle {reached} reaches the robot: enlarge clear_radius_m")
     return ranges, np.isin(np.arange(len(outlines)), nearest)
 
 
@@ -60,76 +57,84 @@ def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: 
     """
     heading = poses[:, 2:] + angles
     cos, sin = np.cos(heading), np.sin(heading)
-    corners = [_rings(outline, state[:1])[:, 0].T for outline, state in zip(outlines, states, strict=True)]
+    corners = placed(outlines, states[:, 0])  # (O, V, 2)
     return any(
         bool((np.abs(cos * (y - poses[:, 1:2]) - sin * (x - poses[:, :1])) <= GRAZE_M).any())
-        for x, y in np.unique(np.concatenate(corners), axis=0)
+        for x, y in np.unique(corners.reshape(-1, 2), axis=0)
     )
 
 
-def _contains(rings: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Check whether each point (K, 2) is inside its ring, x and y of the vertices, (2, K, V), by counting crossings."""
-    (x0, y0), (x1, y1) = rings, np.roll(rings, -1, axis=-1)
-    x, y = points.T[..., None]
-    crosses = (y0 <= y) != (y1 <= y)
-    at = x0 + (y - y0) * (x1 - x0) / np.where(crosses, y1 - y0, 1)
-    return (crosses & (at > x)).sum(axis=-1) % 2 == 1
-
-
 @compiled
-def _cross(
+def _cast(
     ranges: np.ndarray,
     nearest: np.ndarray,
-    index: int,
-    origins: np.ndarray,
+    poses: np.ndarray,
     directions: np.ndarray,
     rings: np.ndarray,
-    around: np.ndarray,
+    offsets: np.ndarray,
+    radii: np.ndarray,
     range_max_m: float,
-) -> None:
-    """Shorten the ranges of all scans to the ring of one obstacle, where it is nearer.
+) -> int:
+    """Shorten the ranges of all beams to the rings that they cross; return an obstacle that contains a robot, or -1.
 
     Args:
         ranges: ranges so far [m], (T, N).
         nearest: index of the obstacle that each beam hits, (T, N).
-        index: that of this obstacle.
-        origins: origins of the beams, (T, 2).
+        poses: robot poses, (T, 3).
         directions: unit vectors of the beams, (T, N, 2).
-        rings: x and y of the vertices, (2, T, V).
-        around: circle around the ring: center from the origin of the beams and radius [m], (T, 3).
+        rings: outlines in the world, (O, T, V, 2).
+        offsets: from the robot to the origin of each outline [m], (O, T, 2).
+        radii: of the circles around the outlines [m], (O, T).
         range_max_m: longest range [m].
     """
-    vertices = rings.shape[2]
-    for step in range(len(ranges)):
-        across, up, radius = around[step]
-        square = across * across + up * up
-        if math.sqrt(square) - radius > range_max_m:
-            continue
-        for beam in range(ranges.shape[1]):
-            dx, dy = directions[step, beam]
-            along = across * dx + up * dy
-            if square > radius * radius and (along <= 0 or square - along * along > radius * radius):
+    for index in range(len(rings)):
+        for step in range(len(ranges)):
+            across, up, radius = offsets[index, step, 0], offsets[index, step, 1], radii[index, step]
+            square = across * across + up * up
+            if math.sqrt(square) - radius > range_max_m:
                 continue
-            for vertex in range(vertices):
-                following = vertex + 1 if vertex + 1 < vertices else 0
-                x, y = origins[step, 0] - rings[0, step, vertex], origins[step, 1] - rings[1, step, vertex]
-                end_x = origins[step, 0] - rings[0, step, following]
-                end_y = origins[step, 1] - rings[1, step, following]
-                side, end_side = y * dx - x * dy, end_y * dx - end_x * dy  # signed distance to the beam [m]
-                if min(side, end_side) > 1e-6 or max(side, end_side) < -1e-6:
+            corners = rings.shape[2]
+            while (
+                corners > 2
+                and rings[index, step, corners - 1, 0] == rings[index, step, corners - 2, 0]
+                and rings[index, step, corners - 1, 1] == rings[index, step, corners - 2, 1]
+            ):
+                corners -= 1  # without those that pad the outline
+            if square <= radius * radius and _contains(rings, index, step, corners, poses):
+                return index
+            for beam in range(ranges.shape[1]):
+                dx, dy = directions[step, beam, 0], directions[step, beam, 1]
+                along = across * dx + up * dy
+                if square > radius * radius and (along <= 0 or square - along * along > radius * radius):
                     continue
-                edge_x = rings[0, step, following] - rings[0, step, vertex]
-                edge_y = rings[1, step, following] - rings[1, step, vertex]
-                denominator = edge_y * dx - edge_x * dy
-                if denominator == 0:
-                    continue
-                u, t = (y * dx - x * dy) / denominator, (edge_x * y - edge_y * x) / denominator
-                if 0 <= u <= 1 and 1e-9 < t <= range_max_m and t < ranges[step, beam]:
-                    ranges[step, beam] = t
-                    nearest[step, beam] = index
+                start = corners - 1
+                x, y = poses[step, 0] - rings[index, step, start, 0], poses[step, 1] - rings[index, step, start, 1]
+                side = y * dx - x * dy  # signed distance of the corner to the beam [m]
+                for end in range(corners):
+                    end_x = poses[step, 0] - rings[index, step, end, 0]
+                    end_y = poses[step, 1] - rings[index, step, end, 1]
+                    end_side = end_y * dx - end_x * dy
+                    if min(side, end_side) <= 1e-6 and max(side, end_side) >= -1e-6:
+                        edge_x = rings[index, step, end, 0] - rings[index, step, start, 0]
+                        edge_y = rings[index, step, end, 1] - rings[index, step, start, 1]
+                        denominator = edge_y * dx - edge_x * dy
+                        if denominator != 0:
+                            u = (y * dx - x * dy) / denominator
+                            distance = (edge_x * y - edge_y * x) / denominator
+                            if 0 <= u <= 1 and 1e-9 < distance <= range_max_m and distance < ranges[step, beam]:
+                                ranges[step, beam], nearest[step, beam] = distance, index
+                    start, x, y, side = end, end_x, end_y, end_side
+    return -1
 
 
-def _rings(outline: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Return x and y of an outline (V, 2), or one per state (T, V, 2), at each state (T, 3), (2, T, V)."""
-    shape = without_padding(outline) if outline.ndim == 2 else outline
-    return np.ascontiguousarray(np.moveaxis(placed(shape, states), -1, 0))
+@compiled
+def _contains(rings: np.ndarray, index: int, step: int, corners: int, poses: np.ndarray) -> bool:
+    """Check whether a ring contains the robot, by counting crossings."""
+    is_inside, start = False, corners - 1
+    for end in range(corners):
+        x0, y0 = rings[index, step, start, 0], rings[index, step, start, 1]
+        x1, y1 = rings[index, step, end, 0], rings[index, step, end, 1]
+        if (y0 <= poses[step, 1]) != (y1 <= poses[step, 1]):
+            is_inside ^= x0 + (poses[step, 1] - y0) * (x1 - x0) / (y1 - y0) > poses[step, 0]
+        start = end
+    return is_inside
