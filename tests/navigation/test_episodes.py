@@ -211,7 +211,7 @@ def test_where_a_robot_is_hit():
 
 def test_memory_ages_and_is_cleared_by_beams():
     angles = np.linspace(-0.2, 0.2, 21)
-    seen = Seen([course(), course()], GRID, angles, 30.0, 0.1)
+    seen = Seen([course(), course()], np.zeros((1, 2, STEPS + 1, 3)), GRID, angles, 30.0, 0.1)
     who, pose = np.array([1]), np.array([[10.0, 25.0, 0.0]])
     seen.add(who, np.full((1, 21), 10.0, dtype=np.float32), pose)
     assert not seen.hits(np.array([0]), 1000.0).any(), "another robot has seen nothing"
@@ -229,7 +229,7 @@ def test_memory_ages_and_is_cleared_by_beams():
 
 def test_the_true_map_moves_on_with_its_velocities():
     moving = course((20.0, 25.0, 1.5, 0.0))
-    seen = Seen([moving], GRID, np.zeros(2), 30.0, 0.1)
+    seen = Seen([moving], moving.states[:, None], GRID, np.zeros(2), 30.0, 0.1)
     seen.step = TURN_STEPS + 20
     maps = CLASSICAL["true_velocities"].maps(seen, np.array([0]))
     assert maps.shape == (1, len(AHEAD_S), 64, 64)
@@ -316,7 +316,6 @@ def gap(each: Course, step: int, place: np.ndarray) -> float:
 
 
 def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "INFLATIONS_M", (0.8, 1.6))
     monkeypatch.setattr(study, "WEIGHTS", (20.0,))
     driven = []
 
@@ -328,7 +327,7 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
         return pd.DataFrame([{"experiment": name, "seed": seed, **values, **settings} for name, seed in names])
 
     monkeypatch.setattr(study.Study, "_drive", fake)
-    own = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID)
+    own = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, inflations_m=(0.8, 1.6))
     own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert pd.read_csv(tmp_path / "truth" / "test.csv")["inflation_m"].unique() == [0.8]
     assert len(pd.read_csv(tmp_path / "truth" / "curve.csv")) == 2 * 2
@@ -379,6 +378,8 @@ def test_arms_are_compared_on_the_same_courses():
         (["navigation.test_seeds=0"], "navigation.test_seeds=0"),
         (["navigation.experiments=[]"], "navigation.experiments"),
         (["navigation.arm=sonar"], "navigation.arm=sonar"),
+        (["navigation.people=shy"], "navigation.people=shy"),
+        (["navigation.inflations_m=[2.0,1.0]"], "navigation.inflations_m"),
         (["navigation.experiments=[walls]"], "navigation.experiments: walls is none of static, slow"),
     ],
 )

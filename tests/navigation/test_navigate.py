@@ -1,4 +1,4 @@
-"""task=navigate as it is called: with a network that is trained in the same outputs, and what is refused."""
+"""task=navigate as it is called: with a trained network, and what is refused."""
 
 import pandas as pd
 import pytest
@@ -11,7 +11,12 @@ from repro.system.errors import InputError
 pytestmark = pytest.mark.slow
 
 TINY = ["scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"]
-FEW = ["navigation.validation_seeds=1", "navigation.test_seeds=2", "navigation.curve_seeds=1"]
+FEW = [
+    "navigation.inflations_m=[1.6]",
+    "navigation.validation_seeds=1",
+    "navigation.test_seeds=2",
+    "navigation.curve_seeds=1",
+]
 
 
 def run(outputs, *arguments) -> None:
@@ -33,7 +38,6 @@ def outputs(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def one_candidate(monkeypatch):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(study, "INFLATIONS_M", (1.6,))
     monkeypatch.setattr(study, "WEIGHTS", (20.0,))
     monkeypatch.setattr(study, "THRESHOLDS", (0.35,))
 
@@ -44,8 +48,8 @@ def navigate(outputs, arm, *arguments) -> None:
 
 
 def test_arms_are_driven_and_compared(outputs):
-    for arm in ("truth", "network"):
-        navigate(outputs, arm)
+    navigate(outputs, "truth")
+    navigate(outputs, "network", f"prediction.weights={outputs}/runs/expmixed/unet/projection/seed0")
     rows = pd.read_csv(outputs / "analysis" / "navigation.csv")
     assert list(rows["arm"]) == ["unet-projection", "truth"] * 2
     assert list(rows["episodes"]) == [2] * 4
@@ -59,7 +63,7 @@ def test_arms_are_driven_and_compared(outputs):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["network", "model=fpn"], "is not fully trained"),
+        (["network", "prediction.weights=rooms"], "128 px, 25 m, expected those of the call, 32 px, 50 m"),
     ],
 )
 def test_what_cannot_be_driven_is_refused(outputs, arguments, reason):

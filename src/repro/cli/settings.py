@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, model_validator
 
 from repro.cli.errors import Refused
-from repro.fields import KNOWN_KEYS, Name, NotNegative, choice
+from repro.fields import KNOWN_KEYS, Name, NotNegative, choice, ordered
 from repro.parallel import has_gpu
 from repro.system.errors import InputError
 
@@ -166,6 +166,9 @@ class Navigation:
     Args:
         arm: how the robots make maps.
         experiments: those of `world` in which they drive.
+        people: None if the obstacles move as in `world`; `unaware` or `aware` for people in their place, who walk to
+            goals, and see the robot or not.
+        inflations_m: candidates for the radius by which obstacles grow [m].
         validation_seeds: courses per experiment for the choice of the settings of an arm.
         test_seeds: courses per experiment for the test.
         curve_seeds: courses per experiment for each inflation.
@@ -175,6 +178,8 @@ class Navigation:
 
     arm: Annotated[str, choice(*ARMS, *NETWORK_ARMS)]
     experiments: Annotated[list[Name], Field(min_length=1)]
+    people: Annotated[str, choice("unaware", "aware")] | None
+    inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount
     curve_seeds: SeedCount

@@ -32,6 +32,7 @@ class Seen:
 
     Args:
         courses: the courses of the robots.
+        states: of their obstacles before the first step and after each one so far, (O, E, S, 3).
         grid: grid of the maps.
         angles: beam angles [rad], (N,).
         range_max_m: maximum range [m].
@@ -40,6 +41,7 @@ class Seen:
     """
 
     courses: Sequence[Course]
+    states: np.ndarray
     grid: Grid
     angles: np.ndarray
     range_max_m: float
@@ -134,8 +136,11 @@ def _tracked(settings: Mapping[str, float], seen: Seen, who: np.ndarray) -> np.n
 def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
     """Return the true maps, of obstacles that keep their present velocity."""
     courses = [seen.courses[index] for index in who]
-    now = [each.states[:, seen.step] for each in courses]
-    velocity = [(each.states[:, seen.step] - each.states[:, seen.step - 1]) / seen.step_s for each in courses]
+    before, now = (
+        [seen.states[: len(each.outlines), index, step] for each, index in zip(courses, who, strict=True)]
+        for step in (seen.step - 1, seen.step)
+    )
+    velocity = [(new - old) / seen.step_s for old, new in zip(before, now, strict=True)]
     states = [place + later * speed for place, speed in zip(now, velocity, strict=True) for later in ahead_s]
     outlines = [each.outlines for each in courses for _ in ahead_s]
     owner = torch.repeat_interleave(torch.tensor([len(each) for each in states]))

@@ -4,7 +4,7 @@ Every evaluation is a file of episodes, so that a run goes on where it was left.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,7 +22,6 @@ from repro.system.files import read_mapping, write_json, write_text
 from repro.system.progress import progress
 from repro.world_config import WorldSpec
 
-INFLATIONS_M = (0.8, 1.2, 1.6, 2.4, 3.2, 4.0)
 WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
 BATCH = 150  # courses that are driven at the same time
@@ -51,10 +50,24 @@ class Study:
         arm: the arm.
         specs: the worlds of the courses by their experiments.
         grid: grid of the maps.
+        inflations_m: candidates of the inflation [m].
+        people: None if obstacles move as in their worlds; `unaware` or `aware` for people who walk, and see the robot
+            or not.
     """
 
-    def __init__(self, directory: Path, name: str, arm: Arm, specs: Mapping[str, WorldSpec], grid: Grid) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        name: str,
+        arm: Arm,
+        specs: Mapping[str, WorldSpec],
+        grid: Grid,
+        *,
+        inflations_m: Sequence[float],
+        people: str | None = None,
+    ) -> None:
         self.directory, self.name, self.arm, self.specs, self.grid = directory / name, name, arm, specs, grid
+        self.inflations_m, self.people = tuple(inflations_m), people
         self.courses: dict[tuple[str, int], Course] = {}
         self.driven = 0  # episodes of the present run
 
@@ -70,7 +83,8 @@ class Study:
         tuned = self.tuned(seeds.validation)
         test = self.episodes("test", tuned, seeds.test)
         curve = [
-            self.episodes("test", {**tuned, "inflation_m": inflation_m}, seeds.curve) for inflation_m in INFLATIONS_M
+            self.episodes("test", {**tuned, "inflation_m": inflation_m}, seeds.curve)
+            for inflation_m in self.inflations_m
         ]
         write_text(self.directory / TEST, test.to_csv(index=False))
         write_text(self.directory / CURVE, pd.concat(curve).to_csv(index=False))
@@ -91,7 +105,7 @@ class Study:
             return tried[-1]["score"]
 
         tried: list[dict[str, Any]] = []
-        candidates: list[Any] = [INFLATIONS_M, WEIGHTS, (None,), *self.arm.candidates.values()]
+        candidates: list[Any] = [self.inflations_m, WEIGHTS, (None,), *self.arm.candidates.values()]
         found = climb(lambda values: score(*values), candidates)
         score(*found)  # where there is no choice
         if not self.arm.is_binary:
@@ -120,9 +134,11 @@ class Study:
         """Drive courses of several experiments together; they have the same robot."""
         for experiment, seed in names:
             if (experiment, seed) not in self.courses:
-                self.courses[experiment, seed] = sample_course(self.specs[experiment], seed)[0]
+                has_people = self.people is not None
+                self.courses[experiment, seed] = sample_course(self.specs[experiment], seed, has_people=has_people)[0]
         spec = next(iter(self.specs.values()))
-        episodes = Fleet(spec, [self.courses[name] for name in names], self.arm, settings, self.grid).drive()
+        courses, is_visible = [self.courses[name] for name in names], self.people == "aware"
+        episodes = Fleet(spec, courses, self.arm, settings, self.grid, is_visible=is_visible).drive()
         self.driven += len(episodes)
         rows = pd.DataFrame(map(dataclasses.asdict, episodes))
         return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)
