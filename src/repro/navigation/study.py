@@ -130,15 +130,17 @@ class Study:
         rows = pd.read_csv(path)
         return rows[rows["seed"] < FIRST[split] + count]
 
-    def _drive(self, names: list[tuple[str, int]], settings: Settings) -> pd.DataFrame:
-        """Drive courses of several experiments together; they have the same robot."""
+    def fleet(self, names: list[tuple[str, int]], settings: Settings) -> Fleet:
+        """Return robots on courses of several experiments, which have the same robot."""
         for experiment, seed in names:
             if (experiment, seed) not in self.courses:
                 has_people = self.people is not None
                 self.courses[experiment, seed] = sample_course(self.specs[experiment], seed, has_people=has_people)[0]
-        spec = next(iter(self.specs.values()))
-        courses, is_visible = [self.courses[name] for name in names], self.people == "aware"
-        episodes = Fleet(spec, courses, self.arm, settings, self.grid, is_visible=is_visible).drive()
+        spec, courses = next(iter(self.specs.values())), [self.courses[name] for name in names]
+        return Fleet(spec, courses, self.arm, settings, self.grid, is_visible=self.people == "aware")
+
+    def _drive(self, names: list[tuple[str, int]], settings: Settings) -> pd.DataFrame:
+        episodes = self.fleet(names, settings).drive()
         self.driven += len(episodes)
         rows = pd.DataFrame(map(dataclasses.asdict, episodes))
         return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)

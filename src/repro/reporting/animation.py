@@ -94,7 +94,7 @@ def write_animation(recording: Recording, frames: Frames, path: Path, *, size_m:
             shown = (frames.images[number], 255 * frames.predictions[number], 255 * frames.maps[number])
             for panel, image in zip(panels, shown, strict=True):
                 panel.set_data(image)
-            _draw_world(axes[0], recording, int(frames.steps[number]) - 1, range_max_m)
+            draw_world(axes[0], recording, int(frames.steps[number]) - 1, range_max_m)
             footer.set_text(f"step {frames.steps[number]} of {len(recording.scans.ranges)}")
             return [*panels, footer]
 
@@ -112,7 +112,7 @@ def _so_far(scans: Scans, step: int) -> Scans:
     return Scans(ranges, scans.angles, poses)
 
 
-def _draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -> None:
+def draw_world(ax: Axes, recording: Recording, step: int, range_max_m: float) -> None:
     """Draw the obstacles, the beams, the robot and its path at a step."""
     for drawn in (*ax.collections, *ax.patches, *ax.lines):
         drawn.remove()

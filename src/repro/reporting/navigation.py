@@ -78,8 +78,7 @@ def compare(test: pd.DataFrame) -> pd.DataFrame:
     test = test[test["seed"] < test["seed"].min() + shared].assign(
         success=lambda rows: (rows["outcome"] == "goal").astype(float), spl=spl, barn=barn
     )
-    classical = test[test["arm"].isin(BEST_OF)]
-    best = classical.groupby("arm")["success"].mean().idxmax() if len(classical) else None
+    best = best_classical(test)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
         by_arm = of_experiment.pivot(index=["experiment", "seed"], columns="arm", values=["success", "time_s"])
@@ -97,6 +96,13 @@ def compare(test: pd.DataFrame) -> pd.DataFrame:
                 row["share_of_gap"] = (success[arm].mean() - success["scan"].mean()) / gap if gap else np.nan
             rows.append(row | _measures(own))
     return pd.DataFrame(rows)
+
+
+def best_classical(test: pd.DataFrame) -> str | None:
+    """Return the classical arm of the robot's own lidar with the most successes in all experiments, if there is one."""
+    classical = test[test["arm"].isin(BEST_OF)]
+    reached = (classical["outcome"] == "goal").groupby(classical["arm"]).mean()
+    return str(reached.idxmax()) if len(reached) else None
 
 
 def title_of(arm: str) -> str:

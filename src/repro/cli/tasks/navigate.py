@@ -10,6 +10,7 @@ from repro.system.errors import InputError
 if TYPE_CHECKING:
     from repro.maps.grid import Grid
     from repro.navigation.arms import Arm
+    from repro.navigation.study import Seeds, Study
 
 
 def run(job: Job) -> None:
@@ -30,14 +31,40 @@ def run(job: Job) -> None:
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
     options: dict[str, Any] = {"inflations_m": settings.inflations_m, "people": settings.people}
-    study = Study(directory, *_arm(job, grid), specs, grid, **options)
+    study = Study(directory, *_arm(job, grid, settings.arm), specs, grid, **options)
     with few_threads():
         study.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
+    if settings.arm in NETWORK_ARMS:
+        _draw_replay(job, study, seeds)
 
 
-def _arm(job: Job, grid: "Grid") -> tuple[str, "Arm"]:
+def _draw_replay(job: Job, study: "Study", seeds: "Seeds") -> None:
+    """Draw a course that this arm masters and the best classical one does not."""
+    import pandas as pd
+
+    from repro.navigation.study import TEST, Study
+    from repro.reporting.navigation import BEST_OF, best_classical, title_of
+    from repro.reporting.replay import telling_course, watch, write_replay
+
+    directory = study.directory.parent
+    rows = {name: directory / name / TEST for name in (study.name, *BEST_OF)}
+    tests = {name: pd.read_csv(path).assign(arm=name) for name, path in rows.items() if path.is_file()}
+    best = best_classical(pd.concat(tests.values()))
+    course = telling_course(tests[study.name], tests[best]) if best else None
+    if not best or not course:
+        return
+    options: dict[str, Any] = {"inflations_m": study.inflations_m, "people": study.people}
+    other = Study(directory, *_arm(job, study.grid, best), study.specs, study.grid, **options)
+    fleets = [each.fleet([course], each.tuned(seeds.validation)) for each in (other, study)]
+    drives = [watch(fleet, title_of(each.name)) for fleet, each in zip(fleets, (other, study), strict=True)]
+    lidar, path = fleets[0].range_max_m, job.outputs.analysis / "navigation_replay.gif"
+    write_replay(drives, fleets[0].courses[0].goals, path, size_m=study.grid.size_m, range_max_m=lidar)
+    print(f"{path}: experiment {course[0]}, course {course[1]}")
+
+
+def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
     """Return the name and the arm of a call; that of a network has the name of its architecture and encoding."""
     from repro.baselines.registry import TRACKER
     from repro.cli.inputs import find
@@ -45,7 +72,6 @@ def _arm(job: Job, grid: "Grid") -> tuple[str, "Arm"]:
     from repro.navigation.arms import CLASSICAL, HITS, network_arm, tracker_arm
     from repro.networks.predictor import load_predictor
 
-    name = job.call.navigation.arm
     if name in NETWORK_ARMS:
         predictor = load_predictor(find("prediction.weights", job.call.prediction.weights))
         if predictor.grid != grid:
