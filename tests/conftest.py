@@ -19,7 +19,6 @@ from repro.cli import compose, main
 from repro.cli.call import Call
 from repro.cli.errors import Refused
 from repro.config import RECURRENT, Encoding, PairCounts, Training
-from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.recordings.format import spec_fingerprint
@@ -138,8 +137,10 @@ def cpu_seconds() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def spent_budget() -> Budget:
+def spent_budget() -> Any:
     """Return a budget as a new process has it whose time limit has passed: it pauses after one epoch."""
+    from repro.learning.callbacks import Budget
+
     return Budget(1, since=time.monotonic() - 3600)
 
 

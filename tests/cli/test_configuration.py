@@ -150,7 +150,7 @@ def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     assert not list(job.outputs.runs())
 
 
-@pytest.mark.parametrize("task", ["animate", "generalization"])
+@pytest.mark.parametrize("task", ["world animate=true", "generalization"])
 def test_a_network_is_not_shown_worlds_of_another_call(task, tmp_path):
     """A map of 50 m would be predicted from scans of one of 100 m."""
     trained = read_call("exp=3", "scale=first", f"outputs={tmp_path}")
@@ -160,6 +160,6 @@ def test_a_network_is_not_shown_worlds_of_another_call(task, tmp_path):
     directory = resolve(trained).recordings
     directory.mkdir(parents=True)
     (directory / "manifest.json").write_text("{}")
-    call = read_call(f"task={task}", "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
+    call = read_call(*f"task={task}".split(), "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
     with pytest.raises(InputError, match="worlds"):
         call.facts.run(resolve(call))

@@ -98,7 +98,10 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     (copy / "runs/exp3/fpn/projection-no-decay/seed0/provenance.json").unlink()
     status, text = call(*COMMAND, *tiny(copy))
     assert status != 0
-    assert "holds a run of another configuration" in text
+    (failed,) = text.split("failed:")[1].strip().splitlines()
+    assert failed.startswith("model=unet exp=3: ")
+    assert "holds a run of another configuration (train.batch_size is 4, requested 16" in failed
+    assert "Traceback" not in text
     table = pd.read_csv(copy / "tables" / "ablation.csv")
     assert len(table) == 4 + 4 + 1 - 1 + 2 * len(QUICK_BASELINES)
     assert "| 4 | U-Net |" in text

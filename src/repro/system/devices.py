@@ -6,7 +6,7 @@ import platform
 import resource
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -72,11 +72,6 @@ def few_threads() -> Iterator[None]:
     """Compute on `chosen_threads`, and restore the threads of the caller."""
     with threads(chosen_threads()):
         yield
-
-
-def one_thread() -> AbstractContextManager[None]:
-    """Compute on one CPU thread, as the trainings of a sweep do."""
-    return threads(1)
 
 
 @contextmanager
