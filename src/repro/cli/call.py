@@ -47,31 +47,9 @@ def _errors_of_world(text: str) -> list[ConfigError]:
 
 @dataclass(frozen=True)
 class Call:
-    """The whole configuration of a call. `_errors` has the rules on several of its values.
+    """The whole configuration of a call; conf/config.yaml says what each value means.
 
-    Args:
-        task: name of the task.
-        world: the content of a file of conf/world.
-        exp: name of an experiment of the world.
-        decay: whether the gray of a hit depends on its age.
-        oldest_gray: gray of the oldest hit.
-        seed: seed of the training, or of the world that is shown.
-        outputs: directory of the results.
-        recordings: directory of the recordings.
-        encoding: the input of the network.
-        model: the network.
-        scale: resolution, pairs and schedule.
-        train: settings of the training.
-        runtime: how it is computed.
-        format: of an exported network.
-        scans: a log of a robot.
-        animate: whether task=world animates what a network predicts.
-        floor_map: the YAML of a map of map_server.
-        prediction: settings of task=predict, of which task=adapt takes those that read a log.
-        adaptation: settings of task=adapt.
-        navigation: settings of task=navigate.
-        demo: settings of task=demo.
-        publish: settings of task=publish and task=export.
+    `_errors` has the rules on several of its values.
     """
 
     __pydantic_config__ = KNOWN_KEYS

@@ -217,8 +217,8 @@ def _reason(error: Exception) -> str:
     if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError) or not words:
         return f"a configuration file cannot be read: {words or 'it has a key that is no text'}"
     cause = f": {str(error.__cause__).splitlines()[0]}" if error.__cause__ else ""
-    key = re.match(r"Could not override '(?!hydra)([^']*)'", text)
-    return f"{words}{cause}{did_you_mean(key[1], plain(hydra.compose('config'))) if key else ''}"
+    unknown = re.match(r"Could not override '(?!hydra)([^']*)'", text)
+    return f"{words}{cause}{did_you_mean(unknown[1], plain(hydra.compose('config'))) if unknown else ''}"
 
 
 _DETAILS = ("full_key", "object_type", "reference_type")  # lines that say nothing to a user

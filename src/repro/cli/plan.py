@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from repro.baselines.laws import applies
 from repro.baselines.registry import PREDICTORS
-from repro.cli.call import Call
 from repro.cli.jobs import Job
 from repro.cli.notes import recording_seconds
 from repro.learning.cost import training_seconds, usual_epochs
@@ -60,7 +59,10 @@ class Left:
 def plan_study(job: Job, left: Left) -> Iterator[str]:
     """Yield what is left of a study and its estimated duration, line by line as it is measured."""
     scale, runtime, total = job.call.scale, job.call.runtime, left.recording_seconds
-    at_once = min(sum(left.trainings.values()), _trainings_at_once(job.call))
+    size = (scale.size_px, job.call.train.batch_size, scale.pairs.train + scale.pairs.val)
+    is_cuda = resolve_device(runtime.accelerator) == "cuda"  # on which a sweep has one training after the other
+    at_once = 1 if is_cuda else parallel_trainings(*size, job.call.encoding.most_channels)
+    at_once = min(sum(left.trainings.values()), at_once)
     yield f"  {left.recordings} recordings: {duration(total)}" if left.recordings else "  recordings: done"
     for name, count in left.trainings.items():
         if count:
@@ -85,12 +87,3 @@ def plan_study(job: Job, left: Left) -> Iterator[str]:
     if total:
         yield f"About {duration(total)} on idle cores, at {usual_epochs(job.call.train)} epochs a training;"
         yield "it can be interrupted, the same command resumes"
-
-
-def _trainings_at_once(call: Call) -> int:
-    """Return how many trainings a sweep runs at the same time with the default launcher."""
-    if resolve_device(call.runtime.accelerator) == "cuda":
-        return 1
-    scale = call.scale
-    pairs = scale.pairs.train + scale.pairs.val
-    return parallel_trainings(scale.size_px, call.train.batch_size, pairs, call.encoding.most_channels)

@@ -1,4 +1,7 @@
-"""Settings of a call that do not decide the result of a run: how it is computed, and what single tasks take."""
+"""Settings of a call that do not decide the result of a run: how it is computed, and what single tasks take.
+
+conf/config.yaml says what each one means, with its unit and default.
+"""
 
 import os
 import stat
@@ -92,27 +95,7 @@ def _place(expected: str, count: int, *words: str) -> AfterValidator:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Settings of task=predict.
-
-    Args:
-        weights: a run, its model directory, an exported directory, or an ONNX file.
-        steps: steps of a window, T; None for those of the training.
-        step_s: time of a step [s]; None for that of the training.
-        stride_s: time between two windows [s].
-        spacing: time, or distance to take the scans of a log as evenly spaced; None for distance only where the times
-            of the log are unusable.
-        center: center of the map: robot, start, or x, y in the frame of the log [m].
-        pose: fixed, or x, y [m] and heading [rad], of a lidar that stands; None for the poses of the log.
-        mounting: x, y [m] and heading [rad] of the lidar on the robot; None for that of the log.
-        fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
-        range_max_m: maximum range of the lidar [m]; None for that of the log.
-        animate: whether to write an animation of all windows.
-        scan_topic: topic of the scans in a bag; None to find it.
-        odometry_topic: topic of the odometry in a bag; None to find it.
-        frame: frame of the poses in a bag; None for the topmost one.
-        mcap: whether to write an MCAP file, too.
-        inspect: whether only to say what the log has and what would be used.
-    """
+    """Settings of task=predict."""
 
     __pydantic_config__ = KNOWN_KEYS
 
@@ -136,12 +119,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Settings of task=adapt.
-
-    Args:
-        logs: logs of a wide lidar.
-        name: name of the adapted network; None for that of the first log.
-    """
+    """Settings of task=adapt."""
 
     __pydantic_config__ = KNOWN_KEYS
 
@@ -177,12 +155,7 @@ class Navigation:
 
 @dataclass(frozen=True)
 class Demo:
-    """Settings of task=demo.
-
-    Args:
-        networks: directories of trained or exported networks; the page starts with the first.
-        runtime: npm package of ONNX Runtime Web; None takes it from the user's cache or downloads it.
-    """
+    """Settings of task=demo."""
 
     __pydantic_config__ = KNOWN_KEYS
 
@@ -192,11 +165,7 @@ class Demo:
 
 @dataclass(frozen=True)
 class Publish:
-    """Settings of task=publish and task=export.
-
-    Args:
-        force: replace published results against the checks.
-    """
+    """Settings of task=publish and task=export."""
 
     __pydantic_config__ = KNOWN_KEYS
 
