@@ -144,48 +144,32 @@ YAML = {  # contents of a file scale/broken.yaml
 }
 MOVING = "world.obstacles.moving.behavior"
 SQUARE = "world.motions.square"
-NUMBERS = {  # key: values that are just outside of the allowed ones
+NUMBERS = {  # key: values that a number, a name or a rule on several values excludes
     "seed": (-1, 2**32),
     "oldest_gray": (-0.1, 1),
-    "scale.size_px": (0, 100, 8192),
-    "scale.pairs.train": (0, 3),
-    "scale.pairs.test": (0, 4_000_000),
+    "scale.size_px": (0, 100),
+    "scale.pairs.train": (3, 4_000_000),
     "scale.learning_rate": (0, 2),
     "scale.batch_size": (1, 20_000),
-    "scale.max_epochs": (0, 1_000_000),
     "scale.ema_decay": (0, 1),
     "scale.name": ("a/b", "''"),
-    "train.min_delta": (-1,),
-    "train.patience": (-1,),
-    "train.batch_size": (1, 10_001),
-    "train.dice_eps": (0,),
     "runtime.workers": (0, 1000),
-    "runtime.parts": (0, 20_000),
-    "runtime.max_minutes": (-1,),
     "runtime.accelerator": ("cuda",),
     "runtime.precision": ("bf16", 32),
     "model.name": ("resnet", "all_free"),
     "model.encoder_weights": ("foo",),
     "encoding.name": ("foo",),
     "exp": (0, 5),
-    "world.world.width": (0, 100),
-    "world.world.collision_mode": ("stop",),
-    "world.robot.shape.radius": (0.001, 10),
-    "world.robot.kinematics.name": ("omni",),
+    "world.world.width": (100,),
+    "world.robot.shape.radius": (10,),
     "world.robot.vel_max": ("[1,1]", 3),
     "world.robot.sensors": ("[]",),
-    f"{LIDAR}.range_max": (0, 20_000),
-    f"{LIDAR}.angle_range": (0, 7),
     f"{LIDAR}.number": (1, 2.5),
-    "world.obstacles.static.count": ("[7.5,9]", "[9,8]", "[0,3]", 8, "[8]"),
-    "world.obstacles.static.radius_m": ("[0,1]", "[3,2]", "[20,20]"),
-    "world.obstacles.static.disc_share": (2, -1),
+    "world.obstacles.static.count": ("[7.5,9]", "[9,8]", 8, "[8]"),
+    "world.obstacles.static.radius_m": ("[20,20]",),
     f"{MOVING}.name": ("fly",),
-    f"{MOVING}.speed_m_s": ("[0,1]", "[1,6]"),
-    f"{MOVING}.turn_steps": ("[0,0]", "[100,50]"),
-    f"{SQUARE}.side_m": (0, 12),
-    f"{SQUARE}.first_steps": (-1, 21),
-    "world.motions.rotate.steps": (1, 100_000),
+    f"{MOVING}.speed_m_s": ("[1,6]",),
+    f"{SQUARE}.first_steps": (21,),
     "world.experiments.3.clear_radius_m": (0.4, 30),
     "world.experiments.3.motion": ("null",),
 }
@@ -258,9 +242,8 @@ def leaves(values: Any, prefix: str = "") -> dict[str, Any]:
 def numbers() -> list[str]:
     with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
         values = plain(hydra.compose("config"))
-    for name in ("motions", "obstacles"):  # their copies in the experiments are the same values
-        assert name in values["world"]
-    return [key for key in leaves(values) if not (key.startswith("world.experiments.") and key.count(".") > 3)]
+    copies = re.compile(r"world\.experiments\.\w+\..*\.")  # of motions and obstacles
+    return [key for key in leaves(values) if not copies.match(key)]
 
 
 @pytest.mark.slow

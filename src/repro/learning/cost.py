@@ -6,7 +6,6 @@ from functools import partial
 
 import torch
 
-from repro.config import Training
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss
 from repro.maps.encodings import Encoding
@@ -66,7 +65,10 @@ def seconds_per_image(
 
 
 def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto") -> float:
-    """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread."""
+    """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread.
+
+    It is that of the maximum number of epochs, or of `USUAL_EPOCHS`.
+    """
     assert config.train, "a baseline is not trained"
     device, size_px, batch_size, steps = resolve_device(accelerator), config.data.size_px, config.train.batch_size, 8
     if device == "cpu" and size_px > 64:  # a smaller batch suffices
@@ -76,9 +78,4 @@ def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto
         seconds = seconds_per_image(
             config.model, encoding_of(config), size_px, batch_size, precision, steps, accelerator
         )
-    return seconds * config.data.pairs.train * usual_epochs(config.train)
-
-
-def usual_epochs(train: Training) -> int:
-    """Return the usual number of epochs of a training: its maximum, or fewer where early stopping ends it earlier."""
-    return min(train.max_epochs, USUAL_EPOCHS)
+    return seconds * config.data.pairs.train * min(config.train.max_epochs, USUAL_EPOCHS)

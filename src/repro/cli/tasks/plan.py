@@ -5,14 +5,15 @@ from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
-    """Print the status of an outputs directory and what is left, measuring the networks that are to be trained."""
-    from repro.cli.plan import Left, plan_study
+    """Print the status of an outputs directory and the time of the rest, measuring the networks to be trained."""
+    from repro.cli.plan import seconds_left
+    from repro.reporting.names import duration
     from repro.reporting.study import describe_outputs
 
-    print(describe_outputs(job.study, job.call.scale.pairs))
-    print(f"\nLeft to do in {job.outputs.path}:", flush=True)
-    for line in plan_study(job, Left.of(job)):
-        print(line, flush=True)
+    print(describe_outputs(job.study, job.call.scale.pairs), flush=True)
+    if seconds := seconds_left(job):
+        print(f"What is missing takes about {duration(seconds)} on idle cores, at the usual number of epochs;")
+        print("it can be interrupted, the same command resumes")
 
 
 TASK = Task(run, once=True, trains=True)
