@@ -3,6 +3,8 @@ import functools
 import os
 import resource
 import shutil
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -54,6 +56,12 @@ def refuse(*arguments: str) -> list[str]:
     with pytest.raises(Refused) as refused:
         read_calls(*arguments)
     return [str(reason) for reason in refused.value.args]
+
+
+def run_py(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run run.py in a new process."""
+    command, env = [sys.executable, "run.py", *arguments], os.environ | environment
+    return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=500)
 
 
 read_commit = functools.cache(provenance._commit)
@@ -129,6 +137,20 @@ def prepared(path: Path, **changes: Any) -> Run:
     run = Run(path)
     run.prepare(run_config(**changes))
     return run
+
+
+def damage(path: Path, how: str) -> None:
+    """Delete, alter, cut or replace a file."""
+    content = path.read_bytes()
+    if how == "missing":
+        path.unlink()
+    elif how == "altered":
+        at = len(content) // 2
+        path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+    else:
+        path.write_bytes(
+            {"cut": content[: len(content) // 2], "empty": b"", "a list": b"- 1\n", "a word": b"word"}[how]
+        )
 
 
 def cpu_seconds() -> float:

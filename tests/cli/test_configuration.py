@@ -3,7 +3,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, read_calls, refuse
+from conftest import ROOT, read_calls, refuse, run_py
 
 from repro.cli.call import Call
 from repro.cli.jobs import RESULTS, resolve
@@ -20,12 +20,6 @@ LIDAR = "world.robot.sensors.0"
 def read_call(*overrides) -> Call:
     (call,) = read_calls(*overrides)
     return call
-
-
-def call(*arguments):
-    """Run run.py; return its exit status and its output."""
-    done = subprocess.run([sys.executable, "run.py", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=120)
-    return done.returncode, done.stdout + done.stderr
 
 
 def test_defaults_are_the_papers():
@@ -107,16 +101,16 @@ def test_validation_imports_no_heavy_library():
 
 @pytest.mark.slow
 def test_training_without_recordings_names_the_command_that_records(tmp_path):
-    status, text = call("task=train", "scale=first", f"outputs={tmp_path / 'first'}")
-    assert status == 1
-    assert "Traceback" not in text
-    assert "run the same command with task=record first" in text
+    done = run_py("task=train", "scale=first", f"outputs={tmp_path / 'first'}")
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "run the same command with task=record first" in done.stderr
 
 
 @pytest.mark.slow
 def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
-    status, text = call("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
-    assert status == 0, text
+    done = run_py("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
+    assert done.returncode == 0, done.stderr
     code = (
         "import sys, irsim, repro.simulation.behaviors\n"
         "env = irsim.make(sys.argv[1], headless=True)\n"

@@ -10,7 +10,7 @@ from typing import Any
 
 import hydra
 import pytest
-from conftest import ROOT, cpu_seconds, read_calls, refuse
+from conftest import ROOT, cpu_seconds, read_calls, refuse, run_py
 
 from repro.cli.notes import warnings_of
 from repro.system.places import conf_directory
@@ -49,6 +49,9 @@ CALLS = {
     "-m seed=range(100) model=unet,fpn exp=1,2,3,4,1,2": "more than 1000 jobs",
     "-m task=all,report exp=3": "task=all,report: a sweep has one task",
     "-m task=report exp=3,4": "task=report: is done once for all runs",
+    "-m exp=3 hydra/launcher=cores hydra.launcher.n_jobs=0": "n_jobs=0: expected the number of trainings at the same",
+    "-m exp=3 hydra/launcher=cores hydra.launcher.n_jobs=null": "n_jobs=null: expected the number of trainings",
+    "-m exp=3 hydra/launcher=slurm": "srun is not found",
     # what Hydra's grammar and options do not take
     "outputs=a#b": """quote the value for Hydra and for the shell: 'outputs="a#b"'""",
     "outputs=~/x": """'outputs="~/x"'""",
@@ -196,6 +199,7 @@ MEANINGFUL = {  # hostile values that have a meaning
 @pytest.mark.parametrize(("call", "expected"), CALLS.items())
 def test_a_call_is_refused_with_its_reason(call, expected, monkeypatch):
     monkeypatch.setattr("repro.system.memory.psutil.virtual_memory", lambda: Memory())
+    monkeypatch.setattr(shutil, "which", lambda name: None)
     reasons = refuse(*call.split(" "))
     assert any(expected in reason for reason in reasons), reasons
     assert all("\n" not in reason for reason in reasons), reasons
@@ -258,9 +262,8 @@ def test_a_number_takes_no_value_without_meaning(key):
 
 @pytest.mark.parametrize("call", ["train.lr=3", "exp=9", "model=unte"])
 def test_a_refusal_writes_nothing_and_takes_less_than_three_seconds_of_the_processor(call, tmp_path):
-    command = [sys.executable, "run.py", f"outputs={tmp_path / 'out'}", call]
     before = cpu_seconds()
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = run_py(f"outputs={tmp_path / 'out'}", call)
     assert done.returncode == 2
     assert done.stderr.startswith("error: this cannot be run\n")
     assert "Traceback" not in done.stderr
@@ -275,18 +278,6 @@ def test_predictions_that_would_replace_one_another_are_refused(sweep, tmp_path)
         (tmp_path / name).write_text("a log")
     (reason,) = refuse("-m", "task=predict", *sweep.format(a=tmp_path / "a", b=tmp_path / "b").split())
     assert reason == "several predictions would write to predictions/run: make a call with outputs= for each"
-
-
-@pytest.mark.parametrize("number", ["0", "-2", "1.5", "many", "null", "true"])
-def test_a_wrong_number_of_parallel_trainings_is_refused(number):
-    (reason,) = refuse("-m", "exp=3", "hydra/launcher=cores", f"hydra.launcher.n_jobs={number}")
-    assert reason.startswith(f"hydra.launcher.n_jobs={number}: expected the number of trainings at the same time")
-
-
-def test_slurm_is_refused_where_it_is_missing(monkeypatch):
-    monkeypatch.setattr(shutil, "which", lambda name: None)
-    (reason,) = refuse("-m", "exp=3", "hydra/launcher=slurm")
-    assert "srun is not found" in reason
 
 
 @pytest.mark.parametrize("override", [f"{key}={value}" for key, values in NUMBERS.items() for value in values])
@@ -345,7 +336,7 @@ def test_a_world_of_values_that_only_yaml_has_is_refused(tmp_path, content, expe
 
 @pytest.mark.parametrize("arguments", [["--cfg", "job", "bogus=1"], ["--info", "searchpath", "exp=3,4"]])
 def test_information_about_a_call_that_cannot_be_composed_is_refused(arguments):
-    done = subprocess.run([sys.executable, "run.py", *arguments], cwd=ROOT, capture_output=True, text=True)
+    done = run_py(*arguments)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("error: this cannot be run")
 
@@ -358,9 +349,7 @@ def test_a_deleted_working_directory_is_named(tmp_path):
 
 
 def test_a_traceback_can_be_requested(tmp_path):
-    command = [sys.executable, "run.py", "train.lr=3", f"outputs={tmp_path / 'out'}"]
-    environment = {**os.environ, "HYDRA_FULL_ERROR": "1"}
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, env=environment)
+    done = run_py("train.lr=3", f"outputs={tmp_path / 'out'}", HYDRA_FULL_ERROR="1")
     assert done.returncode == 1
     assert "Traceback" in done.stderr
 

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import read_calls
+from conftest import damage, read_calls
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.cli.errors import explain
@@ -62,19 +62,6 @@ def run_of(outputs: Path, experiment: str = "3", model: str = "fpn") -> Path:
 
 def table_of(outputs: Path) -> str:
     return (outputs / "tables" / "main.md").read_text()
-
-
-def damage(path: Path, how: str) -> None:
-    content = path.read_bytes()
-    if how == "missing":
-        path.unlink()
-    elif how == "altered":
-        at = len(content) // 2
-        path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
-    else:
-        path.write_bytes(
-            {"cut": content[: len(content) // 2], "empty": b"", "a list": b"- 1\n", "a word": b"word"}[how]
-        )
 
 
 SMALL = ("config.yaml", "provenance.json", "metrics.csv")

@@ -13,7 +13,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, prepared, spent_budget
+from conftest import ROOT, damage, prepared, spent_budget
 
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -210,11 +210,7 @@ def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, re
     run = prepared(tmp_path / "run", max_epochs=4)
     for name in names:
         file = tmp_path / "run" / "checkpoints" / (f"{name}.ckpt" if "." not in name else "last.ckpt.before")
-        content = file.read_bytes()
-        at = len(content) // 2
-        altered = content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
-        damaged = {"cut": content[:at], "empty": b"", "altered": altered}
-        file.unlink() if how == "missing" else file.write_bytes(damaged[how])
+        damage(file, how)
     assert train(run, recorded, accelerator="cpu") is Status.trained
     assert ("skipping the damaged checkpoint" in caplog.text) == (how != "missing")
     assert (run.model / "model.safetensors").read_bytes() == weights
