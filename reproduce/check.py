@@ -18,7 +18,7 @@ from repro.networks.predictor import load_predictor
 from repro.recordings.recorded import load_recorded
 from repro.reporting.paper import read_paper
 from repro.simulation.recorder import record_experiment
-from repro.system.devices import threads
+from repro.system.devices import one_thread
 from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
@@ -50,7 +50,7 @@ def main() -> int:
     worst, rows = 0.0, {("unet", "paper"): paper.loc["unet"]}
     for model, (directory, encoding, weights) in PUBLISHED.items():
         print(f"predicting 500 maps: {model}", flush=True)
-        with threads(1):
+        with one_thread():
             free = load_predictor(RESULTS / weights).predict(test.scans)[:, None]
         stored, (now, _) = stored_row(directory, model, encoding), measure(free, test.maps)
         worst = max(worst, (now[SHOWN].astype(float) - stored).abs().max())

@@ -36,7 +36,7 @@ from repro.reporting.names import experiment_title, model_title
 from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
 from repro.reporting.rows import read_rows
 from repro.scans import Scans
-from repro.system.devices import clock, resolve_precision, threads
+from repro.system.devices import clock, one_thread, resolve_precision
 
 MODELS = Path(__file__).parents[1] / "conf" / "model"
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
@@ -78,7 +78,7 @@ def latency_ms(predictor: Predictor, device: str, repeat: int = 20) -> float:
 
 def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame) -> float:
     """Measure a few training steps on one CPU thread and return the time of a training of all published steps [min]."""
-    with threads(1):
+    with one_thread():
         size_px, precision = int(runs["size_px"].iloc[0]), resolve_precision("auto", "cpu")
         seconds = seconds_per_image(model, encoding, size_px, BATCH, precision, 6)
     return seconds * runs["train_pairs"].max() * runs["epochs"].max() / 60

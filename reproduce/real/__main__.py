@@ -30,7 +30,7 @@ from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.output import draw
 from repro.runs.provenance import environment
-from repro.system.devices import threads
+from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
 from reproduce.real import logs
 from reproduce.real.adapted import adapted
@@ -183,7 +183,7 @@ def main() -> None:
     options.target.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     constants: dict[str, Any] = {}
-    with threads(1):
+    with one_thread():
         networks = [(weights, 0) for weights in options.weights]
         if options.folds:
             networks.append((options.weights[0], options.folds))

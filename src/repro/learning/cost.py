@@ -13,7 +13,7 @@ from repro.networks.create import check_interface, create_network
 from repro.networks.model import Model
 from repro.recordings.datasets import encoding_of
 from repro.runs.config import RunConfig
-from repro.system.devices import clock, resolve_device, resolve_precision, threads
+from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
 
 MIXED = {"bf16-mixed": torch.bfloat16, "16-mixed": torch.float16}  # the others are measured in float32
 USUAL_EPOCHS = 20  # early stopping usually ends a training by then
@@ -30,7 +30,7 @@ def seconds_per_image(
 ) -> float:
     """Measure forward pass, backward pass and optimizer step per image on this machine [s], after a warm-up step.
 
-    On a CPU, it is the time of one thread, which the caller chooses, see `devices.threads`.
+    On a CPU, it is the time of one thread, which the caller chooses, see `devices.one_thread`.
 
     Args:
         model: the network.
@@ -74,7 +74,7 @@ def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto
     if device == "cpu" and size_px > 64:  # a smaller batch suffices
         batch_size, steps = min(batch_size, 4), 2
     precision = resolve_precision(precision, device)
-    with threads(1) if device == "cpu" else nullcontext():
+    with one_thread() if device == "cpu" else nullcontext():
         seconds = seconds_per_image(
             config.model, encoding_of(config), size_px, batch_size, precision, steps, accelerator
         )
