@@ -33,6 +33,10 @@ from repro.simulation.recorder import record_experiment
 from repro.world_config import WorldSpec
 
 ROOT = Path(__file__).parents[1]
+TINY = (  # a call of seconds
+    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
+    *("runtime.accelerator=cpu", "runtime.workers=1"),
+)
 
 
 def world_spec(name: str, /, **changes: Any) -> WorldSpec:

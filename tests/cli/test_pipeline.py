@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import ROOT, run_py
+from conftest import ROOT, TINY, run_py
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.metrics.names import METRICS
@@ -19,10 +19,7 @@ COMMAND = ["-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
 
 
 def tiny(outputs):
-    return [
-        "scale=first", f"outputs={outputs}", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4",
-        "scale.max_epochs=1", "runtime.accelerator=cpu",
-    ]  # fmt: skip
+    return [*TINY, f"outputs={outputs}"]
 
 
 def call(*arguments):
@@ -124,7 +121,7 @@ def test_trainings_at_the_same_time_and_one_after_the_other_give_the_same_result
 
 
 def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
-    small = [each.replace("max_epochs=1", "max_epochs=2") for each in tiny("")[2:]]
+    small = [each.replace("max_epochs=1", "max_epochs=2") for each in TINY[1:]]
     overrides = ["-m", "model=fpn", "exp=3", "seed=0,1", "decay=false", *small]
     overrides.append("hydra/launcher=basic")  # one process, with one time limit
     whole, parts = (["scale=first", f"outputs={tmp_path / name / 'first'}"] for name in ("whole", "parts"))

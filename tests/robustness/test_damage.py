@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import damage, read_calls
+from conftest import TINY, damage, read_calls
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.cli.errors import explain
@@ -17,14 +17,10 @@ from repro.runs.outputs import Outputs
 pytestmark = pytest.mark.slow
 
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
-OVERRIDES = (
-    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
-    *("runtime.accelerator=cpu", "runtime.precision=32-true", "runtime.workers=1"),
-)
 
 
 def read_call(outputs, *overrides):
-    (call,) = read_calls(*OVERRIDES, f"outputs={outputs}", *overrides)
+    (call,) = read_calls(*TINY, "runtime.precision=32-true", f"outputs={outputs}", *overrides)
     return call
 
 

@@ -13,7 +13,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, damage, prepared, spent_budget
+from conftest import ROOT, TINY, damage, prepared, spent_budget
 
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
@@ -21,10 +21,7 @@ from repro.runs.provenance import Status
 
 pytestmark = pytest.mark.slow
 
-TINY = (
-    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
-    *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
-)
+SMALL = (*TINY[:-3], "scale.max_epochs=3", *TINY[-2:], "exp=3", "model=fpn")
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
 KILLS = int(os.environ.get("REPRO_KILLS", "2"))  # of recording, and as many of training
 ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
@@ -33,7 +30,7 @@ RUN = Path("runs/exp3/fpn/projection/seed0")
 
 def start(outputs, *overrides):
     given = {override.partition("=")[0] for override in overrides}
-    kept = (override for override in TINY if override.partition("=")[0] not in given)
+    kept = (override for override in SMALL if override.partition("=")[0] not in given)
     command = [sys.executable, "run.py", *kept, f"outputs={outputs}", *overrides]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
@@ -293,7 +290,7 @@ def test_an_internal_error_shows_its_traceback(tmp_path):
         "recorder.record_experiment = lambda *_, **__: 1 / 0\n"
         f"runpy.run_path({str(ROOT / 'run.py')!r}, run_name='__main__')\n"
     )
-    command = [sys.executable, "-c", code, *TINY, "task=record", f"outputs={tmp_path / 'out'}"]
+    command = [sys.executable, "-c", code, *SMALL, "task=record", f"outputs={tmp_path / 'out'}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert "Traceback" in done.stderr
