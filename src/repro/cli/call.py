@@ -130,17 +130,11 @@ class Call:
         if task.trains and batch > pairs:
             yield f"train.batch_size={batch}: must be at most the {pairs} training pairs"
         if task.trains and (self.runtime.accelerator == "cpu" or not has_gpu()):
-            yield from self._cpu_errors()
-
-    def _cpu_errors(self) -> Iterator[str]:
-        """Yield why a training cannot compute in the precision on a CPU, or does not fit into the memory."""
-        scale, batch = self.scale, self.train.batch_size
-        pairs = scale.pairs.train + scale.pairs.val
-        needed = training_memory_gb(scale.size_px, batch, pairs, self.encoding.most_channels)
-        there = total_memory_gb()
-        if needed > there:
-            size = f"at {scale.size_px} px and batches of {batch} a training takes about {needed:.0f} GB of memory"
-            yield f"scale.pairs.train={scale.pairs.train}: {size}, this machine has {there:.0f} GB"
+            size_px, there = self.scale.size_px, total_memory_gb()
+            needed = training_memory_gb(size_px, batch, pairs + self.scale.pairs.val, encoding.most_channels)
+            if needed > there:
+                size = f"at {size_px} px and batches of {batch} a training takes about {needed:.0f} GB of memory"
+                yield f"scale.pairs.train={pairs}: {size}, this machine has {there:.0f} GB"
 
 
 def _model_errors(model: Model) -> list[ConfigError]:
