@@ -77,7 +77,7 @@ step -m task=record exp=1,2,3,4 "runtime.workers=${WORKERS:-$(nproc)}" ${overrid
 for seed in ${SEEDS:-0}; do
     step -m "${trainings[@]}" exp=1,2,3,4 "seed=$seed" ${overrides[@]+"${overrides[@]}"}
     step -m "${trainings[@]}" exp=3,4 decay=false "seed=$seed" ${overrides[@]+"${overrides[@]}"}
-    status=$(step task=status "seed=$seed" ${overrides[@]+"${overrides[@]}"})
+    status=$(step task=plan "seed=$seed" ${overrides[@]+"${overrides[@]}"})
     echo "$status"
     [[ $status == *": 24 evaluated."* ]] || again
 done

@@ -3,6 +3,8 @@ import functools
 import os
 import resource
 import shutil
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,6 @@ from repro.cli import compose, main
 from repro.cli.call import Call
 from repro.cli.errors import Refused
 from repro.config import RECURRENT, Encoding, PairCounts, Training
-from repro.learning.budget import Budget
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.recordings.format import spec_fingerprint
@@ -32,6 +33,10 @@ from repro.simulation.recorder import record_experiment
 from repro.world_config import WorldSpec
 
 ROOT = Path(__file__).parents[1]
+TINY = (  # a call of seconds
+    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
+    *("runtime.accelerator=cpu", "runtime.workers=1"),
+)
 
 
 def world_spec(name: str, /, **changes: Any) -> WorldSpec:
@@ -55,6 +60,12 @@ def refuse(*arguments: str) -> list[str]:
     with pytest.raises(Refused) as refused:
         read_calls(*arguments)
     return [str(reason) for reason in refused.value.args]
+
+
+def run_py(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run run.py in a new process."""
+    command, env = [sys.executable, "run.py", *arguments], os.environ | environment
+    return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=500)
 
 
 read_commit = functools.cache(provenance._commit)
@@ -132,14 +143,30 @@ def prepared(path: Path, **changes: Any) -> Run:
     return run
 
 
+def damage(path: Path, how: str) -> None:
+    """Delete, alter, cut or replace a file."""
+    content = path.read_bytes()
+    if how == "missing":
+        path.unlink()
+    elif how == "altered":
+        at = len(content) // 2
+        path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+    else:
+        path.write_bytes(
+            {"cut": content[: len(content) // 2], "empty": b"", "a list": b"- 1\n", "a word": b"word"}[how]
+        )
+
+
 def cpu_seconds() -> float:
     """Return the CPU time of the finished child processes, which does not depend on the load of the machine [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
-def spent_budget() -> Budget:
+def spent_budget() -> Any:
     """Return a budget as a new process has it whose time limit has passed: it pauses after one epoch."""
+    from repro.learning.callbacks import Budget
+
     return Budget(1, since=time.monotonic() - 3600)
 
 

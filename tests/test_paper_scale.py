@@ -12,7 +12,7 @@ STAND_IN = """\
 echo "$@" >> calls.txt
 mkdir -p outputs/paper/runs/exp1/model outputs/paper/recordings
 touch outputs/paper/runs/exp1/metrics.csv outputs/paper/runs/exp1/model/weights outputs/paper/recordings/train-0000.npz
-if [[ $* == *task=status* ]]; then echo "Of the study's 24 trainings with seed 0: $FOUND."; fi
+if [[ $* == *task=plan* ]]; then echo "Of the study's 24 trainings with seed 0: $FOUND."; fi
 if [[ $* == *"$STOPS"* ]]; then exit "$STATUS"; fi
 """
 

@@ -1,16 +1,14 @@
 """Typed parts of the configuration that decide a result.
 
-The values themselves are in conf/, Hydra composes them, `cli.validation` checks them.
+The values themselves are in conf/, Hydra composes them, `cli.call` checks them.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field
-from typing_extensions import TypedDict
+from pydantic import Field
 
-from repro.fields import KNOWN_KEYS, Epochs, Even, FrameCount, Gray, MaximumRange, Name, Share, SmallPositive, choice
+from repro.fields import KNOWN_KEYS, Epochs, Even, Name, Share, SmallPositive, choice
 
 
 @dataclass(frozen=True)
@@ -35,32 +33,12 @@ class Encoding:
     @property
     def most_channels(self) -> int:
         """Number of images of the encoding, or more, without creating it."""
-        return most_channels(self.parameters)
+        return MOST_CHANNELS * self.frames
 
-
-def most_channels(parameters: Mapping[str, Any]) -> int:
-    """Return the number of images of an encoding, or more, from its parameters."""
-    return MOST_CHANNELS * parameters.get("frames", 1)
-
-
-class EncodingParameters(TypedDict, total=False):
-    """Types and ranges of the parameters of the encodings in `maps.encodings`; those of other encodings are theirs."""
-
-    __pydantic_config__ = ConfigDict(extra="allow", strict=True)  # type: ignore[misc]
-
-    decay: bool
-    oldest_gray: Gray
-    range_max_m: MaximumRange
-    frames: FrameCount
-
-
-class NetworkParameters(TypedDict, total=False):
-    """Types and ranges of the parameters of the recurrent networks in `networks`."""
-
-    __pydantic_config__ = ConfigDict(extra="allow", strict=True)  # type: ignore[misc]
-
-    hidden: Annotated[int, Field(ge=16, le=512, multiple_of=16)]
-    stride: Literal[2, 4]
+    @property
+    def frames(self) -> int:
+        """Number of parts of the window that have images of their own."""
+        return self.parameters.get("frames", 1)
 
 
 NO_DECAY = "-no-decay"

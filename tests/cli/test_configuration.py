@@ -3,7 +3,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, cpu_seconds, read_calls, refuse
+from conftest import ROOT, read_calls, refuse, run_py
 
 from repro.cli.call import Call
 from repro.cli.jobs import RESULTS, resolve
@@ -22,13 +22,6 @@ def read_call(*overrides) -> Call:
     return call
 
 
-def call(*arguments):
-    """Run run.py; return its exit status, its output and the CPU time it took [s]."""
-    began = cpu_seconds()
-    done = subprocess.run([sys.executable, "run.py", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=120)
-    return done.returncode, done.stdout + done.stderr, cpu_seconds() - began
-
-
 def test_defaults_are_the_papers():
     config = read_call("task=record", "scale=paper")
     assert config.scale.pairs == PairCounts(train=10000, val=128, test=500)
@@ -38,6 +31,7 @@ def test_defaults_are_the_papers():
     assert lidar["angle_range"] == pytest.approx(3.14159265 / 2)
     assert (config.world["world"]["width"], config.world["world"]["height"]) == (50, 50)
     assert config.model.encoder_weights is None
+    assert config.oldest_gray == OLDEST_GRAY
 
 
 @pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
@@ -74,10 +68,6 @@ def test_the_home_directory_is_expanded_in_every_path(monkeypatch, tmp_path):
     assert (demo.runtime, *demo.networks) == (f"{tmp_path}/x",) * 2
 
 
-def test_the_default_gray_is_known_without_the_configuration():
-    assert read_call().oldest_gray == OLDEST_GRAY
-
-
 def test_the_grid_has_the_size_of_the_world():
     config = read_call("world.world.width=100", "world.world.height=100")
     assert resolve(config).config.data.size_m == 100
@@ -111,16 +101,16 @@ def test_validation_imports_no_heavy_library():
 
 @pytest.mark.slow
 def test_training_without_recordings_names_the_command_that_records(tmp_path):
-    status, text, _ = call("task=train", "scale=first", f"outputs={tmp_path / 'first'}")
-    assert status == 1
-    assert "Traceback" not in text
-    assert "run the same command with task=record first" in text
+    done = run_py("task=train", "scale=first", f"outputs={tmp_path / 'first'}")
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "run the same command with task=record first" in done.stderr
 
 
 @pytest.mark.slow
 def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
-    status, text, _ = call("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
-    assert status == 0, text
+    done = run_py("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
+    assert done.returncode == 0, done.stderr
     code = (
         "import sys, irsim, repro.simulation.behaviors\n"
         "env = irsim.make(sys.argv[1], headless=True)\n"
@@ -150,7 +140,7 @@ def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     assert not list(job.outputs.runs())
 
 
-@pytest.mark.parametrize("task", ["animate", "generalization"])
+@pytest.mark.parametrize("task", ["world animate=true", "generalization"])
 def test_a_network_is_not_shown_worlds_of_another_call(task, tmp_path):
     """A map of 50 m would be predicted from scans of one of 100 m."""
     trained = read_call("exp=3", "scale=first", f"outputs={tmp_path}")
@@ -160,6 +150,6 @@ def test_a_network_is_not_shown_worlds_of_another_call(task, tmp_path):
     directory = resolve(trained).recordings
     directory.mkdir(parents=True)
     (directory / "manifest.json").write_text("{}")
-    call = read_call(f"task={task}", "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
+    call = read_call(*f"task={task}".split(), "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
     with pytest.raises(InputError, match="worlds"):
         call.facts.run(resolve(call))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import ROOT
+from conftest import ROOT, TINY, run_py
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.metrics.names import METRICS
@@ -15,18 +15,15 @@ from repro.networks.model import NETWORKS
 
 pytestmark = pytest.mark.slow
 
-COMMAND = ["run.py", "-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
+COMMAND = ["-m", "model=unet,fpn,upernet,segformer", "exp=3,4", "decay=false"]
 
 
 def tiny(outputs):
-    return [
-        "scale=first", f"outputs={outputs}", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4",
-        "scale.max_epochs=1", "runtime.accelerator=cpu",
-    ]  # fmt: skip
+    return [*TINY, f"outputs={outputs}"]
 
 
 def call(*arguments):
-    done = subprocess.run([sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=500)
+    done = run_py(*arguments)
     return done.returncode, done.stdout + done.stderr
 
 
@@ -82,7 +79,7 @@ def test_the_same_command_again_does_nothing(study):
 
 def test_another_configuration_in_the_same_directory_is_refused(study):
     outputs, _ = study
-    status, text = call("run.py", "exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
+    status, text = call("exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
     assert status != 0
     assert "train.batch_size is 16, requested 4" in text
 
@@ -98,7 +95,10 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     (copy / "runs/exp3/fpn/projection-no-decay/seed0/provenance.json").unlink()
     status, text = call(*COMMAND, *tiny(copy))
     assert status != 0
-    assert "holds a run of another configuration" in text
+    (failed,) = text.split("failed:")[1].strip().splitlines()
+    assert failed.startswith("model=unet exp=3: ")
+    assert "holds a run of another configuration (train.batch_size is 4, requested 16" in failed
+    assert "Traceback" not in text
     table = pd.read_csv(copy / "tables" / "ablation.csv")
     assert len(table) == 4 + 4 + 1 - 1 + 2 * len(QUICK_BASELINES)
     assert "| 4 | U-Net |" in text
@@ -107,7 +107,7 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
 def test_trainings_at_the_same_time_and_one_after_the_other_give_the_same_results(study, tmp_path):
     outputs, _ = study
     copy = tmp_path / "first"
-    arguments = ["run.py", "-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=basic", *tiny(copy)]
+    arguments = ["-m", "model=fpn", "exp=3,4", "decay=false", "hydra/launcher=basic", *tiny(copy)]
     status, text = call(*arguments)
     assert status == 0, text[-4000:]
     for experiment in ("exp3", "exp4"):
@@ -121,15 +121,15 @@ def test_trainings_at_the_same_time_and_one_after_the_other_give_the_same_result
 
 
 def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
-    small = [each.replace("max_epochs=1", "max_epochs=2") for each in tiny("")[2:]]
-    overrides = ["run.py", "-m", "model=fpn", "exp=3", "seed=0,1", "decay=false", *small]
+    small = [each.replace("max_epochs=1", "max_epochs=2") for each in TINY[1:]]
+    overrides = ["-m", "model=fpn", "exp=3", "seed=0,1", "decay=false", *small]
     overrides.append("hydra/launcher=basic")  # one process, with one time limit
     whole, parts = (["scale=first", f"outputs={tmp_path / name / 'first'}"] for name in ("whole", "parts"))
     status, text = call(*overrides, *whole)
     assert status == 0, text[-4000:]
 
     first_epoch = tmp_path / "parts/first/runs/exp3/fpn/projection-no-decay/seed0/history.csv"
-    process = subprocess.Popen([sys.executable, *overrides, *parts], cwd=ROOT, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen([sys.executable, "run.py", *overrides, *parts], cwd=ROOT, stdout=subprocess.DEVNULL)
     while process.poll() is None and not first_epoch.exists():
         time.sleep(0.01)
     process.kill()
@@ -151,9 +151,9 @@ def test_an_interrupted_sweep_ends_with_the_same_metrics(tmp_path):
 def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
     office = "{motion: ${world.motions.square}, obstacles: ${world.obstacles.moving}, clear_radius_m: 9.0}"
     overrides = ["exp=office", f"++world.experiments.office={office}", "model=fpn", *tiny(tmp_path / "first")]
-    status, text = call("run.py", *overrides)
+    status, text = call(*overrides)
     assert status == 0, text[-4000:]
-    status, text = call("run.py", *overrides, "task=report")
+    status, text = call(*overrides, "task=report")
     assert status == 0, text[-4000:]
     assert "| office | FPN |" in (tmp_path / "first/tables/main.md").read_text()
     assert "office & FPN" in (tmp_path / "first/tables/main.tex").read_text()
@@ -163,7 +163,7 @@ def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
 def test_report_rebuilds_tables_and_figures(study):
     outputs, _ = study
     shutil.rmtree(outputs / "tables")
-    status, text = call("run.py", "task=report", *tiny(outputs))
+    status, text = call("task=report", *tiny(outputs))
     assert status == 0, text[-4000:]
     assert (outputs / "tables" / "ablation.tex").is_file()
     assert (outputs / "figures" / "data_collection.png").is_file()

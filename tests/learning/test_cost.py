@@ -4,7 +4,7 @@ import pytest
 
 from repro.config import Encoding, PairCounts, Training
 from repro.learning import cost
-from repro.learning.cost import training_seconds, trainings_at_once
+from repro.learning.cost import training_seconds
 from repro.networks.model import Model, paper_model
 from repro.runs.config import Data, RunConfig
 
@@ -22,4 +22,3 @@ def test_a_recurrent_network_is_measured_with_its_series(monkeypatch):
     ((model, encoding, *numbers, accelerator),) = calls
     assert (model, encoding.channels, encoding.frames, accelerator) == (Model("light_convgru"), 8, 4, "cpu")
     assert numbers == [32, 2, "32-true", 8]
-    assert trainings_at_once(replace(config, data=replace(config.data, size_px=4096))) == 1

@@ -149,9 +149,11 @@ def test_a_run_may_be_moved_while_it_is_paused(tmp_path):
 
 
 @pytest.mark.slow
-def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path):
-    begin(tmp_path, recorded, max_epochs=40, patience=2, min_delta=10.0)
-    assert losses(tmp_path)["epoch"].tolist() == [0, 1, 2]
+@pytest.mark.parametrize(("patience", "epochs"), [(0, 2), (2, 3)])
+def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path, patience, epochs):
+    begin(tmp_path, recorded, max_epochs=40, patience=patience, min_delta=10.0)
+    assert losses(tmp_path)["epoch"].tolist() == list(range(epochs))
+    assert (tmp_path / "model" / "model.safetensors").is_file()
 
 
 @pytest.mark.slow
@@ -162,30 +164,20 @@ def test_the_best_weights_are_saved_not_the_last(recorded, tmp_path):
     assert same_weights(tmp_path / "long", tmp_path / "short")
 
 
-def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
+@pytest.mark.parametrize("kind", ["training", "validation"])
+def test_a_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch, kind):
     forward = MapLoss.forward
 
     def poisoned(self, logits, target):
-        return forward(self, logits, target) * (float("nan") if self.training else 1.0)
+        return forward(self, logits, target) * (float("nan") if self.training == (kind == "training") else 1.0)
 
     monkeypatch.setattr(MapLoss, "forward", poisoned)
-    with pytest.raises(FloatingPointError, match="the loss is nan at epoch 0, batch 0"):
+    place = "the loss is nan at epoch 0, batch 0" if kind == "training" else "the validation loss is nan at epoch 0"
+    with pytest.raises(FloatingPointError, match=place):
         begin(tmp_path, recorded)
     assert Run(tmp_path).status is Status.failed
-    assert "epoch 0, batch 0" in Run(tmp_path).provenance().error
+    assert place in Run(tmp_path).provenance().error
     assert not (tmp_path / "model").exists()
-
-
-def test_a_validation_loss_that_is_not_finite_fails_the_run(recorded, tmp_path, monkeypatch):
-    forward = MapLoss.forward
-
-    def poisoned(self, logits, target):
-        return forward(self, logits, target) * (1.0 if self.training else float("nan"))
-
-    monkeypatch.setattr(MapLoss, "forward", poisoned)
-    with pytest.raises(FloatingPointError, match="the validation loss is nan at epoch 0"):
-        begin(tmp_path, recorded)
-    assert Run(tmp_path).status is Status.failed
 
 
 def test_a_run_is_not_continued_with_other_recordings(recorded, tmp_path):

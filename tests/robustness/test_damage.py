@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from conftest import read_calls
+from conftest import TINY, damage, read_calls
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.cli.errors import explain
@@ -17,14 +17,10 @@ from repro.runs.outputs import Outputs
 pytestmark = pytest.mark.slow
 
 CELLS = (("3", "unet"), ("3", "fpn"), ("4", "fpn"))
-OVERRIDES = (
-    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"),
-    *("runtime.accelerator=cpu", "runtime.precision=32-true", "runtime.workers=1"),
-)
 
 
 def read_call(outputs, *overrides):
-    (call,) = read_calls(*OVERRIDES, f"outputs={outputs}", *overrides)
+    (call,) = read_calls(*TINY, "runtime.precision=32-true", f"outputs={outputs}", *overrides)
     return call
 
 
@@ -62,19 +58,6 @@ def run_of(outputs: Path, experiment: str = "3", model: str = "fpn") -> Path:
 
 def table_of(outputs: Path) -> str:
     return (outputs / "tables" / "main.md").read_text()
-
-
-def damage(path: Path, how: str) -> None:
-    content = path.read_bytes()
-    if how == "missing":
-        path.unlink()
-    elif how == "altered":
-        at = len(content) // 2
-        path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
-    else:
-        path.write_bytes(
-            {"cut": content[: len(content) // 2], "empty": b"", "a list": b"- 1\n", "a word": b"word"}[how]
-        )
 
 
 SMALL = ("config.yaml", "provenance.json", "metrics.csv")
@@ -119,26 +102,13 @@ def test_missing_metrics_are_measured_again(copy, name, task):
     assert path.read_text() == before
 
 
-@pytest.mark.parametrize(
-    ("name", "problem"),
-    [
-        ("model/model.safetensors", "is not what was trained: delete"),
-        ("metrics.csv", "is not what was evaluated: delete"),
-        ("predictions.npz", "is not what was evaluated: delete"),
-    ],
-)
-@pytest.mark.parametrize("how", ["cut", "altered"])
-@pytest.mark.parametrize("task", ["all", "evaluate"])
-def test_a_run_of_which_a_file_is_damaged_is_not_done(copy, name, problem, how, task):
-    damage(run_of(copy) / name, how)
-    assert f"{run_of(copy) / name} {problem}" in call(copy, task, "exp=3", "model=fpn")
-
-
+@pytest.mark.parametrize("how", ["cut", "altered", "missing"])
 @pytest.mark.parametrize("name", ["model/model.safetensors", "predictions.npz"])
-@pytest.mark.parametrize("task", ["all", "evaluate"])
-def test_a_run_of_which_a_file_is_missing_is_not_done(copy, name, task):
-    (run_of(copy) / name).unlink()
-    assert f"{run_of(copy) / name} is missing: delete" in call(copy, task, "exp=3", "model=fpn")
+def test_a_run_of_which_a_file_is_damaged_or_missing_is_not_done(copy, name, how):
+    damage(run_of(copy) / name, how)
+    problem = "is missing" if how == "missing" else f"is not what was {'trained' if 'model' in name else 'evaluated'}"
+    for task in ("all", "evaluate"):
+        assert f"{run_of(copy) / name} {problem}: delete" in call(copy, task, "exp=3", "model=fpn")
 
 
 @pytest.mark.parametrize("how", ["cut", "empty", "a word", "missing"])
@@ -231,21 +201,17 @@ def test_another_configuration_in_the_same_directory_is_refused(copy, override, 
     assert problem in call(copy, "train", "exp=3", "model=fpn", override)
 
 
-def test_exchanged_splits_are_refused(copy):
+@pytest.mark.parametrize(
+    ("splits", "problem"),
+    [({"val": "test", "test": "val"}, "its shards of the split"), ({"val": "other"}, "it has shards")],
+)
+def test_shards_of_other_splits_are_refused(copy, splits, problem):
     path = copy / "recordings" / "exp3" / "manifest.json"
     content = json.loads(path.read_text())
-    for entry_ in content["shards"].values():
-        entry_["split"] = {"val": "test", "test": "val"}.get(entry_["split"], entry_["split"])
+    for entry in content["shards"].values():
+        entry["split"] = splits.get(entry["split"], entry["split"])
     path.write_text(json.dumps(content))
-    assert "manifest.json cannot be read (its shards of the split" in call(copy, "train", "exp=3", "model=segformer")
-
-
-def test_a_shard_of_an_unknown_split_is_refused(copy):
-    path = copy / "recordings" / "exp3" / "manifest.json"
-    content = json.loads(path.read_text())
-    content["shards"]["other-0000.npz"] = next(iter(content["shards"].values())) | {"split": "other"}
-    path.write_text(json.dumps(content))
-    assert "manifest.json cannot be read (it has shards of a split" in call(copy, "train", "exp=3", "model=segformer")
+    assert f"manifest.json cannot be read ({problem}" in call(copy, "train", "exp=3", "model=segformer")
 
 
 def test_a_wrong_size_is_refused_before_a_baseline_is_evaluated(tmp_path):

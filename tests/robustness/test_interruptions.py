@@ -13,19 +13,15 @@ import uuid
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, prepared, spent_budget
+from conftest import ROOT, TINY, damage, prepared, spent_budget
 
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.runs.provenance import Status
-from repro.system.files import replacing
 
 pytestmark = pytest.mark.slow
 
-TINY = (
-    *("scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=3"),
-    *("runtime.accelerator=cpu", "runtime.workers=1", "exp=3", "model=fpn"),
-)
+SMALL = (*TINY[:-3], "scale.max_epochs=3", *TINY[-2:], "exp=3", "model=fpn")
 KEPT = ("metrics.csv", "validation.csv", "per_image.csv", "predictions.npz", "model/model.safetensors")
 KILLS = int(os.environ.get("REPRO_KILLS", "2"))  # of recording, and as many of training
 ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
@@ -34,7 +30,7 @@ RUN = Path("runs/exp3/fpn/projection/seed0")
 
 def start(outputs, *overrides):
     given = {override.partition("=")[0] for override in overrides}
-    kept = (override for override in TINY if override.partition("=")[0] not in given)
+    kept = (override for override in SMALL if override.partition("=")[0] not in given)
     command = [sys.executable, "run.py", *kept, f"outputs={outputs}", *overrides]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
@@ -211,24 +207,10 @@ def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, re
     run = prepared(tmp_path / "run", max_epochs=4)
     for name in names:
         file = tmp_path / "run" / "checkpoints" / (f"{name}.ckpt" if "." not in name else "last.ckpt.before")
-        content = file.read_bytes()
-        at = len(content) // 2
-        damaged = {
-            "cut": content[:at],
-            "empty": b"",
-            "altered": content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :],
-        }
-        file.unlink() if how == "missing" else file.write_bytes(damaged[how])
+        damage(file, how)
     assert train(run, recorded, accelerator="cpu") is Status.trained
     assert ("skipping the damaged checkpoint" in caplog.text) == (how != "missing")
     assert (run.model / "model.safetensors").read_bytes() == weights
-
-
-def test_a_training_without_patience_ends_with_its_best_weights(recorded, tmp_path):
-    run = prepared(tmp_path, max_epochs=3, patience=0, min_delta=10.0)
-    assert train(run, recorded, accelerator="cpu") is Status.trained
-    assert run.provenance().fact("epochs") == 2
-    assert (run.model / "model.safetensors").is_file()
 
 
 def test_a_full_disk_while_a_checkpoint_is_written_loses_nothing(paused, recorded, tmp_path, monkeypatch):
@@ -302,40 +284,14 @@ def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
     assert "Traceback" not in text
 
 
-def test_a_sweep_ends_with_its_failed_jobs_and_their_errors(whole, tmp_path):
-    outputs = tmp_path / "first"
-    shutil.copytree(whole, outputs)
-    path = outputs / RUN / "config.yaml"
-    path.write_text(path.read_text().replace("batch_size: 16", "batch_size: 4"))
-    status, text = finish(start(outputs, "exp=3,4", "-m"))
-    assert status == 1, text
-    assert "Traceback" not in text
-    assert text.index("Tables:") < text.index("failed:")
-    last = text.split("failed:")[1].strip().splitlines()
-    assert len(last) == 1
-    assert last[0].startswith("exp=3: ")
-    assert "train.batch_size is 4, requested 16" in last[0]
-    assert (outputs / "runs/exp4/fpn/projection/seed0/metrics.csv").is_file()
-    assert not list(outputs.glob(".failures*"))
-
-
 def test_an_internal_error_shows_its_traceback(tmp_path):
     code = (
         "import runpy, repro.simulation.recorder as recorder\n"
         "recorder.record_experiment = lambda *_, **__: 1 / 0\n"
         f"runpy.run_path({str(ROOT / 'run.py')!r}, run_name='__main__')\n"
     )
-    command = [sys.executable, "-c", code, *TINY, "task=record", f"outputs={tmp_path / 'out'}"]
+    command = [sys.executable, "-c", code, *SMALL, "task=record", f"outputs={tmp_path / 'out'}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1
     assert "Traceback" in done.stderr
     assert "ZeroDivisionError" in done.stderr
-
-
-def test_replacing_on_a_full_disk_names_the_file(tmp_path):
-    def write():
-        with replacing(tmp_path / "file"):
-            raise OSError(errno.ENOSPC, "No space left on device")
-
-    with pytest.raises(OSError, match=r"No space left on device: .*file'"):
-        write()

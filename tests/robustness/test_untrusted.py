@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-import yaml
 from conftest import prepared, spent_budget
 
 from repro.evaluation.evaluate import evaluate, read_per_image, read_quantized
@@ -48,10 +47,6 @@ def marker(tmp_path):
 
 def pickled(marker: Path) -> bytes:
     return pickle.dumps(Planted(marker))
-
-
-def yaml_with_code(marker: Path) -> str:
-    return f"experiment: !!python/object/apply:os.mkdir ['{marker}']\n"
 
 
 def npz_with_code(path: Path, name: str, marker: Path) -> None:
@@ -91,21 +86,35 @@ def test_checkpoints(recorded, tmp_path, marker, wrapped):
     assert train(run, recorded, accelerator="cpu") is Status.trained  # from the beginning
 
 
-def test_weights(run, marker):
-    (run.model / "model.safetensors").write_bytes(pickled(marker))
+PICKLED = {  # files of a run: how they are read, and the error
+    "model/model.safetensors": (lambda run: load_predictor(run.model), "differs from its checksum"),
+    "model/config.json": (lambda run: load_predictor(run.model), "restore|must be written by"),
+    "model/predictor.json": (lambda run: load_predictor(run.model), "restore|must be written by"),
+    "per_image.csv": (read_per_image, "is not what was evaluated"),
+    "config.yaml": (Run.config, "cannot be read"),
+    "provenance.json": (Run.provenance, "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", PICKLED)
+def test_a_pickle_instead_of_a_file_of_a_run(run, marker, name):
+    read, problem = PICKLED[name]
+    (run.path / name).write_bytes(pickled(marker))
+    with pytest.raises(ValueError, match=problem):
+        read(run)
+
+
+def test_weights_of_another_format(run, marker):
     (run.model / "pytorch_model.bin").write_bytes(pickled(marker))
-    with pytest.raises(ValueError, match=r"differs from its checksum"):
-        load_predictor(run.model)
     (run.model / "model.safetensors").unlink()
     with pytest.raises(ValueError, match=r"lacks model\.safetensors"):
         load_predictor(run.model)
 
 
-@pytest.mark.parametrize("name", ["config.json", "predictor.json"])
-def test_descriptions_of_predictors(run, marker, name):
-    (run.model / name).write_bytes(pickled(marker))
-    with pytest.raises(ValueError, match=r"restore|must be written by"):
-        load_predictor(run.model)
+def test_yaml_with_code(run, marker):
+    (run.path / "config.yaml").write_text(f"experiment: !!python/object/apply:os.mkdir ['{marker}']\n")
+    with pytest.raises(ValueError, match="cannot be read"):
+        run.config()
 
 
 def test_predictions(run, marker):
@@ -117,26 +126,6 @@ def test_predictions(run, marker):
     (run.path / "provenance.json").write_text(json.dumps(provenance))
     with pytest.raises(ValueError, match="cannot be read"):
         read_quantized(run)
-
-
-def test_rows(run, marker):
-    (run.path / "per_image.csv").write_bytes(pickled(marker))
-    with pytest.raises(ValueError, match="is not what was evaluated"):
-        read_per_image(run)
-
-
-def test_configurations(run, marker):
-    (run.path / "config.yaml").write_text(yaml_with_code(marker))
-    with pytest.raises(ValueError, match="cannot be read"):
-        run.config()
-    with pytest.raises(yaml.YAMLError):
-        yaml.safe_load(yaml_with_code(marker))
-
-
-def test_provenance(run, marker):
-    (run.path / "provenance.json").write_bytes(pickled(marker))
-    with pytest.raises(ValueError, match="cannot be read"):
-        run.provenance()
 
 
 def test_shards(recorded, tmp_path, marker):

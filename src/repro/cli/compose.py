@@ -17,7 +17,7 @@ from hydra._internal.callbacks import Callbacks
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, QuotedString
 from hydra.core.plugins import Plugins
 from hydra.core.utils import run_job
 from hydra.errors import HydraException, OverrideParseException
@@ -26,10 +26,9 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from repro.cli.call import did_you_mean, suggestion
-from repro.cli.errors import WANTS_TRACEBACKS, Refused
+from repro.cli.errors import WANTS_TRACEBACKS, Refused, did_you_mean
 from repro.cli.tasks import summaries, tasks
-from repro.config import NO_DECAY, most_channels
+from repro.config import NO_DECAY, Encoding
 from repro.parallel import has_gpu, parallel_trainings
 from repro.runs.keys import RunKey
 from repro.system.places import conf_directory
@@ -48,30 +47,19 @@ def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, s
     return f"recordings/exp{exp}" if place == "recordings" else "hydra"
 
 
-def list_tasks() -> str:
-    """Return the tasks and what they do, a line each, for --help."""
-    return "\n".join(f"  {name:<15} {summary}" for name, summary in summaries().items())
-
-
-def register() -> None:
-    """Register the resolvers that conf/ uses."""
-    resolvers: dict[str, Any] = {
-        "job_directory": job_directory,
-        "default_scale": lambda: "paper" if has_gpu() else "laptop",
-        "default_launcher": lambda: "basic" if has_gpu() else "cores",
-        "home": os.path.expanduser,  # Hydra does not expand ~
-        "parallel_trainings": lambda size_px, batch_size, pairs, channels: parallel_trainings(
-            size_px, batch_size, pairs.train + pairs.val, channels
-        ),
-        "most_channels": most_channels,
-        "first_key": lambda mapping: next(iter(mapping or {}), ""),
-        "tasks": list_tasks,
-    }
-    for name, resolver in resolvers.items():
-        OmegaConf.register_new_resolver(name, resolver, replace=True)
-
-
-register()
+RESOLVERS: dict[str, Any] = {  # that conf/ uses
+    "job_directory": job_directory,
+    "default_scale": lambda: "paper" if has_gpu() else "laptop",
+    "default_launcher": lambda: "basic" if has_gpu() else "cores",
+    "home": os.path.expanduser,  # Hydra does not expand ~
+    "parallel_trainings": lambda size_px, batch_size, pairs, parameters: parallel_trainings(
+        size_px, batch_size, pairs.train + pairs.val, Encoding("", parameters).most_channels
+    ),
+    "first_key": lambda mapping: next(iter(mapping or {}), ""),
+    "tasks": lambda: "\n".join(f"  {name:<15} {summary}" for name, summary in summaries().items()),
+}
+for _name, _resolver in RESOLVERS.items():
+    OmegaConf.register_new_resolver(_name, _resolver, replace=True)
 
 
 @dataclass(frozen=True)
@@ -92,9 +80,8 @@ class Composed:
     def of(cls, overrides: list[str]) -> "Composed":
         """Compose a job."""
         config = hydra.compose("config", overrides, return_hydra_config=True)
-        return cls(
-            overrides, config, plain(OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"]))
-        )
+        keys = [str(key) for key in config if key != "hydra"]
+        return cls(overrides, config, plain(OmegaConf.masked_copy(config, keys)))
 
     def run(self, function: Any) -> Any:
         """Run a function of the configuration as a job of Hydra, and return what it returns."""
@@ -137,24 +124,26 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
         except (HydraException, OmegaConfBaseException, YAMLError, RecursionError, TypeError, ValueError) as error:
             if isinstance(error, Refused) or WANTS_TRACEBACKS:
                 raise
-            raise Refused(_reason(error, arguments.config_dir)) from error
+            raise Refused(_reason(error)) from error
         yield found
 
 
 def _check_options(arguments: argparse.Namespace) -> None:
-    """Check the options of Hydra that would choose another configuration."""
-    if arguments.config_name or arguments.config_path:
-        raise Refused("--config-name and --config-path are not supported: use overrides, or --config-dir for groups")
-    if arguments.experimental_rerun:  # what argparse makes of --exp
-        raise Refused(
-            f"--exp={arguments.experimental_rerun}: overrides have no dashes: exp={arguments.experimental_rerun}"
-        )
-    if arguments.config_dir and not os.path.isdir(arguments.config_dir):
-        raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
-    if arguments.resolve and not arguments.cfg:
-        raise Refused("--resolve is for --cfg only: run.py --cfg job --resolve")
-    if arguments.multirun and arguments.cfg:
-        raise Refused("--cfg prints the configuration of one job: leave out -m")
+    """Check the options of Hydra that would choose another configuration, or have no effect."""
+    flag = arguments.experimental_rerun  # what argparse makes of --exp
+    refused = {
+        "--config-name and --config-path are not supported: use overrides, or --config-dir for groups": (
+            arguments.config_name or arguments.config_path
+        ),
+        f"--exp={flag}: overrides have no dashes: exp={flag}": flag,
+        f"--config-dir={arguments.config_dir}: is not a directory": (
+            arguments.config_dir and not os.path.isdir(arguments.config_dir)
+        ),
+        "--resolve is for --cfg only: run.py --cfg job --resolve": arguments.resolve and not arguments.cfg,
+        "--cfg prints the configuration of one job: leave out -m": arguments.multirun and arguments.cfg,
+    }
+    if reasons := [reason for reason, is_wrong in refused.items() if is_wrong]:
+        raise Refused(*reasons)
 
 
 def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
@@ -164,7 +153,7 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
         Refused: an override contradicts another, or there are no jobs, or too many.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
-    if errors := [error for each in parsed for error in _override_errors(each, multirun)]:
+    if errors := [error for each in parsed for error in _override_errors(each)]:
         raise Refused(*errors)
     written: dict[str, str] = {}
     for each in parsed:
@@ -174,35 +163,23 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     if not multirun:
         return [overrides]
     sweeps = [each for each in parsed if each.is_sweep_override()]
-    counts = [sum(1 for _ in itertools.islice(each.sweep_iterator(), MOST_JOBS + 1)) for each in sweeps]
-    if math.prod(counts) > MOST_JOBS:
-        raise Refused(f"the sweep has more than {MOST_JOBS} jobs: divide it")
-    if not math.prod(counts):
-        raise Refused("the sweep has no jobs: a pattern matches nothing")
+    count = math.prod(sum(1 for _ in itertools.islice(each.sweep_iterator(), MOST_JOBS + 1)) for each in sweeps)
+    if not 0 < count <= MOST_JOBS:
+        raise Refused(f"the sweep has {f'more than {MOST_JOBS}' if count else 'no'} jobs")
     return BasicSweeper.split_arguments(parsed, None)[0]
 
 
-def _override_errors(override: Override, multirun: bool) -> Iterator[str]:
-    """Yield what is wrong with an override that Hydra would accept, or refuse later than the first job."""
+def _override_errors(override: Override) -> Iterator[str]:
+    """Yield what is wrong with an override that Hydra would accept, or refuse without naming it or after other jobs."""
     key, written = override.key_or_group, override.input_line
     if not key:
         yield f"{written}: an override is key=value"
-    elif override.is_delete() and "." not in key:
-        yield f"{written}: {key} cannot be left out"
-    elif override.is_sweep_override() and not multirun:
-        name, _, value = str(written).partition("=")
-        yield f"{written}: takes one value; for a sweep, add -m; for a comma in it, quote it: '{name}=\"{value}\"'"
-    elif key in GROUPS and not (override.is_sweep_override() or isinstance(override._value, str)):
-        if not hasattr(override._value, "text"):  # of a quoted string
-            yield f"{written}: takes one name; for a sweep over several, use -m {key}=a,b; a number is quoted"
+    elif key in GROUPS and not (override.is_sweep_override() or isinstance(override._value, str | QuotedString)):
+        yield f"{written}: takes one name; for a sweep over several, use -m {key}=a,b; a number is quoted"
     elif key == "hydra/launcher" and "slurm" in str(written) and not shutil.which("srun"):
         yield f"{written}: no Slurm on this machine: srun is not found"
-    elif key == "hydra.launcher.n_jobs" and not _is_number_of_jobs(override.value()):
+    elif key == "hydra.launcher.n_jobs" and not re.fullmatch(r"-1|[1-9]\d*", str(override.value())):
         yield f"{written}: expected the number of trainings at the same time, 1 or more, or -1 for that of the cores"
-
-
-def _is_number_of_jobs(value: Any) -> bool:
-    return type(value) is int and (value >= 1 or value == -1)
 
 
 def _check_hydra(jobs: list[Composed]) -> None:
@@ -230,35 +207,18 @@ def _hydra_part(config: DictConfig) -> dict[str, Any]:
     return {key: value for key, value in part.items() if key not in ("overrides", "runtime")}
 
 
-def _reason(error: Exception, config_dir: str | None) -> str:
+def _reason(error: Exception) -> str:
     """Return in one line why a call cannot be composed: Hydra's words, and what may have been meant."""
-    if isinstance(error, UnicodeDecodeError):  # which does not name its file
-        folders = [conf_directory(), *([Path(config_dir)] if config_dir else [])]
-        return "; ".join(f"{path}: is not UTF-8" for folder in folders for path in _not_utf8(folder))
-    if isinstance(error, OverrideParseException):
-        key, equals, value = error.override.partition("=")
-        if not (key and equals):
-            return f"{error.override}: an override is key=value"
+    if isinstance(error, OverrideParseException) and "=" in error.override:
+        key, _, value = error.override.partition("=")
         return f"{error.override}: cannot be read; quote the value for Hydra and for the shell: '{key}=\"{value}\"'"
-    text = str(error).split("\nConfig search path")[0] or "a configuration file has a key that is no text"
+    text = re.split("\n(?:Config search path|See https)", str(error))[0]
     words = " ".join(line.strip() for line in text.splitlines() if not line.strip().startswith(_DETAILS))
-    if isinstance(error, YAMLError | RecursionError):
-        return f"a configuration file cannot be read: {words}"
-    if words.startswith("Index '"):
-        return f"{words}: an entry of a list is named by its number, as in world.robot.sensors.0"
+    if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError) or not words:
+        return f"a configuration file cannot be read: {words or 'it has a key that is no text'}"
     cause = f": {str(error.__cause__).splitlines()[0]}" if error.__cause__ else ""
-    if text.startswith("Could not override '") and not text.startswith("Could not override 'hydra"):
-        return f"{words.strip('.')}{cause}{suggestion(text.split(chr(39))[1], plain(hydra.compose('config')))}"
-    name = re.search(r"Could not find '(?:.*/)?([^/']*)'", text)
-    return f"{words}{cause}{did_you_mean(name[1], text.split()) if name else ''}"
+    unknown = re.match(r"Could not override '(?!hydra)([^']*)'", text)
+    return f"{words}{cause}{did_you_mean(unknown[1], plain(hydra.compose('config'))) if unknown else ''}"
 
 
-_DETAILS = ("full_key", "object_type", "reference_type", "To append")  # lines that say nothing to a user, or too much
-
-
-def _not_utf8(folder: Path) -> Iterator[Path]:
-    for path in sorted(folder.rglob("*.yaml")):
-        try:
-            path.read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            yield path
+_DETAILS = ("full_key", "object_type", "reference_type")  # lines that say nothing to a user

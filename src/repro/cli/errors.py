@@ -2,6 +2,9 @@
 
 import errno
 import os
+from collections.abc import Iterator
+from difflib import get_close_matches
+from typing import Any
 
 from repro.system.errors import InputError
 
@@ -47,3 +50,21 @@ def explain(error: BaseException) -> str | None:
     if isinstance(error, InputError | FloatingPointError):
         return str(error)
     return None
+
+
+def did_you_mean(key: str, values: dict[str, Any]) -> str:
+    """Return the keys of a nested mapping that an unknown key may have meant, for the end of a message."""
+    above, _, name = key.rpartition(".")
+    others = {each: each.rpartition(".") for each in _keys(values) if each != key}
+    beside = {last: each for each, (parent, _, last) in others.items() if parent == above}
+    near = [beside[each] for each in get_close_matches(name, beside, 1)]
+    near = near or [each for each, (_, _, last) in others.items() if last == name][:2]
+    return f"; did you mean {' or '.join(near)}?" if near else f"; known are {', '.join(beside)}" if beside else ""
+
+
+def _keys(values: Any, prefix: str = "") -> Iterator[str]:
+    """Yield all keys of nested mappings and lists, with dots."""
+    items = values.items() if isinstance(values, dict) else enumerate(values if isinstance(values, list) else ())
+    for key, value in items:
+        yield f"{prefix}{key}"
+        yield from _keys(value, f"{prefix}{key}.")

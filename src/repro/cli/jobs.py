@@ -1,12 +1,10 @@
 """A call with everything resolved: the only place that turns the configuration into runs, directories and specs."""
 
 from dataclasses import asdict, dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repro.cli.call import Call
-from repro.learning.budget import Budget
 from repro.recordings.format import spec_fingerprint
 from repro.runs.config import Data, RunConfig
 from repro.runs.directories import Run
@@ -79,9 +77,3 @@ def resolve(call: Call) -> Job:
     data = Data(call.scale.name, call.scale.size_px, spec.world.width, call.scale.pairs, spec_fingerprint(spec))
     run = RunConfig(call.exp, call.seed, call.model, call.encoding, data, call.train)
     return Job(call, run, Outputs(Path(call.outputs), Path(call.recordings)), spec)
-
-
-@cache
-def process_budget(minutes: float | None) -> Budget:
-    """Return the time budget that all jobs of this process share."""
-    return Budget(minutes)

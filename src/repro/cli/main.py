@@ -2,7 +2,6 @@
 
 import argparse
 import os
-import re
 import signal
 import sys
 import traceback
@@ -21,7 +20,7 @@ from repro.cli.logs import name_of
 from repro.cli.notes import print_notes
 from repro.cli.streams import complete_standard_streams, discard_output
 from repro.cli.tasks import keys_without_effect
-from repro.parallel import THREADS, has_gpu, use_one_thread
+from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
 from repro.system.places import conf_directory
 from repro.world_config import plain
@@ -90,7 +89,6 @@ def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call
     Raises:
         Refused: a job cannot be run, or not beside the others.
     """
-    _check_environment()
     calls: list[Call] = []
     errors: dict[str, None] = {}
     for job in jobs:
@@ -112,13 +110,6 @@ def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call
         name = next(name for outputs, name in targets if targets.count((outputs, name)) > 1)
         raise Refused(f"several predictions would write to predictions/{name}: make a call with outputs= for each")
     return calls
-
-
-def _check_environment() -> None:
-    """Check what the libraries would ignore or end with a traceback for."""
-    threads = os.environ.get(THREADS, "1")
-    if not re.fullmatch(r"[1-9]\d{0,3}(,[1-9]\d{0,3})*", threads):
-        raise Refused(f"{THREADS}={threads}: expected a number of threads, such as 1")
 
 
 def _run_one(call: Call, job: Composed) -> str | None:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from omegaconf import OmegaConf
 
 from repro.cli.call import Call
-from repro.networks.model import PAPER_ENCODER
 from repro.parallel import has_gpu
 from repro.system.places import conf_directory
 from repro.world_config import WorldSpec, world_spec
@@ -32,24 +31,15 @@ def warnings_of(call: Call) -> Iterator[str]:
     """Yield warnings of values that are allowed and may surprise."""
     if call.facts.trains and call.scale.name == "paper" and not has_gpu():
         yield "scale=paper takes days without a GPU, see task=plan; scale=laptop takes an hour or two"
-    if call.runtime.precision in ("16-mixed", "16-true", "bf16-true"):
-        yield f"runtime.precision={call.runtime.precision} has few digits: losses may not stay finite"
-    encoder, weights = call.model.encoder_name, call.model.encoder_weights
-    if encoder not in (None, PAPER_ENCODER):
-        yield f"model.encoder_name={encoder} is not the paper's, which is {PAPER_ENCODER}"
-    if weights is not None:
-        yield f"model.encoder_weights={weights} are downloaded from the internet the first time"
     pairs = call.scale.pairs
     minutes = recording_seconds(world_spec(call.world, call.exp), pairs.train + pairs.val + pairs.test) / 60
     if call.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
         yield f"recording exp {call.exp} takes about {minutes:.0f} min per core"
     if not call.experiment["clear_radius_m"]:
         yield f"exp {call.exp} has no clear zone: recording stops where an obstacle reaches the robot"
-    if call.facts.trains and call.train.flip_augmentation:
-        if call.experiment.get("fixed"):
-            yield "train.flip_augmentation=true also shows the network the fixed obstacles upside down"
-        if call.experiment["motion"]["name"] == "waypoints":
-            yield "train.flip_augmentation=true also shows the network the robot's path upside down"
+    is_one_way = call.experiment.get("fixed") or call.experiment["motion"]["name"] == "waypoints"
+    if call.facts.trains and call.train.flip_augmentation and is_one_way:
+        yield "train.flip_augmentation=true also shows the network the fixed obstacles or the path upside down"
 
 
 def recording_seconds(spec: WorldSpec, recordings: int) -> float:

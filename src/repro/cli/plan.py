@@ -1,20 +1,18 @@
-"""What is left of the study at a scale, and how long it takes on this machine."""
+"""How long the rest of a study takes on this machine."""
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
 from dataclasses import replace
 
 from repro.baselines.laws import applies
 from repro.baselines.registry import PREDICTORS
 from repro.cli.jobs import Job
 from repro.cli.notes import recording_seconds
-from repro.cli.settings import Runtime
-from repro.learning.cost import training_seconds, trainings_at_once, usual_epochs
-from repro.networks.model import NETWORKS, paper_model
-from repro.parallel import count_cores
+from repro.learning.cost import training_seconds
+from repro.networks.model import paper_model
+from repro.parallel import count_cores, parallel_trainings
 from repro.recordings.format import recordings_in
-from repro.reporting.names import duration
-from repro.runs.config import RunConfig
 from repro.runs.keys import RunKey
+from repro.system.devices import resolve_device
 from repro.world_config import world_spec
 
 EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
@@ -22,75 +20,32 @@ ANALYSIS_SECONDS = 3.0  # per evaluated run
 BASELINE_SECONDS = 0.036  # per baseline and validation or test pair at 64 px; grows with size^3, as dilations do
 
 
-def print_plan(job: Job) -> None:
-    """Print what is left, measuring the networks that are still to be trained."""
-    print(f"Left to do in {job.outputs.path}:", flush=True)
-    experiments, wanted = job.call.world["experiments"], job.pairs
-    missing = {name: sum(wanted.values()) - recordings_in(job.outputs.recordings(name), wanted) for name in experiments}
-    seconds = sum(recording_seconds(world_spec(job.call.world, name), count) for name, count in missing.items())
-    seconds /= min(job.call.runtime.workers, count_cores())
-    study = job.study
-    runs = study.runs()
-    untrained = [key.model for key, run in runs.items() if not study.is_trained(run)]
-    trainings = {name: untrained.count(name) for name in NETWORKS}
-    evaluations = sum(not (study.is_trained(run) and run.is_evaluated) for run in runs.values())
-    recordings, runtime = sum(missing.values()), job.call.runtime
-    for line in plan_study(job.config, runtime, recordings, seconds, trainings, evaluations, _baselines_left(job)):
-        print(line, flush=True)
+def seconds_left(job: Job) -> float:
+    """Estimate what is left of the study of a job on idle cores [s], measuring each network that is to be trained.
 
-
-def _baselines_left(job: Job) -> int:
-    """Return the number of baselines that task=analysis would evaluate."""
-    specs = {name: world_spec(job.call.world, name) for name in job.call.world["experiments"]}
-    keys = [
-        RunKey(experiment, name) for experiment, spec in specs.items() for name in PREDICTORS if applies(name, spec)
-    ]
-    return sum(not job.outputs.run(key).is_evaluated for key in keys)
-
-
-def plan_study(
-    config: RunConfig,
-    runtime: Runtime,
-    recordings: int,
-    recording_seconds: float,
-    trainings: Mapping[str, int],
-    evaluations: int,
-    baselines: int,
-) -> Iterator[str]:
-    """Yield the remaining work of the study and its estimated duration, line by line as it is measured.
-
-    Args:
-        config: a run of the study.
-        runtime: accelerator and precision of the trainings.
-        recordings: number of remaining recordings.
-        recording_seconds: time to record them [s].
-        trainings: number of remaining trainings of each of the paper's networks.
-        evaluations: number of remaining runs to evaluate.
-        baselines: number of remaining classical baselines.
+    These are its recordings, trainings, evaluations, and the classical baselines that task=analysis evaluates.
     """
-    total, left = recording_seconds, sum(trainings.values())
-    at_once = min(left, trainings_at_once(config, runtime.accelerator))
-    yield f"  {recordings} recordings: {duration(total)}" if recordings else "  recordings: done"
-    for name, count in trainings.items():
-        if count:
-            run = replace(config, model=paper_model(name))
-            seconds = count * training_seconds(run, runtime.precision, runtime.accelerator)
-            total += seconds / at_once
-            yield f"  {count} x {name}: {duration(seconds)}"
-        else:
-            yield f"  {name}: done"
-    if at_once > 1:
-        yield f"  {at_once} trainings run at the same time, one per core"
-    if evaluations:
-        per_run = EVALUATION_SECONDS[min(EVALUATION_SECONDS, key=lambda px: abs(px - config.data.size_px))]
-        seconds = evaluations * (per_run * config.data.pairs.test / 500 + ANALYSIS_SECONDS)
-        total += seconds
-        yield f"  evaluation and analysis of {evaluations} runs: {duration(seconds)}"
-    if baselines:
-        pairs, size = config.data.pairs.val + config.data.pairs.test, config.data.size_px / 64
-        seconds = baselines * BASELINE_SECONDS * pairs * size**3
-        total += seconds
-        yield f"  {baselines} classical baselines, which task=analysis evaluates: {duration(seconds)}"
-    if total:
-        yield f"About {duration(total)} on idle cores, at {usual_epochs(config)} epochs a training;"
-        yield "it can be interrupted, the same command resumes"
+    call, study, outputs = job.call, job.study, job.outputs
+    scale, runtime, runs = call.scale, call.runtime, study.runs()
+    specs = {name: world_spec(call.world, name) for name in call.world["experiments"]}
+    missing = {name: sum(job.pairs.values()) - recordings_in(outputs.recordings(name), job.pairs) for name in specs}
+    recording = sum(recording_seconds(specs[name], count) for name, count in missing.items())
+
+    trained = {key: run for key, run in runs.items() if study.is_trained(run)}
+    untrained = Counter(key.model for key in runs if key not in trained)
+    size = (scale.size_px, call.train.batch_size, scale.pairs.train + scale.pairs.val)
+    is_cuda = resolve_device(runtime.accelerator) == "cuda"  # on which a sweep has one training after the other
+    at_once = 1 if is_cuda else min(untrained.total(), parallel_trainings(*size, call.encoding.most_channels))
+    training = sum(
+        count * training_seconds(replace(job.config, model=paper_model(name)), runtime.precision, runtime.accelerator)
+        for name, count in untrained.items()
+    )
+
+    evaluations = len(runs) - sum(run.is_evaluated for run in trained.values())
+    per_run = EVALUATION_SECONDS[min(EVALUATION_SECONDS, key=lambda px: abs(px - scale.size_px))]
+    evaluation = evaluations * (per_run * scale.pairs.test / 500 + ANALYSIS_SECONDS)
+    keys = [RunKey(name, each) for name, spec in specs.items() for each in PREDICTORS if applies(each, spec)]
+    baselines = sum(not outputs.run(key).is_evaluated for key in keys)
+    per_baseline = BASELINE_SECONDS * (scale.pairs.val + scale.pairs.test) * (scale.size_px / 64) ** 3
+    workers = min(runtime.workers, count_cores())
+    return recording / workers + training / max(1, at_once) + evaluation + baselines * per_baseline

@@ -1,6 +1,8 @@
-"""Settings of a call that do not decide the result of a run: how it is computed, and what single tasks take."""
+"""Settings of a call that do not decide the result of a run: how it is computed, and what single tasks take.
 
-import math
+conf/config.yaml says what each one means, with its unit and default.
+"""
+
 import os
 import stat
 from dataclasses import dataclass
@@ -71,53 +73,29 @@ class Runtime:
     parts: Annotated[int, Field(ge=1, le=10_000)]
 
     @model_validator(mode="after")
-    def _is_one_of_the_parts(self) -> "Runtime":
+    def _can_be_computed(self) -> "Runtime":
         if self.part >= self.parts:
             raise Refused(f"runtime.part={self.part}: must be below runtime.parts={self.parts}")
+        if self.precision.startswith("16") and (self.accelerator == "cpu" or not has_gpu()):
+            raise Refused(f"runtime.precision={self.precision}: float16 needs a GPU, use auto, 32-true or bf16-mixed")
         return self
 
 
-def _is_center(value: Any) -> Any:
-    is_point = isinstance(value, list) and len(value) == 2 and all(type(number) in (int, float) for number in value)
-    if value not in ("robot", "start") and not (is_point and all(map(math.isfinite, value))):
-        raise InputError("must be robot, start, or [x,y] in meters")
-    return value
+def _place(expected: str, count: int, *words: str) -> AfterValidator:
+    """Return a pydantic validator that accepts some words and lists of so many coordinates."""
 
+    def check(value: Any) -> Any:
+        is_list = isinstance(value, list) and len(value) == count and all(type(each) in (int, float) for each in value)
+        if value not in words and not (is_list and all(abs(each) <= 1e7 for each in value)):  # none is infinite or NaN
+            raise InputError(f"must be {expected}")
+        return value
 
-def _is_pose(value: Any) -> Any:
-    is_list = isinstance(value, list) and len(value) == 3 and all(type(number) in (int, float) for number in value)
-    if not (is_list and all(math.isfinite(number) and abs(number) <= 1e7 for number in value)):
-        raise InputError("must be [x,y,heading] in meters and radians")
-    return value
-
-
-def _is_fixed_pose(value: Any) -> Any:
-    return value if value == "fixed" else _is_pose(value)
+    return AfterValidator(check)
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Settings of task=predict.
-
-    Args:
-        weights: a run, its model directory, an exported directory, or an ONNX file.
-        steps: steps of a window, T; None for those of the training.
-        step_s: time of a step [s]; None for that of the training.
-        stride_s: time between two windows [s].
-        spacing: time, or distance to take the scans of a log as evenly spaced; None for distance only where the times
-            of the log are unusable.
-        center: center of the map: robot, start, or x, y in the frame of the log [m].
-        pose: fixed, or x, y [m] and heading [rad], of a lidar that stands; None for the poses of the log.
-        mounting: x, y [m] and heading [rad] of the lidar on the robot; None for that of the log.
-        fov_deg: field of view to crop the scans to [degrees]; None keeps all beams.
-        range_max_m: maximum range of the lidar [m]; None for that of the log.
-        animate: whether to write an animation of all windows.
-        scan_topic: topic of the scans in a bag; None to find it.
-        odometry_topic: topic of the odometry in a bag; None to find it.
-        frame: frame of the poses in a bag; None for the topmost one.
-        mcap: whether to write an MCAP file, too.
-        inspect: whether only to say what the log has and what would be used.
-    """
+    """Settings of task=predict."""
 
     __pydantic_config__ = KNOWN_KEYS
 
@@ -126,9 +104,9 @@ class Prediction:
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
     spacing: Annotated[str, choice("time", "distance")] | None
-    center: Annotated[Any, AfterValidator(_is_center)]
-    pose: Annotated[Any, AfterValidator(_is_fixed_pose)] | None
-    mounting: Annotated[Any, AfterValidator(_is_pose)] | None
+    center: Annotated[Any, _place("robot, start, or [x,y] in meters", 2, "robot", "start")]
+    pose: Annotated[Any, _place("fixed, or [x,y,heading] in meters and radians", 3, "fixed")] | None
+    mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
     fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
     range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
     animate: bool
@@ -141,12 +119,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Settings of task=adapt.
-
-    Args:
-        logs: logs of a wide lidar.
-        name: name of the adapted network; None for that of the first log.
-    """
+    """Settings of task=adapt."""
 
     __pydantic_config__ = KNOWN_KEYS
 
@@ -187,12 +160,7 @@ class Navigation:
 
 @dataclass(frozen=True)
 class Demo:
-    """Settings of task=demo.
-
-    Args:
-        networks: directories of trained or exported networks; the page starts with the first.
-        runtime: npm package of ONNX Runtime Web; None takes it from the user's cache or downloads it.
-    """
+    """Settings of task=demo."""
 
     __pydantic_config__ = KNOWN_KEYS
 
@@ -202,11 +170,7 @@ class Demo:
 
 @dataclass(frozen=True)
 class Publish:
-    """Settings of task=publish and task=export.
-
-    Args:
-        force: replace published results against the checks.
-    """
+    """Settings of task=publish and task=export."""
 
     __pydantic_config__ = KNOWN_KEYS
 

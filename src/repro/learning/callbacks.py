@@ -1,18 +1,36 @@
-"""Callbacks of a training: progress, history, early stopping, time limit, weight averaging."""
+"""Callbacks of a training: progress, history, early stopping, time limit."""
 
 import math
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import lightning as L
 import pandas as pd
-from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint, WeightAveraging
-from torch.optim.swa_utils import get_ema_multi_avg_fn
+from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint
 
-from repro.learning.budget import Budget
 from repro.system.files import write_text
 from repro.system.progress import progress
+
+
+@dataclass
+class Budget:
+    """A time limit shared by the trainings of one process, which trains at least one epoch in any case.
+
+    Args:
+        minutes: the limit, counted from the creation of the budget [min]; None is no limit.
+        since: time of creation by `time.monotonic` [s].
+        epochs: number of epochs trained so far.
+    """
+
+    minutes: float | None
+    since: float = field(default_factory=time.monotonic)
+    epochs: int = 0
+
+    def is_spent(self) -> bool:
+        """Return whether the limit is reached."""
+        return self.minutes is not None and self.epochs > 0 and time.monotonic() - self.since > 60 * self.minutes
 
 
 class History(Callback):
@@ -114,12 +132,3 @@ class Checkpoint(ModelCheckpoint):
         paths = {name: moved(state_dict[name]) for name in names if name in state_dict}
         best = {moved(path): score for path, score in state_dict.get("best_k_models", {}).items()}
         super().load_state_dict({**state_dict, **paths, "best_k_models": best, "dirpath": self.dirpath})
-
-
-def exponential_moving_average(decay: float) -> WeightAveraging:
-    """Create the exponential moving average (EMA) of the weights, updated every step; it is validated and saved.
-
-    Args:
-        decay: factor of the previous average in every update.
-    """
-    return WeightAveraging(multi_avg_fn=get_ema_multi_avg_fn(decay))

@@ -2,16 +2,15 @@
 
 import time
 from contextlib import nullcontext
+from functools import partial
 
 import torch
 
-from repro.config import Training
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss
 from repro.maps.encodings import Encoding
 from repro.networks.create import check_interface, create_network
 from repro.networks.model import Model
-from repro.parallel import parallel_trainings
 from repro.recordings.datasets import encoding_of
 from repro.runs.config import RunConfig
 from repro.system.devices import clock, one_thread, resolve_device, resolve_precision
@@ -53,50 +52,30 @@ def seconds_per_image(
     optimizer, loss = create_optimizer(network, learning_rate=1e-3), MapLoss()
     image = torch.rand(batch_size, encoding.channels, size_px, size_px, device=device)
     image = image.to(memory_format=torch.channels_last)
+    now = time.process_time if device == "cpu" else partial(clock, device)  # other processes share a CPU
     for step in range(steps + 1):
         if step == 1:  # the first step is a warm-up
-            began = _clock(device)
+            began = now()
         with torch.autocast(device, MIXED.get(precision), enabled=precision in MIXED):
             value = loss(network(image), image[:, :1])
         optimizer.zero_grad()
         value.backward()
         optimizer.step()
-    return (_clock(device) - began) / steps / batch_size
-
-
-def _clock(device: str) -> float:
-    """Return the time of a clock [s]; that of this process on a CPU, which other processes share."""
-    return time.process_time() if device == "cpu" else clock(device)
+    return (now() - began) / steps / batch_size
 
 
 def training_seconds(config: RunConfig, precision: str, accelerator: str = "auto") -> float:
-    """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread."""
-    device, size_px, train = resolve_device(accelerator), config.data.size_px, _training(config)
-    quick = device == "cuda" or size_px <= 64  # a smaller batch suffices on a CPU at high resolution
-    batch_size, steps = (train.batch_size, 8) if quick else (min(train.batch_size, 4), 2)
+    """Estimate the duration of a training on this machine from a few steps [s], on a CPU on one thread.
+
+    It is that of the maximum number of epochs, or of `USUAL_EPOCHS`.
+    """
+    assert config.train, "a baseline is not trained"
+    device, size_px, batch_size, steps = resolve_device(accelerator), config.data.size_px, config.train.batch_size, 8
+    if device == "cpu" and size_px > 64:  # a smaller batch suffices
+        batch_size, steps = min(batch_size, 4), 2
     precision = resolve_precision(precision, device)
     with one_thread() if device == "cpu" else nullcontext():
         seconds = seconds_per_image(
             config.model, encoding_of(config), size_px, batch_size, precision, steps, accelerator
         )
-    return seconds * config.data.pairs.train * usual_epochs(config)
-
-
-def trainings_at_once(config: RunConfig, accelerator: str = "auto") -> int:
-    """Return how many trainings like this one a sweep runs at the same time with the default launcher."""
-    if resolve_device(accelerator) == "cuda":
-        return 1
-    assert config.encoding, "a baseline is not trained"
-    data, train = config.data, _training(config)
-    pairs = data.pairs.train + data.pairs.val
-    return parallel_trainings(data.size_px, train.batch_size, pairs, config.encoding.most_channels)
-
-
-def usual_epochs(config: RunConfig) -> int:
-    """Return the usual number of epochs of a training: its maximum, or fewer where early stopping ends it earlier."""
-    return min(_training(config).max_epochs, USUAL_EPOCHS)
-
-
-def _training(config: RunConfig) -> Training:
-    assert config.train, "a baseline is not trained"
-    return config.train
+    return seconds * config.data.pairs.train * min(config.train.max_epochs, USUAL_EPOCHS)

@@ -17,16 +17,15 @@ from typing import Any
 
 import lightning as L
 import torch
-from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from repro.config import Training
-from repro.learning.budget import Budget
-from repro.learning.callbacks import Checkpoint, History, Stop, exponential_moving_average
+from repro.learning.callbacks import Budget, Checkpoint, History, Stop
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss
-from repro.maps.statistics import Statistics
 from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
@@ -37,8 +36,6 @@ from repro.runs.provenance import Status
 from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.errors import InputError
 from repro.system.memory import keep_freed_memory
-
-Facts = dict[str, Any]  # of a training, for its provenance
 
 
 class TrainingModule(L.LightningModule):
@@ -149,7 +146,11 @@ def train(
         if paused:
             run.end_step(Status.paused, **facts)
             return run.status
-        checksum = _best_predictor(run, module, config, recordings, statistics).save(run.model)
+        load_best(module, run.path)
+        spec = read_manifest(recordings).world_spec
+        window = (spec.steps, spec.world.step_time, bool(spec.fixed))
+        predictor = Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
+        checksum = predictor.save(run.model)
         run.end_step(Status.trained, **facts, weights_sha256=checksum)
         shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
         return run.status
@@ -172,8 +173,9 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
 
 def fit(
     module: TrainingModule, directory: Path, device: str, precision: str, budget: Budget | None = None
-) -> tuple[bool, Facts]:
-    """Train until early stopping, the last epoch or the time limit; return whether the limit came first, and facts.
+) -> tuple[bool, dict[str, Any]]:
+    """Train until early stopping, the last epoch or the time limit; return whether the limit came first, and facts
+    for the provenance.
 
     The directory gets history.csv and checkpoints, from which the training resumes if it has some.
     """
@@ -181,14 +183,24 @@ def fit(
     checkpoints = directory / "checkpoints"
     history = History(directory / "history.csv")
     stop = Stop(budget, min_delta=settings.min_delta, patience=settings.patience)
-    callbacks = [
-        history,
-        stop,
-        *([exponential_moving_average(settings.ema_decay)] if settings.ema_decay else []),
-        Checkpoint(checkpoints, "best", monitor="val_loss"),
-        Checkpoint(checkpoints, "last"),
-    ]
-    trainer = create_trainer(settings.max_epochs, device, precision, callbacks)
+    callbacks: list[L.Callback] = [history, stop, Checkpoint(checkpoints, "best", monitor="val_loss")]
+    callbacks.append(Checkpoint(checkpoints, "last"))
+    if settings.ema_decay:  # the average is validated and saved
+        callbacks.append(WeightAveraging(multi_avg_fn=get_ema_multi_avg_fn(settings.ema_decay)))
+    quiet()
+    trainer = L.Trainer(
+        max_epochs=settings.max_epochs,
+        accelerator="gpu" if device == "cuda" else "cpu",
+        devices=1,
+        precision=precision,  # type: ignore[arg-type]
+        callbacks=callbacks,
+        plugins=[WholeCheckpointIO()],
+        logger=False,
+        reload_dataloaders_every_n_epochs=1,
+        num_sanity_val_steps=0,
+        enable_progress_bar=False,  # that of `History` is also a line in logs
+        enable_model_summary=False,
+    )
     try:
         trainer.fit(module, ckpt_path=resume_from(checkpoints), weights_only=True)
     except SystemExit:  # Lightning raises it on Ctrl-C
@@ -199,35 +211,6 @@ def fit(
         "training_seconds": round(sum(row["seconds"] for row in history.rows), 1),
         "peak_memory_gb": round(peak_memory_gb(), 2),
     }
-
-
-def create_trainer(max_epochs: int, device: str, precision: str, callbacks: list[L.Callback]) -> L.Trainer:
-    """Create a trainer without messages and sanity checks; the checkpoints of its callbacks are written atomically."""
-    quiet()
-    return L.Trainer(
-        max_epochs=max_epochs,
-        accelerator="gpu" if device == "cuda" else "cpu",
-        devices=1,
-        precision=precision,  # type: ignore[arg-type]
-        callbacks=callbacks,
-        plugins=[WholeCheckpointIO()],
-        logger=False,
-        enable_checkpointing=any(isinstance(each, ModelCheckpoint) for each in callbacks),  # none of Lightning's own
-        reload_dataloaders_every_n_epochs=1,
-        num_sanity_val_steps=0,
-        enable_progress_bar=False,  # that of `History` is also a line in logs
-        enable_model_summary=False,
-    )
-
-
-def _best_predictor(
-    run: Run, module: TrainingModule, config: RunConfig, recordings: Path, statistics: Statistics
-) -> Predictor:
-    """Return the best weights with encoding, grid, and statistics and window of the training scans."""
-    load_best(module, run.path)
-    spec = read_manifest(recordings).world_spec
-    window = (spec.steps, spec.world.step_time, bool(spec.fixed))
-    return Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
 
 
 def load_best(module: TrainingModule, directory: Path) -> None:

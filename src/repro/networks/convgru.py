@@ -3,11 +3,14 @@
 Its input, hits and pixels observed to be free, is that of DeepTracking (Ondruska and Posner, AAAI 2016).
 """
 
+from typing import Literal
+
 import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from repro.fields import Hidden
 from repro.networks.blocks import Residual, check_series, conv_block, each_part, last_state
 from repro.system.errors import InputError
 
@@ -31,7 +34,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         ValueError: a parameter is not allowed.
     """
 
-    def __init__(self, in_channels: int, frames: int, hidden: int = 48, stride: int = 4) -> None:
+    def __init__(self, in_channels: int, frames: int, hidden: Hidden = 48, stride: Literal[2, 4] = 4) -> None:
         check_series(in_channels, frames)
         if hidden < 16 or hidden % 16 or stride not in (2, 4):
             raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")

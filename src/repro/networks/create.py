@@ -13,9 +13,10 @@ from typing import Any, Protocol
 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
+from pydantic import ValidationError, create_model
 from torch import Tensor, nn
 
-from repro.fields import ConfigError
+from repro.fields import STRICT, ConfigError, config_errors_of
 from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.light_convgru import LightConvGRU
@@ -135,10 +136,7 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         given = {"encoder_name": name, "encoder_weights": weights}
         expected = f"architecture {architecture} has an encoder of its own, leave it null"
         errors = [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
-        allowed = [each for each in signature(OWN_ARCHITECTURES[architecture]).parameters if each not in SERIES]
-        expected = f"is not a parameter of {architecture}, known are {', '.join(allowed)}"
-        unknown = {key: value for key, value in model.parameters.items() if key not in allowed}
-        return errors + [ConfigError(f"model.parameters.{key}", value, expected) for key, value in unknown.items()]
+        return errors + _parameter_errors(OWN_ARCHITECTURES[architecture], model.parameters)
     if model.parameters:
         known = ", ".join(OWN_ARCHITECTURES)
         expected = f"parameters are for the architectures {known}: set model.architecture if the name is another"
@@ -147,6 +145,23 @@ def architecture_errors(model: Model) -> list[ConfigError]:
     if architecture not in smp_networks.ARCHITECTURES:
         return [ConfigError(key, architecture, f"must be one of {_known(smp_networks)}, in lower case")]
     return smp_networks.encoder_errors(model)
+
+
+def _parameter_errors(kind: Any, parameters: dict[str, Any]) -> list[ConfigError]:
+    """Return the errors of the parameters of a class by the annotations of its constructor."""
+    types: dict[str, Any] = {
+        name: (
+            Any if each.annotation is each.empty else each.annotation,
+            ... if each.default is each.empty else each.default,
+        )
+        for name, each in signature(kind, eval_str=True).parameters.items()
+        if name not in SERIES
+    }
+    try:
+        create_model("Parameters", __config__=STRICT, **types).model_validate(parameters)
+    except ValidationError as error:
+        return config_errors_of(error, "model.parameters.")
+    return []
 
 
 def _smp_networks() -> ModuleType:

@@ -23,7 +23,7 @@ from repro.world_config import WorldSpec
 FORMAT = 1
 SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
 SPLIT_SEEDS = 1_000_000
-SHOWN_SEED = 10_000_000  # seed 0 of task=world and task=animate: these worlds are in no split
+SHOWN_SEED = 10_000_000  # seed 0 of task=world: these worlds are in no split
 SHARD_WORLDS = 50  # worlds per shard, each with two recordings
 
 

@@ -6,7 +6,8 @@ import platform
 import resource
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -74,11 +75,6 @@ def few_threads() -> Iterator[None]:
         yield
 
 
-def one_thread() -> AbstractContextManager[None]:
-    """Compute on one CPU thread, as the trainings of a sweep do."""
-    return threads(1)
-
-
 @contextmanager
 def threads(number: int) -> Iterator[None]:
     """Compute on a number of CPU threads, and restore that of the caller."""
@@ -88,6 +84,9 @@ def threads(number: int) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
+
+
+one_thread = partial(threads, 1)  # as the trainings of a sweep
 
 
 def clock(device: str) -> float:

@@ -14,11 +14,9 @@ class Task:
 
     Args:
         run: the function that does it, with the resolved job of a call.
-        place: what a job writes: a run, recordings, or other files of an outputs directory.
+        place: what a job writes: a run, of the windows of the call's experiment, recordings, or other outputs.
         once: whether it is done once for all runs of an outputs directory, so that it cannot be swept.
-        trains: whether it trains a network.
-        needs_batches: whether it needs as many training pairs as a batch has.
-        has_windows: whether the network of the call sees windows of the call's experiment.
+        trains: whether it trains networks, or plans to.
         names_scale: whether a scale that was not chosen is worth a line.
         needs: the key that must be set.
         own: keys that only this task, and others that name them, use.
@@ -30,8 +28,6 @@ class Task:
     place: Literal["run", "recordings", "outputs"] = "outputs"
     once: bool = False
     trains: bool = False
-    needs_batches: bool = False
-    has_windows: bool = False
     names_scale: bool = True
     needs: str = ""
     own: tuple[str, ...] = ()

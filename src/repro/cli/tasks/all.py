@@ -25,4 +25,4 @@ def run(job: Job) -> None:
         evaluate.run(job)
 
 
-TASK = Task(run, "run", trains=True, needs_batches=True, has_windows=True)
+TASK = Task(run, "run", trains=True)

@@ -27,4 +27,4 @@ def run(job: Job) -> None:
         evaluate_baseline(job.outputs, job.config, name)
 
 
-TASK = Task(run, "run", has_windows=True)
+TASK = Task(run, "run")

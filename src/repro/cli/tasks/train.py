@@ -1,6 +1,9 @@
 """task=train: train one network and measure it on the validation set."""
 
-from repro.cli.jobs import Job, process_budget
+from functools import cache
+from typing import Any
+
+from repro.cli.jobs import Job
 from repro.cli.tasks import Task
 
 
@@ -35,4 +38,12 @@ def run(job: Job) -> None:
         print(f"{job.run}, validation: {summary_line(row)}", flush=True)
 
 
-TASK = Task(run, "run", trains=True, needs_batches=True, has_windows=True)
+@cache
+def process_budget(minutes: float | None) -> Any:
+    """Return the time budget that all jobs of this process share."""
+    from repro.learning.callbacks import Budget
+
+    return Budget(minutes)
+
+
+TASK = Task(run, "run", trains=True)
