@@ -14,7 +14,8 @@ from repro.reporting.numbers import Numbers, analysis_rows, paper_rows
 from repro.reporting.page import Report, render
 from repro.reporting.paper import audit, read_paper
 from repro.reporting.papers_claims import CLAIMS, verdicts
-from repro.reporting.results import audits, read_frames, read_published
+from repro.reporting.results import read_frames, read_published
+from repro.reporting.tables import audits
 
 KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
 NO_QUALITY = ("square-sees-more", "square-delays-more", "stack-is-larger", "eight-variations")  # of data, size, count

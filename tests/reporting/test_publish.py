@@ -17,8 +17,7 @@ from repro.networks.predictor import Predictor
 from repro.reporting.documents import with_results
 from repro.reporting.export import export_weights
 from repro.reporting.publish import publish
-from repro.reporting.results import read_origins, read_published, read_results
-from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
 from repro.reporting.tables import make_tables
 from repro.runs.keys import KEY
 from repro.runs.outputs import Outputs

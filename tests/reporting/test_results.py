@@ -8,8 +8,8 @@ from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS, TABLE_METRICS
 from repro.networks.model import NETWORKS
 from repro.reporting.paper import dice_by_precision, read_paper
-from repro.reporting.results import audits, compare, read_results
-from repro.reporting.tables import caption, make_tables, missing
+from repro.reporting.results import read_results
+from repro.reporting.tables import audits, caption, compare, make_tables, missing, not_shown
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
@@ -56,7 +56,7 @@ def test_the_audit_averages_the_seeds_that_all_four_networks_have(tmp_path):
 def test_results_that_are_older_than_a_metric_have_no_value_of_it(tmp_path, monkeypatch):
     fake_study(tmp_path)
     monkeypatch.setattr("repro.reporting.results.EXTRA_METRICS", ("mcc",))
-    monkeypatch.setattr("repro.reporting.results.TABLE_METRICS", (*METRICS, "mcc"))
+    monkeypatch.setattr("repro.reporting.tables.TABLE_METRICS", (*METRICS, "mcc"))
     table = compare(read_results(Outputs(tmp_path)), PROJECTION)
     assert table["mcc"].isna().all()
     assert table["ssim"].notna().all()
@@ -113,14 +113,15 @@ def test_the_cells_of_the_paper_that_have_no_run_are_named(tmp_path):
 def test_our_best_network_has_a_row_below_the_papers(tmp_path):
     fake_study(tmp_path)
     fake_run(tmp_path, "3", "convgru", 0.7, encoding=Encoding("series10", {"frames": 10}))
-    assert not make_tables(read_results(Outputs(tmp_path)))["main"].note
+    assert not not_shown(read_results(Outputs(tmp_path)))
     fake_run(tmp_path, "3", "unet", 0.6, encoding=Encoding("series10", {"frames": 10}))
-    main = make_tables(read_results(Outputs(tmp_path)))["main"]
+    results = read_results(Outputs(tmp_path))
+    main = make_tables(results)["main"]
     assert main.frame["model"].tolist() == [*NETWORKS, "average", "convgru", "all_free"]
     ours = main.frame[main.frame["encoding"] == "series10"].iloc[0]
     assert ours["dice"] == 0.7
     assert pd.isna(ours["paper_dice"])
-    assert main.note == "Evaluated, but in the tables of task=analysis only: U-Net, series10."
+    assert not_shown(results) == "Evaluated, but in the tables of task=analysis only: U-Net, series10."
 
 
 def test_a_network_that_was_trained_differently_is_marked(tmp_path):
@@ -179,8 +180,8 @@ def test_a_network_of_the_user_has_a_row_for_every_input_but_those_without_decay
     for changes in ({}, {"encoding": series}, {"encoding": Encoding("stack4", {"frames": 4, "decay": False})}):
         fake_run(tmp_path, "3", "mynet", 0.6, **changes)
     fake_run(tmp_path, "3", "convlstm", 0.6, encoding=series)
-    tables = make_tables(read_results(Outputs(tmp_path)))
+    results = read_results(Outputs(tmp_path))
+    tables = make_tables(results)
     rows = [line.split(" | ")[1] for line in tables["main"].to_markdown().splitlines() if line.startswith("| 3")]
     assert rows == ["U-Net", "mynet", "mynet, series10"]
-    assert tables["main"].note.endswith("task=analysis only: ConvLSTM, series10 and 1 more networks and inputs.")
-    assert not tables["ablation"].note
+    assert not_shown(results).endswith("task=analysis only: ConvLSTM, series10; mynet, stack4, no decay.")

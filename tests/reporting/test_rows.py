@@ -8,8 +8,7 @@ from conftest import fake_study
 
 from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
-from repro.reporting.results import read_origins, read_published
-from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.results import keys_of, read_origins, read_published, read_rows
 from repro.runs.outputs import Outputs
 
 

@@ -4,16 +4,22 @@ import pandas as pd
 from conftest import fake_run, fake_study
 
 from repro.metrics.names import TABLE_METRICS
+from repro.reporting.results import read_results
 from repro.reporting.tables import Table, write_tables
 from repro.runs.outputs import Outputs
 
 
-def test_three_forms_of_both_tables(tmp_path):
+def written(path):
+    """Write the tables of an outputs directory."""
+    return write_tables(path / "tables", read_results(Outputs(path)))
+
+
+def test_both_tables_are_written(tmp_path):
     fake_study(tmp_path)
     fake_run(tmp_path, "4", "unet", 0.4, decay=False)
-    tables = write_tables(Outputs(tmp_path))
+    tables = written(tmp_path)
     files = {path.name for path in (tmp_path / "tables").iterdir()}
-    assert files == {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "md", "tex")}
+    assert files == {f"{name}.{suffix}" for name in ("main", "ablation") for suffix in ("csv", "md")}
     assert len(pd.read_csv(tmp_path / "tables" / "main.csv")) == 6
     assert "| 3 | U-Net | 0.500 (0.663) |" in tables["main"].to_markdown()
     assert "| 3 | All free | 0.900 |" in tables["main"].to_markdown()
@@ -22,27 +28,15 @@ def test_three_forms_of_both_tables(tmp_path):
 
 def test_a_table_of_deleted_runs_is_deleted(tmp_path):
     run = fake_run(tmp_path, "4", "unet", 0.4, decay=False)
-    write_tables(Outputs(tmp_path))
+    written(tmp_path)
     shutil.rmtree(run.path)
     fake_run(tmp_path, "4", "unet", 0.4)
-    write_tables(Outputs(tmp_path))
+    written(tmp_path)
     assert {path.stem for path in (tmp_path / "tables").iterdir()} == {"main"}
 
 
-def test_latex_has_the_same_cells_with_escaped_names(tmp_path):
-    for name in ("unet", "my_network"):
-        fake_run(tmp_path, "3", name, 0.5)
-    table = write_tables(Outputs(tmp_path))["main"]
-    text = (tmp_path / "tables" / "main.tex").read_text()
-    rows = [line for line in text.splitlines() if line.endswith(r"\\")]
-    assert len(rows) == 1 + table.to_markdown().count("| 3 |") == 3
-    assert all(row.count("&") == 1 + len(TABLE_METRICS) for row in rows)
-    assert "3 & U-Net & 0.500 (0.663)" in text
-    assert r"3 & my\_network & 0.500" in text
-
-
 def test_empty_tables_say_that_no_run_is_evaluated(tmp_path):
-    tables = write_tables(Outputs(tmp_path))
+    tables = written(tmp_path)
     assert all("No run evaluated yet" in table.to_markdown() for table in tables.values())
     assert not (tmp_path / "tables" / "main.csv").exists()
 

@@ -15,7 +15,7 @@ from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.names import experiment_title, predictor_title, tested_titles
 from repro.reporting.plots import ACCENT, INK, LOOKS, STYLE, DataFrames, columns, marks, one_legend, save_or_delete
-from repro.reporting.results import OURS
+from repro.reporting.tables import OURS
 
 NETWORK_DOT = {"color": ACCENT, "marker": "o"}
 BASELINE_DOT = {"color": INK, "marker": "s", "markerfacecolor": "white"}
