@@ -156,7 +156,6 @@ def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
     status, text = call("run.py", *overrides, "task=report")
     assert status == 0, text[-4000:]
     assert "| office | FPN |" in (tmp_path / "first/tables/main.md").read_text()
-    assert "| office | FPN |" in (tmp_path / "first/tables/main.md").read_text()
     assert (tmp_path / "first/figures/data_collection.png").is_file()
 
 
