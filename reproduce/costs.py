@@ -34,7 +34,7 @@ from repro.reporting import analysis_tables
 from repro.reporting.analysis_figures import titled
 from repro.reporting.names import experiment_title, model_title
 from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
-from repro.reporting.rows import read_rows
+from repro.reporting.results import read_rows
 from repro.scans import Scans
 from repro.system.devices import clock, one_thread, resolve_precision
 

@@ -156,7 +156,6 @@ def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
     status, text = call(*overrides, "task=report")
     assert status == 0, text[-4000:]
     assert "| office | FPN |" in (tmp_path / "first/tables/main.md").read_text()
-    assert "office & FPN" in (tmp_path / "first/tables/main.tex").read_text()
     assert (tmp_path / "first/figures/data_collection.png").is_file()
 
 
@@ -165,6 +164,6 @@ def test_report_rebuilds_tables_and_figures(study):
     shutil.rmtree(outputs / "tables")
     status, text = call("task=report", *tiny(outputs))
     assert status == 0, text[-4000:]
-    assert (outputs / "tables" / "ablation.tex").is_file()
+    assert (outputs / "tables" / "ablation.md").is_file()
     assert (outputs / "figures" / "data_collection.png").is_file()
     assert "| Exp. |" not in text  # only paths are printed

@@ -15,7 +15,7 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.recorded import load_recorded
-from repro.reporting.rows import read_rows
+from repro.reporting.results import read_rows
 from repro.scans import Scans
 from repro.simulation.raycasting import scan
 from repro.simulation.recorder import record_experiment

@@ -32,39 +32,26 @@ def test_methods_are_in_the_order_of_the_tables_with_intervals():
         for experiment in ("3", "4")
         for model, encoding, value in (
             ("tracker", "", 0.3),
+            ("mine", "projection", 0.4),
+            ("another", "projection", 0.4),
             ("unet", "observed_free", 0.6),
             ("unet", "projection", 0.5),
         )
         for metric in ("accuracy", "specificity", "obstacle_iou", "ssim")
     ]
+    rows += [("3", "privileged", "", "obstacle_iou", 0.8, 0.79, 0.81, 1)]
     rows += [("1", "unet", "projection", "accuracy", 0.9, 0.9, 0.9, 2)]
     columns = ["experiment", "model", "encoding", "metric", "value", "low", "high", "seeds"]
     lines = markdown_of(methods, pd.DataFrame(rows, columns=columns))
     assert lines[0] == "**Caption**"
-    assert lines[2].count("Exp. 3") == lines[2].count("Exp. 4") == 3
-    assert [line.split(" | ")[0] for line in lines[4:]] == ["| U-Net", "| U-Net, observed_free", "| Tracker"]
-    assert lines[5].split(" | ")[1:3] == ["2", "0.600 [0.590, 0.610]"]
-    assert lines[6].split(" | ")[1] == ""  # a baseline has no seeds
-
-
-def test_networks_of_ones_own_with_the_same_input_are_in_alphabetical_order():
-    names = ["f", "b", "e", "a", "d", "c"]
-    rows = [("3", name, "series10", "accuracy", 0.9, 0.89, 0.91, 1) for name in names]
-    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high", "seeds"]
-    lines = markdown_of(methods, pd.DataFrame(rows, columns=columns))
-    assert [line.split(",")[0] for line in lines[4:]] == [f"| {name}" for name in sorted(names)]
-
-
-def test_the_share_of_the_upper_bound_is_shown_where_the_bound_is_evaluated():
-    rows = [
-        ("3", "unet", "projection", "obstacle_iou", 0.5, 0.49, 0.51, 1),
-        ("4", "unet", "projection", "obstacle_iou", 0.6, 0.59, 0.61, 1),
-        ("3", "privileged", "", "obstacle_iou", 0.8, 0.79, 0.81, 1),
+    assert lines[2].count("Exp. 3") == lines[2].count("Exp. 4") + 1 == 4
+    assert [line.split(" | ")[0] for line in lines[4:]] == [
+        *("| U-Net", "| U-Net, observed_free", "| another", "| mine", "| Tracker", "| Upper bound")
     ]
-    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high", "seeds"]
-    lines = markdown_of(methods, pd.DataFrame(rows, columns=columns))
+    assert lines[5].split(" | ")[1:3] == ["2", "0.600 [0.590, 0.610]"]
+    assert lines[8].split(" | ")[1] == ""  # a baseline has no seeds
     assert lines[2].endswith("| Exp. 3: share of the bound |")
-    assert [line.split(" | ")[-1] for line in lines[4:]] == ["0.62 |", "1.00 |"]
+    assert [line.split(" | ")[-1] for line in lines[4:]] == ["0.62 |", "0.75 |", *["0.50 |"] * 2, "0.37 |", "1.00 |"]
 
 
 def test_networks_are_shown_with_their_share_of_the_bound_and_costs():

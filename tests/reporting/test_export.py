@@ -4,9 +4,10 @@ from functools import partial
 import onnx
 import pandas as pd
 import pytest
+import segmentation_models_pytorch as smp
 import torch
 import yaml
-from conftest import ROOT, fake_run
+from conftest import ROOT, fake_run, prepared
 from huggingface_hub import ModelCard
 
 from repro.cli.tasks.export import suffix_of
@@ -78,14 +79,16 @@ def test_weights_are_exported_with_a_card(run, tmp_path):
     assert set(METRICS) < set(CARD_METRICS)
 
 
-def test_weights_of_another_input_are_not_replaced(run, tmp_path):
+def test_weights_of_another_input_or_a_higher_resolution_are_not_replaced(run, tmp_path):
     export_weights(run, tmp_path / "weights")
     export_weights(run, tmp_path / "weights")
-    Predictor(create_network(paper_model("unet")), Projection(decay=False), Grid(32, 50.0)).save(run.model)
-    with pytest.raises(ValueError, match=r"publish\.force=true replaces them anyway"):
-        export_weights(run, tmp_path / "weights")
+    network = create_network(paper_model("unet"))
+    for encoding, size_px in ((Projection(), 64), (Projection(decay=False), 32)):
+        Predictor(network, encoding, Grid(size_px, 50.0)).save(tmp_path / "weights")
+        with pytest.raises(ValueError, match=rf"has weights for {size_px} px .* has 32 px, .*: publish\.force=true"):
+            export_weights(run, tmp_path / "weights")
     export_weights(run, tmp_path / "weights", force=True)
-    assert load_predictor(tmp_path / "weights").encoding == Projection(decay=False)
+    assert load_predictor(tmp_path / "weights").encoding == Projection()
 
 
 def test_weights_of_other_recordings_and_files_beside_are_not_replaced(run, tmp_path):
@@ -106,10 +109,6 @@ def test_weights_of_other_recordings_and_files_beside_are_not_replaced(run, tmp_
     assert (target / "model.safetensors").read_bytes() == before
 
 
-def test_a_run_is_loaded_by_its_directory(run):
-    assert load_predictor(run.path).grid == load_predictor(run.model).grid == Grid(32, 50.0)
-
-
 def test_text_that_breaks_the_metadata_is_quoted():
     title, dataset = "a: [b\n---\n# c", "{d: 'e"
     card = ModelCard(with_front_matter("# A\n", title, dataset, {"ssim": 0.5}, "repro"), ignore_metadata_errors=False)
@@ -127,23 +126,30 @@ def test_the_published_card_and_statistics_are_complete():
     assert set(statistics.quantiles) == {*TITLES} - {"valid_share"}  # younger than these weights
 
 
-def test_the_card_of_altered_worlds_does_not_claim_the_papers(tmp_path):
-    for worlds, words in (("noise", "worlds of no file in conf/world"), (None, "without noise")):
-        changes = {} if worlds is None else {"worlds": worlds}
-        run = fake_run(tmp_path / str(worlds), "3", "unet", 0.4, **changes)
-        pd.DataFrame([dict.fromkeys(CARD_METRICS, 0.4)]).to_csv(run.metrics, index=False)
-        card = make_card(run, "model", "float32 weights")
-        assert words in card
-        assert ("conf/world/paper.yaml" in card) == (worlds is None)
-
-
-def test_the_card_names_the_file_of_its_worlds(tmp_path):
-    worlds = spec_fingerprint(world_spec(read_world(WORLDS.with_name("drive.yaml")), "mixed"))
-    run = fake_run(tmp_path, "mixed", "unet", 0.4, worlds=worlds)
-    pd.DataFrame([dict.fromkeys(CARD_METRICS, 0.4)]).to_csv(run.metrics, index=False)
+@pytest.mark.parametrize(
+    ("file", "experiment", "words"),
+    [
+        ("paper", "3", "Dynamic, rotation), | conf/world/paper.yaml, without noise"),
+        (
+            "drive",
+            "mixed",
+            "experiment mixed of conf/world/drive.yaml), | scans of conf/world/drive.yaml; float32",
+        ),
+        (
+            None,
+            "3",
+            "experiment 3 of worlds of no file in conf/world), | scans of worlds of no file",
+        ),
+    ],
+)
+def test_the_card_names_the_file_of_its_worlds(file, experiment, words, tmp_path):
+    worlds = "noise"
+    if file:
+        worlds = spec_fingerprint(world_spec(read_world(WORLDS.with_name(f"{file}.yaml")), experiment))
+    run = fake_run(tmp_path, experiment, "unet", 0.4, worlds=worlds)
     card = make_card(run, "model", "float32 weights")
-    assert "experiment mixed of conf/world/drive.yaml" in card
-    assert "simulated scans of conf/world/drive.yaml; float32 weights" in card
+    assert all(each in card for each in words.split(" | "))
+    assert ("conf/world/paper.yaml" in card) == (file == "paper")
 
 
 def test_exports_of_other_inputs_and_seeds_have_other_names():
@@ -159,3 +165,29 @@ def test_a_training_keeps_the_statistics_of_its_scans(recorded, evaluated, tmp_p
     assert statistics.range_of("fov_deg") == pytest.approx((90, 90))
     export_weights(evaluated, tmp_path / "weights")
     assert load_predictor(tmp_path / "weights").statistics == statistics
+
+
+@pytest.mark.slow
+def test_exported_weights_predict_as_the_run_does(evaluated, tmp_path):
+    target = tmp_path / "weights"
+    with pytest.raises(ValueError, match="not evaluated"):
+        export_weights(prepared(tmp_path / "run"), target)
+    export_weights(evaluated, target)
+    image = torch.rand(2, 1, 32, 32)
+    full, half = (smp.from_pretrained(path).float().eval() for path in (evaluated.model, target))
+    with torch.inference_mode():
+        assert (torch.sigmoid(full(image)) - torch.sigmoid(half(image))).abs().max() < 0.01
+    size = (target / "model.safetensors").stat().st_size
+    assert size < 0.55 * (evaluated.model / "model.safetensors").stat().st_size
+    card = (target / "README.md").read_text()
+    assert "24 simulated pairs" in card
+    assert "obstacle_iou" in card
+
+    example = card.split("```python")[1].split("```")[0]
+    where = f"reproduce/results/{tmp_path.name}/weights"
+    assert where in example
+    names = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
+    exec(example.replace(where, str(target)), names)
+    assert names["free"].shape == (2, 32, 32)
+    assert names["free"].min() >= 0
+    assert names["free"].max() <= 1

@@ -27,7 +27,6 @@ from repro.reporting.figures import (
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
-from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -97,15 +96,6 @@ def test_the_overview_shows_scans_poses_projection_prediction_and_truth(example)
     assert np.allclose(arrows.get_offsets(), example.scans.poses[::4, :2])
     texts = [text.get_text() for ax in figure.axes for text in ax.texts] + [text.get_text() for text in figure.texts]
     assert texts == ["image-to-image\nnetwork\n(U-Net, mit_b0)", "loss,\nmetrics"]
-
-
-@pytest.mark.parametrize(("steps", "beams"), [(100, 100), (40, 30)])
-def test_the_ticks_of_the_ranges_are_the_first_and_last_beam_and_step(example, steps, beams):
-    scans = example.scans
-    fewer = Scans(scans.ranges[:steps, :beams], scans.angles[:beams], scans.poses[:steps])
-    axes = method_overview(dataclasses.replace(example, scans=fewer)).axes[0]
-    assert axes.get_xticks().tolist() == [0, beams - 1]
-    assert axes.get_yticks().tolist() == [0, steps - 1]
 
 
 def test_an_example_is_of_one_recording_in_any_shard(tmp_path, monkeypatch):

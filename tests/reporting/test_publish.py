@@ -1,31 +1,26 @@
 import json
 import re
+import shutil
+from collections.abc import Callable
 
 import pandas as pd
 import pytest
-import segmentation_models_pytorch as smp
-import torch
-from conftest import ROOT, fake_run, fake_study, prepared
+from conftest import ROOT, fake_run, fake_study
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
-from repro.maps.grid import Grid
-from repro.maps.projection import Projection
-from repro.metrics.names import METRICS
-from repro.networks.create import create_network
-from repro.networks.model import paper_model
-from repro.networks.predictor import Predictor
 from repro.reporting.documents import with_results
-from repro.reporting.export import export_weights
 from repro.reporting.publish import publish
-from repro.reporting.results import read_origins, read_published, read_results
-from repro.reporting.rows import keys_of, read_rows
+from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
 from repro.reporting.tables import make_tables
-from repro.runs.keys import KEY
+from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 RESULTS = ROOT / "reproduce" / "results"
 DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
+DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
+LOSSES = {"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]}
 
 
 @pytest.fixture(autouse=True)
@@ -40,17 +35,36 @@ def study(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
         fake_study(path / "laptop")
-        fake_run(path / "laptop", "3", "unet", 0.4, decay=False)
-    publish(Outputs(path / "laptop"), path / "results")
+        run = fake_run(path / "laptop", "3", "unet", 0.4, decay=False)
+        pd.DataFrame(LOSSES).to_csv(run.path / "history.csv", index=False)
+        write_intervals(path / "laptop", [("3", "unet", "projection", 0.5), ("3", "all_free", "", 0.0)])
+        publish(Outputs(path / "laptop"), path / "results")
     return Outputs(path / "laptop"), path / "results"
 
 
-DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+@pytest.fixture
+def published(study, tmp_path):
+    """Return a copy of reproduce/results, to be changed."""
+    return shutil.copytree(study[1], tmp_path / "results")
 
 
-def of_paper(runs):
-    """Return the runs with the paper's input and its ablation."""
-    return runs[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
+@pytest.fixture
+def later(tmp_path):
+    """Return outputs with a run of another network and one of a published network with another seed."""
+    path = tmp_path / "later" / "laptop"
+    fake_run(path, "3", "convgru", 0.7, encoding=SERIES)
+    fake_run(path, "3", "unet", 0.6, seed=1)
+    write_intervals(
+        path, [("3", "convgru", "series10", 0.7), ("3", "unet", "projection", 0.6), ("3", "all_free", "", 0)]
+    )
+    return Outputs(path)
+
+
+def write_intervals(path, rows):
+    (path / "analysis").mkdir(exist_ok=True)
+    table = pd.DataFrame(rows, columns=["experiment", "model", "encoding", "value"]).assign(metric="obstacle_iou")
+    table = table.assign(low=table["value"], high=table["value"])
+    table.to_csv(path / "analysis" / "intervals.csv", index=False)
 
 
 @pytest.mark.parametrize("directory", DIRECTORIES, ids=lambda path: path.name)
@@ -64,26 +78,17 @@ def test_every_published_run_has_its_provenance(directory):
         assert origin["steps"][-1]["step"] == "evaluated"
 
 
-def test_publishing_copies_runs_and_provenance(study):
+def test_publishing_copies_runs_provenance_and_losses(study):
     outputs, results = study
     target = results / "laptop"
-    assert {path.name for path in target.iterdir()} == {"runs.csv", "provenance.json", "README.md"}
-    page = (target / "README.md").read_text()
-    assert "python run.py -m model=segformer exp=3 seed=0 scale=laptop" in page
+    names = {"runs.csv", "provenance.json", "README.md", "history.csv", "analysis"}
+    assert {path.name for path in target.iterdir()} == names
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(outputs)) == 6
     assert "runs/exp3/unet/projection-no-decay/seed0" in json.loads((target / "provenance.json").read_text())
-
-
-def test_the_losses_of_every_epoch_are_published(tmp_path):
-    fake_study(tmp_path / "laptop")
-    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4, decay=False)
-    losses = pd.DataFrame({"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]})
-    losses.to_csv(run.path / "history.csv", index=False)
-    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results")
     rows = read_rows(target / "history.csv")
-    assert rows.columns.tolist() == [*KEY, *losses.columns]
+    assert rows.columns.tolist() == [*KEY, *LOSSES]
     assert set(map(tuple, rows[KEY].to_numpy())) == {("3", "unet", PROJECTION_NO_DECAY, 0)}
-    pd.testing.assert_frame_equal(rows[losses.columns], losses)
+    assert rows[[*LOSSES]].to_dict("list") == LOSSES
 
 
 def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_removed(tmp_path):
@@ -98,6 +103,131 @@ def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_rem
     target = publish(outputs, results)
     assert sorted(path.name for path in target.glob("analysis/*")) == ["ages.png", "claims.csv"]
     assert (target / "report.html").read_text() == "page"
+
+
+def test_new_runs_are_added_and_published_ones_stay(published, later):
+    before = read_published(published / "laptop")
+    target = publish(later, published)
+    after = read_published(target)
+    assert len(after) == len(before) + 2
+    both = before.merge(after, how="left", on=[*before.columns], indicator=True)
+    assert (both["_merge"] == "both").all()
+    main = make_tables(after)["main"].frame
+    assert main.loc[main["model"] == "convgru", "dice"].tolist() == [0.7]
+    assert main.loc[(main["model"] == "unet") & (main["experiment"] == "3"), "seeds"].tolist() == [2]
+    origins = json.loads((target / "provenance.json").read_text())
+    assert len(origins) == len(after)
+    assert "ConvGRU, series10" in (target / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"learning_rate": 0.5}, "the paper's method was trained with different settings: .*0.001.* and .*0.5"),
+        ({"scale": "workstation"}, "the published runs have laptop as scale, these runs workstation"),
+        ({"size_px": 64}, "the published runs have 32 px, these runs 64"),
+        ({"recordings": "others"}, "seed1 has other recordings than the published runs of experiment 3"),
+        ({"commit": "abc+"}, r"uncommitted code; publish\.force=true"),
+    ],
+)
+def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_path):
+    other, before = Outputs(tmp_path / "other" / "laptop"), {"recordings": "hash of recordings", "commit": "0123abc"}
+    after = {name: changes.get(name, value) for name, value in before.items()}
+    own = {name: value for name, value in changes.items() if name not in before}
+    path = fake_run(other.path, "3", "unet", 0.6, seed=1, **own).path / "provenance.json"
+    text = path.read_text()
+    for name in before:
+        text = text.replace(f'"{before[name]}"', f'"{after[name]}"')
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        publish(other, published)
+    assert after["commit"] in (publish(other, published, force=True) / "provenance.json").read_text()
+
+
+def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
+    for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
+        run = later.run(key)
+        pd.DataFrame({"epoch": [0], "val_loss": [0.1]}).to_csv(run.path / "history.csv", index=False)
+    publish(later, published)
+    third = Outputs(later.path.parents[1] / "third" / "laptop")
+    run = fake_run(third.path, "3", "unet", 0.6, seed=2)
+    pd.DataFrame({"epoch": [0], "val_loss": [0.2]}).to_csv(run.path / "history.csv", index=False)
+    rows = pd.read_csv(publish(third, published) / "history.csv")
+    assert set(zip(rows["model"], rows["seed"], rows["val_loss"], strict=True)) == {
+        *(("unet", 0, 0.4), ("unet", 0, 0.1)),
+        ("convgru", 0, 0.1),
+        ("unet", 1, 0.1),
+        ("unet", 2, 0.2),
+    }
+
+
+def test_only_new_combinations_are_added_to_the_analysis(published, later):
+    """A published interval over other seeds is not replaced by that of one seed."""
+    rows = pd.read_csv(publish(later, published) / "analysis" / "intervals.csv")
+    assert rows["model"].tolist() == ["unet", "all_free", "convgru"]
+    assert rows["value"].tolist() == [0.5, 0.0, 0.7]
+
+
+def test_what_the_published_table_lacks_is_added_once(published, later):
+    """A new average, new changes of the sensor and new rows of the audit, without a second copy of the earlier ones."""
+    tables = {
+        "intervals": (
+            ["experiment", "model", "encoding", "metric", "value"],
+            ("3", "average", "projection", "dice", 0.9),
+        ),
+        "generalization": (
+            ["trained", "shift", "tested", "seed", "model", "encoding", "value"],
+            ("3", "odometry error", "0.1", 0, "unet", "projection", 0.4),
+        ),
+        "audit": (["experiment", "model", "encoding", "source", "gain"], ("3", "unet", "projection", "ours", 0.1)),
+        "differences": (
+            ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"],
+            ("3", "networks", "convgru", "all_free", "", "series10", "ssim", 0.2),
+        ),
+    }
+    old = {
+        "generalization": ("3", "range noise [m]", "0.1", 0, "unet", "projection", 0.5),
+        "audit": ("3", "unet", "projection", "paper", 0.2),
+        "differences": ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1),
+    }
+    for name, (columns, row) in tables.items():
+        before = [old[name]] if name in old else []
+        if before:
+            pd.DataFrame(before, columns=columns).to_csv(published / "laptop" / "analysis" / f"{name}.csv", index=False)
+        pd.DataFrame([*before, row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
+    analysis = publish(later, published) / "analysis"
+    assert "average" in set(pd.read_csv(analysis / "intervals.csv")["model"])
+    assert pd.read_csv(analysis / "generalization.csv")["shift"].tolist() == ["range noise [m]", "odometry error"]
+    assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
+    assert pd.read_csv(analysis / "differences.csv")["value"].tolist() == [0.1, 0.2]
+
+
+def test_the_robustness_of_a_published_network_is_added_without_runs(published, tmp_path):
+    outputs = Outputs(tmp_path / "robustness" / "laptop")
+    outputs.analysis.mkdir(parents=True)
+    columns = ["metric", "value", "low", "high", "shift", "trained", "tested", "seed", "model", "encoding"]
+    noise = ["obstacle_iou", 0.4, 0.3, 0.5, "range noise [m]", "3", "0.1", 0]
+    old, new = [*noise, "unet", "projection"], [*noise, "convgru", "series10"]
+    directory = published / "laptop" / "analysis"
+    pd.DataFrame([old], columns=columns).to_csv(directory / "generalization.csv", index=False)
+    (directory / "generalization.png").write_bytes(b"old")
+    pd.DataFrame([old, new], columns=columns).to_csv(outputs.analysis / "generalization.csv", index=False)
+    runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
+    directory = publish(outputs, published) / "analysis"
+    pd.testing.assert_frame_equal(read_published(published / "laptop").sort_values(KEY, ignore_index=True), runs)
+    assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
+    assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_second_publication_changes_nothing_and_a_new_result_of_a_run_replaces_the_old_one(published, later):
+    once = read_published(publish(later, published))
+    twice = read_published(publish(later, published))
+    pd.testing.assert_frame_equal(once, twice)
+    run = later.run(RunKey("3", "unet", "projection", 1))
+    pd.read_csv(run.metrics).assign(dice=0.65).to_csv(run.metrics, index=False)
+    again = read_published(publish(later, published))
+    assert len(again) == len(once)
+    assert again.loc[again["seed"].eq(1) & (again["model"] == "unet"), "dice"].tolist() == [0.65]
 
 
 def listing(directory):
@@ -120,18 +250,6 @@ def test_runs_of_another_size_replace_all_published_runs_or_nothing(tmp_path):
     assert len(read_published(results / "laptop")) == 1
     assert (target / "kept").read_text() == "weights"
     assert {path.name for path in results.iterdir()} == {"laptop", ".lock"}
-
-
-def test_weights_are_not_replaced_by_those_of_a_lower_resolution(tmp_path):
-    run = fake_run(tmp_path / "laptop", "3", "unet", 0.4)
-    pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)]).to_csv(run.metrics, index=False)
-    network = create_network(paper_model("unet"))
-    Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
-    Predictor(network, Projection(), Grid(64, 50.0)).save(tmp_path / "weights")
-    with pytest.raises(ValueError, match=r"has weights for 64 px .* has 32 px, .*: publish\.force=true"):
-        export_weights(run, tmp_path / "weights")
-    export_weights(run, tmp_path / "weights", force=True)
-    assert (tmp_path / "weights" / "README.md").is_file()
 
 
 def test_each_command_has_the_overrides_and_seeds_of_its_trainings(tmp_path):
@@ -165,32 +283,6 @@ def test_readme_can_show_the_rows_of_one_model(study):
     assert made[1].startswith("**Scale laptop: 32 x 32 px")
     assert [line.split("(")[0] for line in made[5:-1]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
     assert made[-1] == "<!-- end -->"
-
-
-@pytest.mark.slow
-def test_exported_weights_predict_as_the_run_does(evaluated, tmp_path):
-    target = tmp_path / "weights"
-    with pytest.raises(ValueError, match="not evaluated"):
-        export_weights(prepared(tmp_path / "run"), target)
-    export_weights(evaluated, target)
-    image = torch.rand(2, 1, 32, 32)
-    full, half = (smp.from_pretrained(path).float().eval() for path in (evaluated.model, target))
-    with torch.inference_mode():
-        assert (torch.sigmoid(full(image)) - torch.sigmoid(half(image))).abs().max() < 0.01
-    size = (target / "model.safetensors").stat().st_size
-    assert size < 0.55 * (evaluated.model / "model.safetensors").stat().st_size
-    card = (target / "README.md").read_text()
-    assert "24 simulated pairs" in card
-    assert "obstacle_iou" in card
-
-    example = card.split("```python")[1].split("```")[0]
-    where = f"reproduce/results/{tmp_path.name}/weights"
-    assert where in example
-    names = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
-    exec(example.replace(where, str(target)), names)
-    assert names["free"].shape == (2, 32, 32)
-    assert names["free"].min() >= 0
-    assert names["free"].max() <= 1
 
 
 def test_nothing_evaluated_cannot_be_published(tmp_path):
@@ -239,17 +331,9 @@ def test_the_published_readme_lists_hardware_and_versions_of_all_steps_that_have
     assert f"- versions: torch {versions['torch']} and 99.9, " in page
 
 
-def test_an_experiment_of_ones_own_is_exported_and_published(tmp_path):
-    """A fifth experiment has no title in the paper."""
-    run = fake_run(tmp_path / "laptop", "office", "unet", 0.4)
-    network = create_network(paper_model("unet"))
-    Predictor(network, Projection(), Grid(32, 50.0)).save(run.model)
-    metrics = pd.DataFrame([dict.fromkeys((*METRICS, "obstacle_iou"), 0.4)])
-    metrics.to_csv(run.metrics, index=False)
-    export_weights(run, tmp_path / "weights")
-    assert "experiment office" in (tmp_path / "weights" / "README.md").read_text()
-    target = publish(Outputs(tmp_path / "laptop"), tmp_path / "results")
-    assert read_published(target)["experiment"].tolist() == ["office"]
+def of_paper(runs):
+    """Return the runs with the paper's input and its ablation."""
+    return runs[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
 
 
 def test_the_documents_state_how_long_a_study_takes():
@@ -265,3 +349,65 @@ def test_the_documents_state_how_long_a_study_takes():
                 assert low <= rows["training_seconds"].sum() / 60 / 2 <= high
                 whole += 1
     assert whole
+
+
+def edited(name: str, value: str, line: int = 2) -> Callable[[str], bytes]:
+    """Return a function that replaces one value of the text of a CSV file, in a line from 1."""
+
+    def edit(text: str) -> bytes:
+        lines = text.splitlines()
+        cells = lines[line - 1].split(",")
+        cells[lines[0].split(",").index(name)] = value
+        return "\n".join([*lines[: line - 1], ",".join(cells), *lines[line:]]).encode()
+
+    return edit
+
+
+DAMAGES = {
+    "blank metric": (edited("accuracy", ""), "one row per run, with accuracy from -1 to 1"),
+    "infinite metric": (edited("dice", "inf", 4), "with dice from -1 to 1"),
+    "text in a number": (edited("accuracy", "abc"), "with accuracy from -1 to 1"),
+    "decimal comma": (edited("accuracy", "0,895", 4), "Error tokenizing data"),
+    "decimal comma in the first row": (edited("accuracy", "0,895"), "cannot safely cast|more values"),
+    "text as seed": (edited("seed", "x", 3), "seed|x|convert"),
+    "half a seed": (edited("seed", "0.5", 3), "cannot safely cast"),
+    "no header": (lambda text: text.split("\n", 1)[1].encode(), "lacks the columns experiment, model"),
+    "no rows": (lambda text: text.split("\n")[0].encode(), "expected one row per run"),
+    "a row twice": (lambda text: (text + text.splitlines()[2]).encode(), "expected one row per run"),
+    "UTF-16": (lambda text: text.encode("utf-16"), "codec can't decode"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_published_runs_that_are_damaged_are_refused(name, published):
+    damage, message = DAMAGES[name]
+    path = published / "laptop" / "runs.csv"
+    path.write_bytes(damage(path.read_text()))
+    with pytest.raises(ValueError, match=rf"laptop/runs\.csv cannot be read \(.*({message}).*\): restore"):
+        with_results("<!-- results: laptop main -->\n<!-- end -->", published)
+
+
+def test_a_run_without_provenance_is_named(published):
+    published = published / "laptop"
+    path, name = published / "provenance.json", "runs/exp3/unet/projection/seed0"
+    whole = json.loads(path.read_text())
+    keys = keys_of(read_published(published))
+    path.write_text(json.dumps({key: value for key, value in whole.items() if key != name}))
+    with pytest.raises(ValueError, match=rf"provenance\.json cannot be read \(it lacks 1 runs .*{name}"):
+        read_origins(published, keys)
+    for steps in ([], [{}]):
+        path.write_text(json.dumps({**whole, name: {**whole[name], "steps": steps}}))
+        with pytest.raises(ValueError, match=rf"provenance\.json cannot be read \({name}: expected steps with names"):
+            read_origins(published, keys)
+    path.write_text(json.dumps({**whole, "unet": whole[name]}))
+    with pytest.raises(ValueError, match=r"provenance\.json cannot be read \(expected runs/exp<name>.*got unet\)"):
+        read_origins(published, keys)
+
+
+def test_rows_keep_the_names_of_experiments_and_baselines(tmp_path):
+    path = tmp_path / "rows.csv"
+    path.write_text("experiment,model,encoding,seed,value\n01,unet,projection,0,0.5\n3,all_free,,,inf\n")
+    rows = read_rows(path)
+    assert rows["experiment"].tolist() == ["01", "3"]
+    assert rows["encoding"].tolist() == ["projection", ""]
+    assert rows["seed"].tolist() == [0, pd.NA]

@@ -18,9 +18,8 @@ from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
 from repro.reporting.page import Report, render, samples_json
 from repro.reporting.papers_claims import verdicts
-from repro.reporting.results import audits, read_results
-from repro.reporting.rows import keys_of, read_rows
-from repro.reporting.tables import write_tables
+from repro.reporting.results import keys_of, read_results, read_rows
+from repro.reporting.tables import audits, write_tables
 from repro.runs.directories import Run
 from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
@@ -97,7 +96,7 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
     for key in lowest_seeds(key for key, run in runs.items() if _has_predictions(run)):
         if key.model not in ("all_free", *OTHER_BOUNDS):
             shown.setdefault(key.experiment, []).append(runs[key])
-    write_tables(outputs, [])
+    write_tables(outputs.tables, results)
     report = Report(
         outputs=outputs.path,
         results=results,

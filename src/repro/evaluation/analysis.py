@@ -6,7 +6,6 @@ frames out.
 """
 
 from collections import defaultdict
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,21 +34,6 @@ ANALYZED = (  # tables of `gather`
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
 
-@dataclass(frozen=True)
-class _Measurement:
-    """The measurement of a cell.
-
-    Args:
-        measured: counts and metrics of images of its seeds.
-        draws: its metrics in every draw of the bootstrap.
-        frames: its rows by the name of the CSV file they are written to.
-    """
-
-    measured: Measured
-    draws: dict[str, np.ndarray]
-    frames: dict[str, pd.DataFrame]
-
-
 def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.DataFrame]:
     """Gather the analysis of all evaluated runs below an outputs directory.
 
@@ -70,19 +54,18 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
         grid = grid_of(next(iter(own_cells.values()))[0].config())
         test = load_test_set(outputs.recordings(experiment), grid)
         weights = draw_weights(len(test.truth) // 2)
-        measurements: dict[Cell, _Measurement] = {}
+        counted: dict[Cell, Measured] = {}
+        draws: dict[Cell, dict[str, np.ndarray]] = {}
         for cell, runs in progress(own_cells.items(), f"analysis, exp {experiment}"):
             try:
-                measurements[cell] = _measure_cell(runs, test, weights)
+                counted[cell], draws[cell], frames = _measure_cell(runs, test, weights)
             except InputError as error:
                 if errors is None:
                     raise
                 errors.append(str(error))
-        for cell, measurement in measurements.items():
-            for name, frame in measurement.frames.items():
+                continue
+            for name, frame in frames.items():
                 tables[name].append(_identified(frame, _columns(cell)))
-        draws = {cell: measurement.draws for cell, measurement in measurements.items()}
-        counted = {cell: measurement.measured for cell, measurement in measurements.items()}
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
         for cell, table, common in averages(counted, seeds, weights):
             draws[cell] = table
@@ -131,8 +114,14 @@ def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, dict[str, np.ndarray
     return free, of_images
 
 
-def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> _Measurement:
-    """Measure all seeds of a cell; for the weights of the bootstrap see `metrics.bootstrap.draw_weights`."""
+def _measure_cell(
+    runs: list[Run], test: TestSet, weights: np.ndarray
+) -> tuple[Measured, dict[str, np.ndarray], dict[str, pd.DataFrame]]:
+    """Measure all seeds of a cell; for the weights of the bootstrap see `metrics.bootstrap.draw_weights`.
+
+    Returns:
+        counts and metrics of images of its seeds; its metrics in every draw; its rows by the name of their table.
+    """
     few_weights = weights[:FEWER_DRAWS]
     predictions, of_images = zip(*(_read_run(run, test) for run in runs), strict=True)
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
@@ -149,19 +138,16 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> _Measu
         frames["cost"] = _cost(runs)
         frames["calibration"] = _calibration(counts.sum(1))
         frames["reliability"] = _reliability(counts.sum((0, 1)))
-    return _Measurement(measured, draws, frames)
+    return measured, draws, frames
 
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
     """Return the cost of a cell: network parameters and input channels, mean time and peak memory of a training."""
     predictor = load_predictor(runs[0].model)
-    facts = {name: [run.provenance().fact(name) for run in runs] for name in ("training_seconds", "peak_memory_gb")}
-    row = {
-        "parameters": sum(each.numel() for each in predictor.network.parameters()),
-        "channels": predictor.encoding.channels,
-        **{name: pd.Series(values, dtype=float).mean() for name, values in facts.items()},
-    }
-    return pd.DataFrame([row])
+    names = ("training_seconds", "peak_memory_gb")
+    facts = pd.DataFrame([{name: run.provenance().fact(name) for name in names} for run in runs], dtype=float)
+    parameters = sum(each.numel() for each in predictor.network.parameters())
+    return pd.DataFrame([{"parameters": parameters, "channels": predictor.encoding.channels, **facts.mean()}])
 
 
 def _calibration(counts: np.ndarray) -> pd.DataFrame:

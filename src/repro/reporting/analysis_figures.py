@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Collection
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -13,12 +14,23 @@ from repro.baselines.names import OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY, RECURRENT
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
-from repro.reporting.names import experiment_title, predictor_title, tested_titles
-from repro.reporting.plots import ACCENT, INK, LOOKS, STYLE, DataFrames, columns, marks, one_legend, save_or_delete
-from repro.reporting.results import OURS
+from repro.reporting.names import predictor_title, tested_titles
+from repro.reporting.plots import (
+    ACCENT,
+    INK,
+    LOOKS,
+    STYLE,
+    DataFrames,
+    columns,
+    marks,
+    one_legend,
+    panels,
+    save_or_delete,
+)
+from repro.reporting.tables import OURS
 
-NETWORK_DOT = {"color": ACCENT, "marker": "o"}
-BASELINE_DOT = {"color": INK, "marker": "s", "markerfacecolor": "white"}
+NETWORK_DOT: dict[str, Any] = {"color": ACCENT, "marker": "o"}
+BASELINE_DOT: dict[str, Any] = {"color": INK, "marker": "s", "markerfacecolor": "white"}
 DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
 
 
@@ -43,17 +55,16 @@ def recency(frames: DataFrames) -> Figure | None:
         return None
     measures = {"obstacle_recall": "obstacle recall", "brier": "Brier score"}
     figure, axes = columns(rows, len(measures), sharey="row", sharex=True)
-    for column, (experiment, own_rows) in zip(axes.T, rows.groupby("experiment"), strict=True):
-        for ax, metric in zip(column, measures, strict=True):
-            measured = own_rows[own_rows["metric"] == metric]
-            kinds = {label: measured[measured["encoding"] == name] for name, (_, label) in DECAYS.items()}
-            marks(ax, {label: kind.set_index("recency") for label, kind in kinds.items()}, names)
-        column[0].set_title(experiment_title(str(experiment), "\n{}"))
-        plt.setp(column[-1].get_xticklabels(), rotation=40, ha="right", rotation_mode="anchor")
-        column[-1].set_xlabel("time since last seen [steps]")
-    for ax, label in zip(axes[:, 0], measures.values(), strict=True):
-        ax.set_ylim(bottom=0)
-        ax.set_ylabel(label)
+    for line, (metric, title) in zip(axes, measures.items(), strict=True):
+        for ax, own_rows in panels(line, rows[rows["metric"] == metric].set_index("recency")):
+            marks(ax, {label: own_rows[own_rows["encoding"] == name] for name, (_, label) in DECAYS.items()}, names)
+        line[0].set_ylim(bottom=0)
+        line[0].set_ylabel(title)
+    for ax in axes[1:].flat:
+        ax.set_title("")
+    for ax in axes[-1]:
+        plt.setp(ax.get_xticklabels(), rotation=40, ha="right", rotation_mode="anchor")
+        ax.set_xlabel("time since last seen [steps]")
     one_legend(figure, axes[0])
     return figure
 
@@ -71,10 +82,11 @@ def obstacles(frames: DataFrames) -> Figure | None:
     if kinds["U-Net"].empty:
         return None
     figure, axes = columns(kinds["U-Net"], 1, sharey=True)
-    for ax, experiment in zip(axes[0], sorted(kinds["U-Net"]["experiment"].unique()), strict=True):
+    for ax, own_rows in panels(axes[0], kinds["U-Net"]):
+        experiment = own_rows["experiment"].iloc[0]
         by_kind = {label: kind[kind["experiment"] == experiment].set_index("last_hit") for label, kind in kinds.items()}
         marks(ax, by_kind, list(HITS))
-        ax.set(title=experiment_title(str(experiment), "\n{}"), ylim=(0, 1), xlabel="time since last hit [steps]")
+        ax.set(ylim=(0, 1), xlabel="time since last hit [steps]")
     axes[0, 0].set_ylabel("recall of an obstacle")
     one_legend(figure, axes[0])
     return figure
@@ -87,12 +99,12 @@ def reliability(frames: DataFrames) -> Figure | None:
     if rows.empty:
         return None
     figure, axes = columns(rows, 1, sharey=True)
-    for ax, (experiment, own_rows) in zip(axes[0], rows.groupby("experiment"), strict=True):
+    for ax, own_rows in panels(axes[0], rows):
         ax.plot([0, 1], [0, 1], color="#bbbbbb", linewidth=1)
         for encoding, line in own_rows.groupby("encoding", sort=False):
             look, label = DECAYS[str(encoding)]
             ax.plot(line["predicted"], line["found"], markersize=3, label=label, **look)
-        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="predicted probability", aspect="equal")
+        ax.set(xlabel="predicted probability", aspect="equal")
     axes[0, 0].set_ylabel("observed frequency")
     one_legend(figure, axes[0])
     return figure
@@ -162,15 +174,15 @@ def _dots(rows: pd.DataFrame) -> Figure | None:
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
     if len(names) < 2:
         return None
-    experiments = sorted(rows["experiment"].unique())
-    size = (1.6 + 2.3 * len(experiments), 0.9 + 0.26 * len(names))
-    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", squeeze=False, sharey=True)
-    for ax, experiment in zip(axes[0], experiments, strict=True):
-        for row in rows[rows["experiment"] == experiment].itertuples():
+    figure, axes = columns(rows, 1, sharey=True)
+    figure.set_size_inches(1.6 + 2.3 * axes.shape[1], 0.9 + 0.26 * len(names))
+    row: Any
+    for ax, own_rows in panels(axes[0], rows):
+        for row in own_rows.itertuples():
             form = NETWORK_DOT if row.encoding else BASELINE_DOT
             spread = [[row.value - row.low], [row.high - row.value]]
             ax.errorbar(row.value, names.index(row.title), xerr=spread, markersize=4, capsize=2, **form)
-        ax.set(title=experiment_title(str(experiment), "\n{}"), xlabel="obstacle IoU")
+        ax.set_xlabel("obstacle IoU")
         ax.grid(axis="x", color="#dddddd", linewidth=0.5)
         ax.set_yticks(range(len(names)), names)
     return figure

@@ -1,4 +1,4 @@
-"""Claims: tests of the paper's statements on the paper's numbers and on ours.
+"""Claims: tests of the paper's statements on the paper's numbers and on ours, with their intervals.
 
 `papers_claims.CLAIMS` lists the test of every checkable statement, paper_tables/claims.csv its words. The
 `uncertainties` library propagates the intervals of the numbers through the test as independent standard errors. This is
@@ -11,16 +11,23 @@ whole interval is within the tolerance.
 import dataclasses
 import enum
 import itertools
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import pandas as pd
-from uncertainties import nominal_value, std_dev
+from uncertainties import nominal_value, std_dev, ufloat
 
-from repro.reporting.numbers import Number, Numbers, Z, paper_rows
+from repro.baselines.names import BASELINES, OTHER_BOUNDS
+from repro.config import PROJECTION
+from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
+from repro.metrics.names import METRICS
+from repro.networks.model import NETWORKS
+from repro.reporting.paper import all_free_dice, free_share, read_paper
+from repro.runs.keys import CELL
 
+Z = 1.96  # half-width of a 95 % interval in standard errors
+Number = Any  # a float, or a number of `uncertainties` with its standard error
 COLUMNS = (
     *("id", "quote", "place", "means", "verdict", "ours", "paper", "value", "low", "high", "claimed", "margin", "held"),
     *("combinations", "paper_value", "tolerance", "at_half", "at_double", "tolerance_from", "reason"),
@@ -28,6 +35,42 @@ COLUMNS = (
 TEXTS = ("quote", "place", "means", "tolerance_from", "reason")  # columns of paper_tables/claims.csv
 ROUNDING = 1e-4  # rounding error of a difference of two numbers with four decimals
 SLACK = 1e-12  # error of the arithmetic
+
+
+class Numbers:
+    """Numbers by table, metric and cell; each method raises KeyError for a number that has not been measured.
+
+    Args:
+        rows: see `analysis_rows` and `paper_rows`.
+    """
+
+    def __init__(self, rows: pd.DataFrame) -> None:
+        keys = ["of", "metric", *CELL, "recency"]
+        rows = rows.dropna(subset=["value"]).drop_duplicates(keys, keep="last")
+        error = ((rows["high"] - rows["low"]) / (2 * Z)).fillna(0.0)
+        self.numbers = {
+            tuple(key): ufloat(value, spread) if spread else value
+            for *key, value, spread in zip(*(rows[key] for key in keys), rows["value"], error, strict=True)
+        }
+        self.networks = len(set(rows["model"]) & set(NETWORKS))
+
+    def table(self, metric: str, exp: str | list[str], model: str = "average", encoding: str = PROJECTION) -> Number:
+        """Return a metric of the tables, for a list of experiments its mean."""
+        experiments = [exp] if isinstance(exp, str) else exp
+        encoding = "" if model in (*BASELINES, *OTHER_BOUNDS) else encoding
+        return sum(self.numbers["tables", metric, e, model, encoding, "all"] for e in experiments) / len(experiments)
+
+    def unet(self, of: str, metric: str, exp: str, group: str = "all", encoding: str = PROJECTION) -> Number:
+        """Return a number of U-Net.
+
+        Args:
+            of: `recency` of pixels, `obstacles` by the time since their last hit, `uncertain` predictions, or `cost`.
+            metric: the measure, of uncertain predictions `error` or `skill`, see `metrics.calibration`.
+            exp: the experiment.
+            group: the recency of the pixels, or the last hit of the obstacles.
+            encoding: label of its encoding.
+        """
+        return self.numbers[of, metric, exp, "unet", encoding, group]
 
 
 class Verdict(enum.StrEnum):
@@ -96,12 +139,12 @@ def judge(claims: Iterable[Claim], ours: pd.DataFrame, paper: pd.DataFrame | Non
 
 def count_verdicts(claims: pd.DataFrame) -> str:
     """Return the number of claims of each verdict as text, `17 reproduced, 4 not reproduced`; see `judge`."""
-    counts = Counter(claims["verdict"])
-    words = {str(verdict): str(verdict) for verdict in Verdict}
-    words[Verdict.fails_in_paper] = (
-        f"{'fails' if counts[Verdict.fails_in_paper] == 1 else 'fail'} on the paper's own tables"
-    )
-    return ", ".join(f"{counts[verdict]} {text}" for verdict, text in words.items() if counts[verdict])
+    counts = claims["verdict"].value_counts()
+    texts = {verdict: f"{counts[verdict]} {verdict}" for verdict in Verdict if verdict in counts}
+    if failing := counts.get(Verdict.fails_in_paper, 0):
+        verb = "fails" if failing == 1 else "fail"
+        texts[Verdict.fails_in_paper] = f"{failing} {verb} on the paper's own tables"
+    return ", ".join(texts.values())
 
 
 def on_paper(claim: pd.Series | Mapping[str, Any], precision: str) -> str:
@@ -115,57 +158,30 @@ def on_paper(claim: pd.Series | Mapping[str, Any], precision: str) -> str:
     return claim["paper"] if pd.isna(value) else f"{claim['paper']}, {value:{precision}}"
 
 
-@dataclass(frozen=True)
-class _Tested:
-    """The test of one combination: the value with half of its interval, the claimed value and the tolerance."""
-
-    value: float
-    half: float
-    claimed: float
-    tolerance: float
-
-    def margin(self, claim: Claim) -> float:
-        """Return the distance from failing, negative if the test fails."""
-        gap = self.value - self.claimed
-        return self.tolerance - abs(gap) - self.half if claim.near else gap - self.tolerance
-
-    def holds(self, claim: Claim) -> bool:
-        """Return whether the test passes, by more than its interval and its tolerance."""
-        is_significant = claim.near or self.value - self.claimed > self.half - SLACK
-        return is_significant and self.margin(claim) >= -SLACK
-
-    def may_hold(self, claim: Claim) -> bool:
-        """Return whether a part of the interval of a level is within the tolerance."""
-        return claim.near and self.margin(claim) + 2 * self.half >= -SLACK
-
-    def points(self, claim: Claim) -> bool:
-        """Return whether the value has the claimed direction, regardless of its size; levels and counts have none."""
-        if not claim.directed or claim.claimed == "paper":
-            return False
-        return self.value * self.claimed > 0 if claim.near else self.value > self.claimed
-
-
 def _judge_one(claim: Claim, ours: Numbers, papers: Numbers) -> dict[str, Any]:
     row: dict[str, Any] = {"id": claim.id, "verdict": Verdict.untested, "ours": Verdict.untested}
     if claim.test is None:
         return row
-    paper, tested = _test(claim, papers, papers, claim.paper_tolerance), _test(claim, ours, papers)
-    holds = "no number" if not paper else "holds" if _verdict(claim, paper) is Verdict.reproduced else "fails"
-    row |= {"paper": holds, "paper_value": _worst(claim, paper).value if paper and claim.claimed != "paper" else None}
-    verdict = _verdict(claim, tested) if tested else Verdict.untested
-    if tested:
+    row["paper"] = "no number"
+    if len(paper := _test(claim, papers, papers, claim.paper_tolerance)):
+        row["paper"] = "holds" if _verdict(claim, paper) is Verdict.reproduced else "fails"
+        row["paper_value"] = None if claim.claimed == "paper" else _worst(claim, paper)["value"]
+    if len(tested := _test(claim, ours, papers)):
         worst = _worst(claim, tested)
-        half = worst.half or float("nan")  # some quantities have no interval
-        row |= {"value": worst.value, "low": worst.value - half, "high": worst.value + half}
-        row |= {"claimed": worst.claimed, "tolerance": worst.tolerance, "margin": worst.margin(claim)}
-        row |= {"held": sum(each.holds(claim) for each in tested), "combinations": len(tested)}
-        row |= {"at_half": _verdict(claim, _scaled(tested, 0.5)), "at_double": _verdict(claim, _scaled(tested, 2))}
-    final = Verdict.fails_in_paper if holds == "fails" else verdict
-    return {**row, "verdict": final, "ours": verdict}
+        half = worst["half"] or float("nan")  # some quantities have no interval
+        row |= {"ours": _verdict(claim, tested), "low": worst["value"] - half, "high": worst["value"] + half}
+        row |= {name: worst[name] for name in ("value", "claimed", "tolerance", "margin")}
+        row |= {"held": _passes(claim, tested)[Verdict.reproduced].sum(), "combinations": len(tested)}
+        row |= {"at_half": _verdict(claim, tested, 0.5), "at_double": _verdict(claim, tested, 2)}
+    return {**row, "verdict": Verdict.fails_in_paper if row["paper"] == "fails" else row["ours"]}
 
 
-def _test(claim: Claim, rows: Numbers, papers: Numbers, tolerance: float | None = None) -> list[_Tested]:
-    """Compute the test of every combination, with another tolerance if one is given; empty if a number is missing."""
+def _test(claim: Claim, rows: Numbers, papers: Numbers, tolerance: float | None = None) -> pd.DataFrame:
+    """Compute the test of every combination, with another tolerance if one is given.
+
+    Returns:
+        value, half (of its interval), claimed, tolerance of each combination; empty if a number is missing.
+    """
     assert claim.test is not None
     tested = []
     for values in itertools.product(*claim.over.values()):
@@ -174,30 +190,81 @@ def _test(claim: Claim, rows: Numbers, papers: Numbers, tolerance: float | None 
             value = claim.test(rows, **case)
             claimed = nominal_value(claim.test(papers, **case)) if claim.claimed == "paper" else claim.claimed
         except KeyError:
-            return []
+            return pd.DataFrame()
         own = claim.tolerance if isinstance(claim.tolerance, float | int) else claim.tolerance[case["metric"]]
-        allowed = own if tolerance is None else tolerance
-        tested.append(_Tested(float(nominal_value(value)), Z * float(std_dev(value)), float(claimed), allowed))
-    return tested
+        row = (nominal_value(value), Z * std_dev(value), claimed, own if tolerance is None else tolerance)
+        tested.append(tuple(map(float, row)))
+    return pd.DataFrame(tested, columns=["value", "half", "claimed", "tolerance"])
 
 
-def _verdict(claim: Claim, tested: list[_Tested]) -> Verdict:
+def _margin(claim: Claim, tested: pd.DataFrame) -> pd.Series:
+    """Return the distance of each combination from failing, negative if the test fails."""
+    gap = tested["value"] - tested["claimed"]
+    return tested["tolerance"] - gap.abs() - tested["half"] if claim.near else gap - tested["tolerance"]
+
+
+def _passes(claim: Claim, tested: pd.DataFrame) -> dict[Verdict, pd.Series]:
+    """Return which combinations pass for each verdict.
+
+    A difference must exceed its interval and its tolerance. Of a level, a part of the interval may be within the
+    tolerance. A value has the claimed direction regardless of its size; levels and counts have none.
+    """
+    gap, half, margin = tested["value"] - tested["claimed"], tested["half"], _margin(claim, tested)
+    has_direction = claim.directed and claim.claimed != "paper"
+    return {
+        Verdict.reproduced: (margin >= -SLACK) & (claim.near | (gap > half - SLACK)),
+        Verdict.undecided: (margin + 2 * half >= -SLACK) & claim.near,
+        Verdict.in_direction: ((tested["value"] * tested["claimed"] if claim.near else gap) > 0) & has_direction,
+    }
+
+
+def _verdict(claim: Claim, tested: pd.DataFrame, factor: float = 1) -> Verdict:
+    """Return the verdict with the tolerance times a factor."""
+    passes = _passes(claim, tested.assign(tolerance=factor * tested["tolerance"]))
     required = len(tested) // 2 + 1 if claim.most else len(tested)
-    for verdict, passes in {
-        Verdict.reproduced: _Tested.holds,
-        Verdict.undecided: _Tested.may_hold,
-        Verdict.in_direction: _Tested.points,
-    }.items():
-        if sum(passes(each, claim) for each in tested) >= required:
-            return verdict
-    return Verdict.not_reproduced
+    return next((verdict for verdict, own in passes.items() if own.sum() >= required), Verdict.not_reproduced)
 
 
-def _worst(claim: Claim, tested: list[_Tested]) -> _Tested:
+def _worst(claim: Claim, tested: pd.DataFrame) -> pd.Series:
     """Return the decisive combination: the one closest to failing, or the median one if most have to pass."""
-    ordered = sorted(tested, key=lambda each: each.margin(claim))
-    return ordered[(len(ordered) - 1) // 2 if claim.most else 0]
+    ordered = tested.assign(margin=_margin(claim, tested)).sort_values("margin", kind="stable")
+    return ordered.iloc[(len(ordered) - 1) // 2 if claim.most else 0]
 
 
-def _scaled(tested: list[_Tested], factor: float) -> list[_Tested]:
-    return [dataclasses.replace(each, tolerance=factor * each.tolerance) for each in tested]
+def paper_rows() -> pd.DataFrame:
+    """Return the paper's tables as tidy rows, with the implied scores of an all-free prediction on its maps."""
+    table = read_paper()
+    average = table[(table["model"] == "average") & (table["encoding"] == PROJECTION)][[*CELL]]
+    share = free_share(table.loc[average.index])
+    free = average.assign(model="all_free", encoding="", accuracy=share, dice=all_free_dice(share))
+    long = pd.concat([table, free]).melt(CELL, list(METRICS), "metric")
+    return long.assign(of="tables", recency="all", low=float("nan"), high=float("nan"))
+
+
+def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the frames of `evaluation.analysis.gather` as tidy rows.
+
+    Returns:
+        of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
+    """
+    cost = frames["cost"].melt(CELL, ["parameters"], "metric")
+    parts = [
+        frames["intervals"].assign(of="tables", recency="all"),
+        frames["recency"].assign(of="recency"),
+        frames["obstacles"].rename(columns={"last_hit": "recency"}).assign(of="obstacles"),
+        _uncertain(frames["reliability"]).assign(of="uncertain", recency="all"),
+        cost.assign(of="cost", recency="all"),
+    ]
+    rows = pd.concat(parts, ignore_index=True)
+    columns = [*CELL, "of", "recency", "metric", "value", "low", "high"]
+    return rows.assign(experiment=rows["experiment"].astype(str))[columns]
+
+
+def _uncertain(diagrams: pd.DataFrame) -> pd.DataFrame:
+    """Return calibration error and Brier skill where each cell is uncertain, over all its pixels."""
+    rows = []
+    for cell, bins in diagrams[diagrams["recency"] == "all"].groupby(CELL):
+        diagram = Reliability(*(bins[name].to_numpy() for name in Reliability.__annotations__))
+        measured = {"error": uncertain_error(diagram), "skill": uncertain_skill(diagram)}
+        rows += [{**dict(zip(CELL, cell, strict=True)), "metric": name, "value": v} for name, v in measured.items()]
+    return pd.DataFrame(rows, columns=[*CELL, "metric", "value"])

@@ -10,13 +10,11 @@ from repro.networks.predictor import ONNX, load_predictor
 from repro.networks.torch_files import CARD, OWN_FILES
 from repro.reporting.names import SETUPS, model_title
 from repro.reporting.paper import are_papers, world_files
-from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
 
 CARD_METRICS = (*METRICS, "obstacle_iou")
-LICENSE = "mit"
 
 
 def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
@@ -35,8 +33,9 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     predictor = load_predictor(run.model)
     if (target / "predictor.json").is_file() and not force:
         existing, used = load_predictor(target), _recordings_of(run)
-        is_coarser = existing.grid.size_px > predictor.grid.size_px
-        if is_coarser or existing.encoding != predictor.encoding or used not in _read_card(target):
+        is_coarser, card = existing.grid.size_px > predictor.grid.size_px, target / CARD
+        described = card.read_text(encoding="utf-8") if card.is_file() else ""
+        if is_coarser or existing.encoding != predictor.encoding or used not in described:
             raise InputError(
                 f"{target} has weights for {existing.grid.size_px} px and {existing.encoding}, {run} has "
                 f"{predictor.grid.size_px} px, {predictor.encoding} and {used}, which may be others: "
@@ -47,18 +46,13 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     with lock(target.parents[1]), replacing_directory(target, OWN_FILES) as new:
         clear_leftovers(target.parent, keep=new)
         predictor.save(new, torch.float16)
-        card = make_card(run, f"reproduce/results/{'/'.join(target.parts[-2:])}", "float16 weights")
-        write_text(new / CARD, card)
+        where = f"reproduce/results/{'/'.join(target.parts[-2:])}"
+        write_text(new / CARD, make_card(run, where, "float16 weights"))
 
 
 def _recordings_of(run: Run) -> str:
     """Return the words of a model card that identify the worlds and the number of pairs of a run."""
     return f"recordings {run.provenance().fact('recordings')[:12]}"
-
-
-def _read_card(directory: Path) -> str:
-    card = directory / CARD
-    return card.read_text(encoding="utf-8") if card.is_file() else ""
 
 
 def export_onnx(run: Run, target: Path) -> float:
@@ -86,7 +80,7 @@ def export_onnx(run: Run, target: Path) -> float:
 
 
 def make_card(run: Run, path: str, form: str) -> str:
-    """Return the model card: metadata of the Hugging Face Hub, input, output, data, metrics, limits.
+    """Return the model card: metadata of the Hugging Face Hub, use, input, output, data, metrics, limits.
 
     Args:
         run: an evaluated run directory.
@@ -96,28 +90,22 @@ def make_card(run: Run, path: str, form: str) -> str:
     Raises:
         ValueError: huggingface_hub cannot read the card.
     """
-    config, metrics = run.config(), run.read_metrics()
+    config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
+    trained = origin.last("trained")
+    assert config.encoding, "a network has an encoding"
+    assert trained, "an evaluated network is trained"
     measured = {name: float(metrics[name]) for name in CARD_METRICS}
+    names = world_files({config.data.worlds})
+    source = f"conf/world/{names[0]}.yaml" if names else "worlds of no file in conf/world"
+    setup, limits = f"experiment {config.experiment} of {source}", ""
+    if config.experiment in SETUPS and are_papers(config.data.worlds):
+        setup, limits = SETUPS[config.experiment], ", without noise, with its obstacles and speeds and one robot path"
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
-    setup = SETUPS[config.experiment] if _is_papers(config) else f"experiment {config.experiment} of {_source(config)}"
-    library = "segmentation-models-pytorch" if encoder else "pytorch"
-    body = f"# {title}\n\n" + _card_text(run, setup, measured, path, form)
-    return with_front_matter(body, title, setup, measured, library)
-
-
-def _card_text(run: Run, setup: str, measured: dict[str, float], path: str, form: str) -> str:
-    """Return the text of a model card: use, input, output, data, metrics, limits; arguments as in `make_card`."""
-    config, origin = run.config(), run.provenance()
-    assert config.encoding, "a network has an encoding"
-    trained = origin.last("trained")
-    assert trained, "an evaluated network is trained"
-    numbers = ", ".join(f"{metric} {value:.4f}" for metric, value in measured.items())
-    size = f"{config.data.size_m:g} x {config.data.size_m:g} m"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
-    definition = "The metadata of the file define" if path.endswith(ONNX) else "`predictor.json` defines"
-    limits = ", without noise, with its obstacles and speeds and one robot path" if _is_papers(config) else ""
-    return f"""```python
+    text = f"""# {title}
+
+```python
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
 
@@ -126,7 +114,8 @@ free = predictor.predict(Scans(ranges, angles, poses))  # probability of free at
 ```
 
 **Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
-in a map of {size} with its origin at the lower left; NumPy arrays or tensors. {definition} the encoding
+in a map of {config.data.size_m:g} x {config.data.size_m:g} m with its origin at the lower left; NumPy arrays or \
+tensors. {"The metadata of the file define" if path.endswith(ONNX) else "`predictor.json` defines"} the encoding
 ({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
 **Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 
@@ -134,20 +123,12 @@ in a map of {size} with its origin at the lower left; NumPy arrays or tensors. {
 {_recordings_of(run)}, seed {config.seed}, {origin.fact("epochs")} epochs,
 commit {trained["commit"]}.
 
-**Test set** ({origin.fact("test_pairs")} pairs): {numbers}.
+**Test set** ({origin.fact("test_pairs")} pairs): {", ".join(f"{name} {each:.4f}" for name, each in measured.items())}.
 
-**Limits**: trained on simulated scans of {_source(config)}{limits}; {form}.
+**Limits**: trained on simulated scans of {source}{limits}; {form}.
 """
-
-
-def _is_papers(config: RunConfig) -> bool:
-    return config.experiment in SETUPS and are_papers(config.data.worlds)
-
-
-def _source(config: RunConfig) -> str:
-    """Return the file of conf/world that has the worlds of a run."""
-    names = world_files({config.data.worlds})
-    return f"conf/world/{names[0]}.yaml" if names else "worlds of no file in conf/world"
+    library = "segmentation-models-pytorch" if encoder else "pytorch"
+    return with_front_matter(text, title, setup, measured, library)
 
 
 def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, float], library: str) -> str:
@@ -175,7 +156,7 @@ def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, fl
         for name, value in metrics.items()
     ]
     data = ModelCardData(
-        license=LICENSE,
+        license="mit",
         library_name=library,
         pipeline_tag="image-segmentation",
         tags=["robotics", "lidar", "occupancy-grid"],

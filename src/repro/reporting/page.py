@@ -22,8 +22,8 @@ from repro.reporting.claims import Verdict, on_paper
 from repro.reporting.names import experiment_title, predictor_title
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import interval, with_interval
-from repro.reporting.results import audits, read_frames, read_origins, read_published
-from repro.reporting.tables import HEADS, Table, caption, make_tables, row_title
+from repro.reporting.results import read_frames, read_origins, read_published
+from repro.reporting.tables import HEADS, Table, audits, caption, make_tables, row_title
 from repro.runs.keys import CELL, RunKey
 from repro.runs.provenance import Provenance
 

@@ -11,8 +11,7 @@ import pandas as pd
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.claims import COLUMNS, Claim, judge
-from repro.reporting.numbers import Number, Numbers, analysis_rows
+from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, analysis_rows, judge
 from repro.reporting.paper import TABLES
 from repro.reporting.results import of_papers_worlds
 
@@ -31,6 +30,7 @@ STATIC, MOVING = ["1", "2"], ["3", "4"]
 ALL = [*STATIC, *MOVING]
 PAIRS = [("1", "3"), ("2", "4")]  # the same motion of the robot with static and with moving obstacles
 CELLS = [*((exp, PROJECTION) for exp in ALL), *((exp, PROJECTION_NO_DECAY) for exp in MOVING)]
+UNSEEN = ("occluded", "never in view")
 AGES = [("1-10", "11-25"), ("11-25", "26-50"), ("26-50", "51-100")]
 
 
@@ -59,9 +59,9 @@ def _points_lost(n: Numbers, metric: str, exp: str) -> Number:
     return 100 * _loss(n, metric, exp)
 
 
-def _unseen(n: Numbers, exp: str) -> Number:
-    """Return the share of the map that is never seen."""
-    return sum(n.unet("recency", "pixel_share", exp, group) for group in ("occluded", "never in view"))
+def _share(n: Numbers, exp: str, *ages: str) -> Number:
+    """Return the share of the map that was last seen at some ages."""
+    return sum(n.unet("recency", "pixel_share", exp, age) for age in ages)
 
 
 def _bias(n: Numbers, exp: str) -> Number:
@@ -69,19 +69,13 @@ def _bias(n: Numbers, exp: str) -> Number:
     return n.table("recall", exp) - n.table("precision", exp)
 
 
-def _old(n: Numbers, exp: str) -> Number:
-    """Return the share of the map that was last seen more than 50 steps ago."""
-    return n.unet("recency", "pixel_share", exp, "51-100")
-
-
-def _entropy(n: Numbers, exp: str, encoding: str = PROJECTION) -> Number:
-    return n.unet("recency", "entropy", exp, encoding=encoding)
+def _entropy(n: Numbers, exp: str, encoding: str = PROJECTION, age: str = "all") -> Number:
+    return n.unet("recency", "entropy", exp, age, encoding)
 
 
 def _aging(n: Numbers, exp: str, encoding: str = PROJECTION) -> Number:
     """Return by how much the entropy is higher where the map was last seen 51 to 100 steps ago than 1 to 10."""
-    old, recent = (n.unet("recency", "entropy", exp, group, encoding) for group in ("51-100", "1-10"))
-    return old - recent
+    return _entropy(n, exp, encoding, "51-100") - _entropy(n, exp, encoding, "1-10")
 
 
 def _forgetting(n: Numbers, metric: str, exp: str, ages: tuple[str, str]) -> Number:
@@ -95,17 +89,17 @@ def _calibrated(n: Numbers, exp: str, measure: str) -> Number:
     return LIMIT - value if measure == "error" else value
 
 
-def _parameters(n: Numbers, encoding: str) -> Number:
-    return n.unet("cost", "parameters", "3", encoding=encoding)
-
-
 def _near_paper(id: str, *metrics: str) -> Claim:
     """Claim that our averages are close to the paper's, in all experiments and in the ablation."""
-
-    def level(n: Numbers, metric: str, cell: tuple[str, str]) -> Number:
-        return n.table(metric, cell[0], encoding=cell[1])
-
-    return Claim(id, level, {"metric": metrics, "cell": CELLS}, claimed="paper", near=True, tolerance=LEVEL)
+    over = {"metric": metrics, "cell": CELLS}
+    return Claim(
+        id,
+        lambda n, metric, cell: n.table(metric, cell[0], encoding=cell[1]),
+        over,
+        claimed="paper",
+        near=True,
+        tolerance=LEVEL,
+    )
 
 
 def _costs(id: str, exp: str, points: float) -> Claim:
@@ -122,10 +116,10 @@ CLAIMS = (
     _near_paper("specificity-level", "specificity"),
     Claim("square-beats-rotation", _drop, {"metric": METRICS, "pair": [("2", "1")]}, tolerance=SEEDS),
     Claim("square-beats-rotation-mostly", _drop, {"metric": METRICS, "pair": [("2", "1")]}, most=True, tolerance=SEEDS),
-    Claim("square-sees-more", lambda n: _unseen(n, "1") - _unseen(n, "2"), tolerance=0.01),
+    Claim("square-sees-more", lambda n: _share(n, "1", *UNSEEN) - _share(n, "2", *UNSEEN), tolerance=0.01),
     Claim("rotation-beats-square", _drop, {"metric": METRICS, "pair": [("3", "4")]}, tolerance=SEEDS),
     Claim("rotation-beats-square-mostly", _drop, {"metric": METRICS, "pair": [("3", "4")]}, most=True, tolerance=SEEDS),
-    Claim("square-delays-more", lambda n: _old(n, "4") - _old(n, "3"), tolerance=0.01),
+    Claim("square-delays-more", lambda n: _share(n, "4", "51-100") - _share(n, "3", "51-100"), tolerance=0.01),
     Claim("motion-lowers-all", _drop, {"metric": METRICS, "pair": PAIRS}, tolerance=SEEDS),
     Claim(
         "motion-lowers-specificity-most",
@@ -179,7 +173,7 @@ CLAIMS = (
     ),
     Claim(
         "stack-is-larger",
-        lambda n: 100 * (_parameters(n, "stack10") / _parameters(n, PROJECTION) - 1),
+        lambda n: 100 * (n.unet("cost", "parameters", "3", encoding="stack10") / n.unet("cost", "parameters", "3") - 1),
         claimed=1,
         tolerance=0.5,
     ),

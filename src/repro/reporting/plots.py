@@ -1,6 +1,6 @@
 """Shared parts of all figures: styles, files, axes, marks with intervals, one legend."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,8 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from repro.reporting.names import experiment_title
 
 INK, ACCENT = "#222222", "#0b6e99"
 STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
@@ -25,6 +27,13 @@ def columns(rows: pd.DataFrame, number: int, **options: Any) -> tuple[Figure, An
     experiments = rows["experiment"].nunique()
     size = (0.6 + 2.4 * experiments, 0.7 + 2.1 * number)
     return plt.subplots(number, experiments, figsize=size, layout="constrained", squeeze=False, **options)
+
+
+def panels(axes: Iterable[Axes], rows: pd.DataFrame) -> Iterator[tuple[Axes, pd.DataFrame]]:
+    """Yield the axes of each experiment, with its title, and its rows."""
+    for ax, (experiment, own_rows) in zip(axes, rows.groupby("experiment"), strict=True):
+        ax.set_title(experiment_title(str(experiment), "\n{}"))
+        yield ax, own_rows
 
 
 def marks(ax: Axes, kinds: dict[str, pd.DataFrame], names: list[str]) -> None:

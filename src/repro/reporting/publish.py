@@ -1,4 +1,4 @@
-"""Publishing: an upsert of the runs of an outputs directory into runs.csv of a directory of reproduce/results.
+"""Publishing: an upsert of the runs of an outputs directory by `RunKey` into a directory of reproduce/results.
 
 A published directory contains runs.csv (every run with its seed, metrics and times), from which all tables follow,
 history.csv (the losses of every epoch), provenance.json (the provenance of every run), the analysis, the figures, and a
@@ -8,57 +8,42 @@ from published directories only.
 
 import dataclasses
 import re
+import shlex
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.networks.model import NETWORKS
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.published_readme import published_page
-from repro.reporting.results import SIZES, read_origins, read_published, read_results, recordings_of
-from repro.reporting.rows import conflicts, keys_of, read_rows
+from repro.reporting.names import machine_title, predictor_title, short_commit
+from repro.reporting.render import Cells
+from repro.reporting.results import (
+    conflicts,
+    keys_of,
+    read_origins,
+    read_published,
+    read_results,
+    read_rows,
+    recordings_of,
+)
+from repro.reporting.tables import caption
 from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_table, replacing_directory, write_json, write_text
 
+SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs", "scale": "as scale"}
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
     *("experiment", "comparison", "one", "other", "model", "encoding"),
     *("seed", "trained", "shift", "tested", "source"),
 )
-Origins: TypeAlias = dict[str, Provenance]  # by the path of the run
-
-
-@dataclasses.dataclass(frozen=True)
-class _Runs:
-    """Runs with their rows, see `results.read_results`, and their provenance."""
-
-    rows: pd.DataFrame
-    origins: Origins
-
-    @property
-    def keys(self) -> set[RunKey]:
-        return set(keys_of(self.rows))
-
-    def without(self, keys: set[RunKey]) -> "_Runs":
-        """Return the runs with other keys."""
-        paths = {str(key.path) for key in keys}
-        rows = self.rows[np.array([key not in keys for key in keys_of(self.rows)], dtype=bool)]
-        return _Runs(rows, {path: origin for path, origin in self.origins.items() if path not in paths})
-
-    def and_those(self, others: "_Runs") -> "_Runs":
-        """Return these runs and others, sorted."""
-        parts = [runs.rows for runs in (self, others) if len(runs.rows)]
-        return _Runs(pd.concat(parts, ignore_index=True).sort_values(KEY), {**self.origins, **others.origins})
-
-
-NONE = _Runs(pd.DataFrame(columns=KEY), {})
+PASSED_OVER = ("model=", "exp=", "seed=", "task=", "scale=", "outputs=", "recordings=", "runtime.", "hydra")
+Origins = dict[str, Provenance]  # by the path of the run
 
 
 def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
@@ -90,66 +75,75 @@ def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
     results.mkdir(parents=True, exist_ok=True)
     with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
         clear_leftovers(results)
-        found, published = _read(outputs), _read_published(target)
-        has_network = any((runs.rows["encoding"] != "").any() for runs in (found, published))
-        if not has_network or not (found.keys or outputs.analysis.is_dir()):
+        found, origins = _indexed(read_results(outputs)), {}
+        for key in keys_of(found):
+            origins[str(key.path)] = outputs.run(key).provenance()
+        published, stored = _read_published(target)
+        has_network = any((rows["encoding"] != "").any() for rows in (found, published))
+        if not has_network or not (len(found) or outputs.analysis.is_dir()):
             raise InputError(f"nothing to publish in {outputs.path}: no network is evaluated")
-        differences = list(_differences(found, published))
-        kept = NONE if differences else published.without(found.keys)
-        doubts = [*differences, *_doubts(found, kept)]
+        kept = published.drop(found.index, errors="ignore")
+        doubts = list(_differences(found, published, origins, {path: stored[path] for path in kept.index}))
+        kept = kept.iloc[:0] if doubts else kept
+        rows = pd.concat([part for part in (kept, found) if len(part)]).sort_values(KEY)
+        origins = {path: stored[path] for path in kept.index} | origins
+        doubts += _doubts(rows, {path: origins[path] for path in found.index})
         if doubts and not force:
             raise InputError(f"not published to {target}: {'; '.join(doubts)}; publish.force=true publishes it anyway")
         with replacing_directory(target) as new:
             if target.is_dir():
                 shutil.copytree(target, new, dirs_exist_ok=True)
-            histories = _histories(outputs, found, kept, new)
-            if kept.keys:
+            if len(kept):
                 _add_analysis(outputs.analysis, new / "analysis")
             else:
                 _replace_files(outputs, new)
-            _write(new, name, kept.and_those(found), histories)
+            _write_histories(outputs, kept, found, new / "history.csv")
+            counts = {name: "Int64" for name in ("train_pairs", "epochs") if name in rows}  # missing for baselines
+            write_text(new / "runs.csv", rows.astype(counts).to_csv(index=False, float_format="%.6g"))
+            content = {path: dataclasses.asdict(origin) for path, origin in origins.items()}
+            write_json(new / "provenance.json", content)
+            write_text(new / "README.md", published_page(new, name, rows, origins))
     return target
 
 
-def _read(outputs: Outputs) -> _Runs:
-    rows = read_results(outputs)
-    return _Runs(rows, {str(key.path): outputs.run(key).provenance() for key in keys_of(rows)}) if len(rows) else NONE
+def _indexed(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return runs with the paths of their directories as index."""
+    rows = rows if len(rows) else pd.DataFrame(columns=KEY)
+    return rows.set_index(pd.Index([str(key.path) for key in keys_of(rows)], dtype=object))
 
 
-def _read_published(directory: Path) -> _Runs:
-    """Read the published runs of a directory; none if nothing is published there."""
+def _read_published(directory: Path) -> tuple[pd.DataFrame, Origins]:
+    """Read the published runs of a directory with their provenance; none if nothing is published there."""
     if not (directory / "runs.csv").is_file():
-        return NONE
+        return _indexed(pd.DataFrame()), {}
     rows = read_published(directory)
-    return _Runs(rows, read_origins(directory, keys_of(rows)))
+    return _indexed(rows), read_origins(directory, keys_of(rows))
 
 
-def _differences(found: _Runs, published: _Runs) -> Iterator[str]:
+def _differences(found: pd.DataFrame, published: pd.DataFrame, origins: Origins, kept: Origins) -> Iterator[str]:
     """Yield why runs cannot stand beside the published ones, which they replace with force."""
-    if not found.keys or not published.keys:
-        return
-    for fact, words in {**SIZES, "scale": "as scale"}.items():
-        now, then = (sorted(set(runs.rows[fact].dropna())) for runs in (found, published))
+    for fact, words in SIZES.items() if len(found) and len(published) else ():
+        now, then = (sorted(set(rows[fact].dropna())) for rows in (found, published))
         if not set(now) <= set(then):
             yield f"the published runs have {_listed(then)} {words}, these runs {_listed(now)}"
-    kept = published.without(found.keys).origins
-    for path, origin in found.origins.items():
+    for path, origin in origins.items():
         experiment = RunKey.parse(path).experiment
         others = recordings_of(kept, experiment)
         if others and origin.fact("recordings") not in others:
             yield f"{path} has other recordings than the published runs of experiment {experiment}"
 
 
-def _doubts(found: _Runs, kept: _Runs) -> Iterator[str]:
-    """Yield reasons against publishing runs, which remain with those that are kept."""
-    if any(str(step.get("commit", "")).endswith("+") for origin in found.origins.values() for step in origin.steps):
+def _listed(values: list[Any]) -> str:
+    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
+
+
+def _doubts(rows: pd.DataFrame, origins: Origins) -> Iterator[str]:
+    """Yield reasons against publishing the runs of `origins`; the rows hold them and those that are kept."""
+    if any(str(step.get("commit", "")).endswith("+") for origin in origins.values() for step in origin.steps):
         yield "some runs were made with uncommitted code"
-    settings: dict[str, list[object]] = {}
-    rows = kept.and_those(found).rows
-    for key, cell in zip(keys_of(rows), rows.get("settings", [""] * len(rows)), strict=True):
-        settings.setdefault(_trained_alike(key), []).append(cell)
-    for kind in sorted(set(map(_trained_alike, found.keys))):
-        if listing := conflicts(settings[kind]):
+    for kind, alike in rows.groupby([_trained_alike(key) for key in keys_of(rows)]):
+        listing = conflicts(alike)
+        if listing and not set(alike.index).isdisjoint(origins):
             yield f"{kind} was trained with different settings: {listing}"
 
 
@@ -157,10 +151,6 @@ def _trained_alike(key: RunKey) -> str:
     """Name the runs that must share all settings with a run: those of the paper's method, or its other seeds."""
     is_papers = key.model in NETWORKS and key.encoding in (PROJECTION, PROJECTION_NO_DECAY)
     return "the paper's method" if is_papers else str(key.path.parent)
-
-
-def _listed(values: list[Any]) -> str:
-    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
 def _replace_files(outputs: Outputs, directory: Path) -> None:
@@ -180,50 +170,100 @@ def _replace_files(outputs: Outputs, directory: Path) -> None:
 
 def _add_analysis(source: Path, target: Path) -> None:
     """Add to the published tables of the analysis the rows of what they lack, and draw its figures anew."""
-    for path in sorted(source.glob("*.csv")) if target.is_dir() else ():
-        rows: Any = read_rows(path)
-        if {"model", "encoding"} <= set(rows):  # else it follows from other tables
-            earlier = [read_rows(target / path.name)] if (target / path.name).is_file() else []
-            columns = [name for name in IDENTIFYING if all(name in table for table in (rows, *earlier))]
-            present = {each for table in earlier for each in _tuples(table, columns)}
-            table = pd.concat([*earlier, rows[[each not in present for each in _tuples(rows, columns)]]])
-            write_text(target / path.name, table.to_csv(index=False, float_format="%.6g"))
-    if source.is_dir() and target.is_dir():
-        names = [path.stem for path in target.glob("*.png")]
-        write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
-
-
-def _tuples(rows: pd.DataFrame, columns: list[str]) -> list[tuple[Any, ...]]:
-    return list(rows[columns].astype(object).fillna("").itertuples(index=False, name=None))
-
-
-def _histories(outputs: Outputs, found: _Runs, kept: _Runs, directory: Path) -> pd.DataFrame | None:
-    """Return losses and seconds of every epoch of the kept runs and the new ones; None if none has any."""
-    path, histories = directory / "history.csv", []
-    if path.is_file():
+    if not (source.is_dir() and target.is_dir()):
+        return
+    for path in sorted(source.glob("*.csv")):
         rows = read_rows(path)
-        histories.append(rows[np.array([key in kept.keys for key in keys_of(rows)], dtype=bool)])
-    for key in keys_of(found.rows):
+        if {"model", "encoding"} <= set(rows):  # else it follows from other tables
+            earlier = read_rows(target / path.name) if (target / path.name).is_file() else rows.iloc[:0]
+            columns = [name for name in IDENTIFYING if name in rows and name in earlier]
+            new, present = (pd.MultiIndex.from_frame(table[columns].astype(str)) for table in (rows, earlier))
+            table = pd.concat([earlier, rows[~new.isin(present)]])
+            write_text(target / path.name, table.to_csv(index=False, float_format="%.6g"))
+    names = [path.stem for path in target.glob("*.png")]
+    write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
+
+
+def _write_histories(outputs: Outputs, kept: pd.DataFrame, found: pd.DataFrame, path: Path) -> None:
+    """Write losses and seconds of every epoch of the kept runs and the new ones, if any has some."""
+    histories = [read_rows(path).merge(kept[KEY])] if path.is_file() else []
+    for key in keys_of(found):
         history = outputs.run(key).path / "history.csv"
         if history.is_file():
-            cell = {name: getattr(key, name) for name in KEY}
-            histories.append(read_table(history, ("epoch", "val_loss"), "delete it").assign(**cell))
-    if not histories:
-        return None
-    rows = pd.concat(histories, ignore_index=True)
-    return rows[[*KEY, *rows.columns.drop(list(KEY))]]
+            rows = read_table(history, ("epoch", "val_loss"), "delete it")
+            histories.append(rows.assign(**dataclasses.asdict(key)))
+    if histories:
+        rows = pd.concat(histories, ignore_index=True)
+        rows = rows[[*KEY, *rows.columns.drop(list(KEY))]]
+        write_text(path, rows.to_csv(index=False, float_format="%.6g"))
 
 
-def _write(directory: Path, name: str, runs: _Runs, histories: pd.DataFrame | None) -> None:
-    """Write runs.csv, history.csv, provenance.json and README.md of a published directory."""
-    counts = {name: "Int64" for name in ("train_pairs", "epochs") if name in runs.rows}  # missing for baselines
-    for stem, table in {"runs": runs.rows.astype(counts), "history": histories}.items():
-        if table is not None:
-            write_text(directory / f"{stem}.csv", table.to_csv(index=False, float_format="%.6g"))
-    content = {path: dataclasses.asdict(origin) for path, origin in runs.origins.items()}
-    write_json(directory / "provenance.json", content)
-    analyzed = ""
+def published_page(directory: Path, name: str, runs: pd.DataFrame, origins: Origins) -> str:
+    """Return the README.md of a published directory: files, hardware, versions, training commands."""
+    analysis = ""
     if (directory / "analysis").is_dir():
         has_page = (directory / "report.html").is_file()
-        analyzed = "`analysis/` and `report.html` have" if has_page else "`analysis/` has"
-    write_text(directory / "README.md", published_page(name, runs.rows, runs.origins, analyzed))
+        analysis = f"; {'`analysis/` and `report.html` have' if has_page else '`analysis/` has'} the analysis"
+    heads = ("network", "trainings", "minutes per training", "command")
+    return f"""# Published results, {name}
+
+{caption(runs)}
+
+`runs.csv` has every run with its seed, all metrics and times,
+`provenance.json` has the provenance of every run{analysis}.
+
+{_environments([step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"])}
+
+{Cells(heads, _training_commands(name, runs[runs["encoding"] != ""], origins)).to_markdown()}"""
+
+
+def _environments(steps: list[dict[str, Any]]) -> str:
+    """List the hardware, versions, commits and precisions of steps; the oldest ones have a precision alone."""
+    known = [step for step in steps if "hardware" in step]
+    lines = []
+    for verb in ("trained", "evaluated"):
+        machines = sorted({machine_title(**step["hardware"]) for step in known if step["step"] == verb})
+        lines.append(f"- {verb} on: {'; '.join(machines) or 'not recorded'}")
+    versions = [
+        f"{package} {' and '.join(sorted({step['versions'][package] for step in known}))}"
+        for package in ("torch", "segmentation-models-pytorch", "ir-sim")
+    ]
+    return "\n".join(
+        [
+            *lines,
+            f"- versions: {', '.join(versions)}",
+            f"- commits: {', '.join(sorted({short_commit(step['commit']) for step in known}))}",
+            f"- precision: {', '.join(sorted({step['precision'] for step in steps if 'precision' in step}))}",
+        ]
+    )
+
+
+def _training_commands(name: str, networks: pd.DataFrame, origins: Origins) -> list[tuple[str, int, str, str]]:
+    """Return title, number of trainings, their mean time [min] and command of trainings that one command repeats."""
+    paths = [str(key.path) for key in keys_of(networks)]
+    options = [_options(name, scale, origins[path]) for scale, path in zip(networks["scale"], paths, strict=True)]
+    networks = networks.assign(options=options)
+    alike = ["model", "encoding", "options"]
+    seeds = networks.groupby([*alike, "experiment"])["seed"].transform(lambda each: ",".join(map(str, sorted(each))))
+    rows = []
+    group: Any
+    for group, runs in networks.groupby([*alike, seeds], sort=False):
+        model, encoding, of_all, of_seeds = group
+        experiments = ",".join(sorted(runs["experiment"].unique()))
+        command = f"`python run.py -m model={model} exp={experiments} seed={of_seeds}{of_all}`"
+        minutes = f"{runs['training_seconds'].mean() / 60:.1f}"
+        rows.append((predictor_title(model, encoding), len(runs), minutes, command))
+    titles = [row[0] for row in rows]
+    return sorted(rows, key=lambda row: titles.index(row[0]))
+
+
+def _options(name: str, scale: str, origin: Provenance) -> str:
+    """Return the overrides of a training that is published in the directory of this name, each after a space.
+
+    Those that name network, experiment, seed, machine or place are left out; the precision and the place are added.
+    """
+    typed = [each for each in shlex.split(origin.fact("command") or "")[2:] if not each.startswith(PASSED_OVER)]
+    precision = origin.fact("precision")
+    added = [f"runtime.precision={precision}"] if precision else []
+    added += [] if name == scale else [f"outputs=outputs/{name}"]
+    return "".join(f" {shlex.quote(each)}" for each in (f"scale={scale}", *typed, *added))

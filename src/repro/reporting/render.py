@@ -1,4 +1,4 @@
-"""One renderer of tables: frames, heads and decimals in; cells as Markdown, as LaTeX or, in the page, as HTML out."""
+"""One renderer of tables: frames, heads and decimals in; cells as Markdown or, in the page, as HTML out."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,10 +34,6 @@ class Cells:
         lines = [f"**{self.caption}**", ""] if self.caption else []
         lines += [_line(self.heads), "|" + "---|" * len(self.heads), *map(_line, self.rows)]
         return "\n".join(lines) + "\n"
-
-    def to_latex(self) -> str:
-        """Return the table as LaTeX (booktabs) without caption."""
-        return pd.DataFrame(self.rows, columns=list(self.heads)).to_latex(index=False, escape=True)
 
 
 def _line(cells: Iterable[object]) -> str:

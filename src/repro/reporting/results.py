@@ -1,32 +1,28 @@
-"""Tidy rows of all evaluated runs, and the paper's two tables from them with the differences to the paper."""
+"""Tidy rows of runs, in which the columns experiment, model, encoding and seed identify a run: evaluated or published.
 
+The column settings has one JSON object per run, its keys as on the command line. Rows that were published before the
+column existed lack some or all settings; these are then not compared.
+"""
+
+import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
-from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
-from repro.metrics.names import EXTRA_METRICS, METRICS, TABLE_METRICS
-from repro.networks.model import NETWORKS
-from repro.reporting.paper import are_papers, audit, read_paper
-from repro.reporting.rows import MEASURED, conflicts, keys_of, read_rows, settings_cell
+from repro.metrics.names import EXTRA_METRICS, METRICS
+from repro.reporting.paper import are_papers
 from repro.runs.directories import Run
 from repro.runs.keys import CELL, KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance, Status
 from repro.system.errors import InputError
-from repro.system.files import read_typed
+from repro.system.files import first_line, read_typed
 
-SIZES = {
-    "size_px": "px",
-    "train_pairs": "training pairs",
-    "test_pairs": "test pairs",
-}  # sizes of a run with their units
-OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22
-STUDIED = (*NETWORKS, "light_convgru", "convgru", "convlstm", "deeptracking")  # the networks of this study
+MEASURED = (*METRICS, "obstacle_iou")  # metrics that every evaluated run has
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
+FROM_GIT = "restore it from git"
 
 
 def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFrame:
@@ -38,8 +34,8 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
 
     Returns:
         experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
-        training_seconds, papers_worlds, whether the worlds are those of conf/world/paper.yaml, and settings, see
-        `reporting.rows`. Empty if no run is evaluated.
+        training_seconds, papers_worlds, whether the worlds are those of conf/world/paper.yaml, and settings. Empty if
+        no run is evaluated.
 
     Raises:
         ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs,
@@ -54,12 +50,28 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
             if errors is None:
                 raise
             errors.append(str(error))
-    table = pd.DataFrame(rows)
-    if len(table):
-        table = _with_all_metrics(table)
-        table["seed"] = table["seed"].astype("Int64")  # baselines have no seed
-        _check_comparable(outputs, table)
-    return table.drop(columns="worlds", errors="ignore")
+    if not rows:
+        return pd.DataFrame()
+    table = _with_all_metrics(pd.DataFrame(rows).astype({"seed": "Int64"}))  # baselines have no seed
+    _check_comparable(outputs, table)
+    return table.drop(columns="worlds")
+
+
+def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
+    config, origin = run.config(), run.provenance()
+    expected = outputs.run(config.key)
+    if expected != run:
+        raise InputError(f"{run} holds the run of {expected}, by its config.yaml: move it there or delete it")
+    return {
+        **{name: getattr(config.key, name) for name in KEY},
+        **{str(name): value for name, value in run.read_metrics().items()},
+        "scale": config.data.scale,
+        "worlds": config.data.worlds,
+        "papers_worlds": are_papers(config.data.worlds),
+        "size_px": config.data.size_px,
+        **{name: origin.fact(name) for name in FACTS},
+        "settings": json.dumps(config.settings) if config.settings else "",
+    }
 
 
 def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
@@ -72,17 +84,63 @@ def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
     for fact, rows in groups:
         counts = rows[fact].value_counts()
         if len(counts) > 1:
-            rare = rows[rows[fact] == counts.index[-1]]
-            paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rare)[:3])
+            paths = [str(outputs.path / key.path) for key in keys_of(rows[rows[fact] == counts.index[-1]])]
             raise InputError(
                 f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot "
-                f"share a table: move or delete {paths}" + (f" and {len(rare) - 3} more" if len(rare) > 3 else "")
+                f"share a table: move or delete {', '.join(paths[:3])}"
+                + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
             )
     for _, rows in table.groupby(CELL):
-        listing = conflicts(rows["settings"])
-        if listing:
-            paths = ", ".join(str(outputs.path / key.path) for key in keys_of(rows))
-            raise InputError(f"seeds of one network have different settings ({listing}): move or delete one of {paths}")
+        if listing := conflicts(rows):
+            paths = [str(outputs.path / key.path) for key in keys_of(rows)]
+            raise InputError(
+                f"seeds of one network have different settings ({listing}): move or delete one of {', '.join(paths)}"
+            )
+
+
+def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the settings of runs as JSON texts, a column each; nan where a run has none of that name."""
+    cells = rows["settings"] if "settings" in rows else [""] * len(rows)
+    read = [json.loads(cell) if isinstance(cell, str) and cell else {} for cell in cells]
+    return pd.DataFrame([{key: json.dumps(value) for key, value in each.items()} for each in read], rows.index)
+
+
+def conflicts(rows: pd.DataFrame) -> str:
+    """Name the settings with different values in runs that must share all, `train.batch_size is 2 and 8`; or empty."""
+    values = {name: column.dropna().unique() for name, column in settings_of(rows).items()}
+    return "; ".join(f"{name} is {' and '.join(each)}" for name, each in values.items() if len(each) > 1)
+
+
+def keys_of(rows: pd.DataFrame) -> list[RunKey]:
+    """Return the key of each row of a tidy table."""
+    columns = (rows[name] for name in KEY)
+    return [RunKey(e, m, n, None if pd.isna(seed) else int(seed)) for e, m, n, seed in zip(*columns, strict=True)]
+
+
+def read_rows(path: Path, columns: Iterable[str] = (), fix: str = "restore or delete it") -> pd.DataFrame:
+    """Load a CSV file of tidy rows: experiments are strings, baselines have an empty encoding, seeds are integers.
+
+    Args:
+        path: the file.
+        columns: the columns that it must have.
+        fix: what to do if the file cannot be read; appended to the message.
+
+    Raises:
+        ValueError: the file cannot be read, lacks a column, or has a seed that is no integer.
+    """
+    types = dict.fromkeys(("experiment", "encoding", "trained", "tested"), str)
+    try:
+        rows = pd.read_csv(path, dtype=types)
+        rows = rows.astype({"seed": "Int64"}) if "seed" in rows else rows  # baselines have no seed
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
+    missing = [name for name in columns if name not in rows]
+    problem = f"it lacks the columns {', '.join(missing)}" if missing else ""
+    if not isinstance(rows.index, pd.RangeIndex):  # pandas takes the first values of such rows as their names
+        problem = "its rows have more values than its header has columns"
+    if problem:
+        raise InputError(f"{path} cannot be read ({problem}): {fix}")
+    return rows.assign(encoding=rows["encoding"].fillna("")) if "encoding" in rows else rows
 
 
 def read_published(directory: Path) -> pd.DataFrame:
@@ -97,22 +155,22 @@ def read_published(directory: Path) -> pd.DataFrame:
         raise InputError(
             f"no results are published in {directory}; published results: {', '.join(published) or 'none'}"
         )
-    rows = read_rows(path, (*KEY, *MEASURED, "scale", "size_px", *FACTS))
+    rows = read_rows(path, (*KEY, *MEASURED, "scale", "size_px", *FACTS), FROM_GIT)
     wrong = [name for name in MEASURED if not pd.to_numeric(rows[name], errors="coerce").between(-1, 1).all()]
     if wrong or rows.empty or rows.duplicated(KEY).any():
         expected = f"one row per run, with {', '.join(wrong or MEASURED)} from -1 to 1"
-        raise InputError(f"{path} cannot be read (expected {expected}): restore it from git")
+        raise InputError(f"{path} cannot be read (expected {expected}): {FROM_GIT}")
     return _with_all_metrics(rows)
-
-
-def read_frames(directory: Path) -> dict[str, pd.DataFrame]:
-    """Load the tables of the analysis of a published directory, and `costs`, by their names."""
-    return {path.stem: read_rows(path) for path in (*directory.glob("analysis/*.csv"), *directory.glob("costs.csv"))}
 
 
 def _with_all_metrics(rows: pd.DataFrame) -> pd.DataFrame:
     """Add the columns of metrics that are younger than the evaluation of all runs, without values."""
     return rows.reindex(columns=list(dict.fromkeys([*rows.columns, *EXTRA_METRICS])))
+
+
+def read_frames(directory: Path) -> dict[str, pd.DataFrame]:
+    """Load the tables of the analysis of a published directory, and `costs`, by their names."""
+    return {path.stem: read_rows(path) for path in (*directory.glob("analysis/*.csv"), *directory.glob("costs.csv"))}
 
 
 def read_origins(directory: Path, keys: Iterable[RunKey] = ()) -> dict[str, Provenance]:
@@ -125,18 +183,19 @@ def read_origins(directory: Path, keys: Iterable[RunKey] = ()) -> dict[str, Prov
     Raises:
         ValueError: provenance.json cannot be read, lacks one of the runs, or has a run without steps.
     """
-    path, fix = directory / "provenance.json", "restore it from git"
-    origins = read_typed(dict[str, Provenance], path, fix)
+    path = directory / "provenance.json"
+    origins = read_typed(dict[str, Provenance], path, FROM_GIT)
+    missing = [str(key.path) for key in keys if str(key.path) not in origins]
+    problem = f"it lacks {len(missing)} runs of runs.csv, {missing[0]} first" if missing else ""
     for name, origin in origins.items():
         try:
             RunKey.parse(name)
         except InputError as error:
-            raise InputError(f"{path} cannot be read ({error}): {fix}") from error
+            problem = str(error)
         if not origin.steps or not all("step" in step for step in origin.steps):
-            raise InputError(f"{path} cannot be read ({name}: expected steps with names, got {origin.steps}): {fix}")
-    missing = [str(key.path) for key in keys if str(key.path) not in origins]
-    if missing:
-        raise InputError(f"{path} cannot be read (it lacks {len(missing)} runs of runs.csv, {missing[0]} first): {fix}")
+            problem = f"{name}: expected steps with names, got {origin.steps}"
+    if problem:
+        raise InputError(f"{path} cannot be read ({problem}): {FROM_GIT}")
     return origins
 
 
@@ -146,89 +205,8 @@ def recordings_of(origins: dict[str, Provenance], experiment: str) -> set[object
     return {origin.fact("recordings") for origin in of_experiment}
 
 
-def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
-    config, origin = run.config(), run.provenance()
-    expected = outputs.run(config.key)
-    if expected != run:
-        raise InputError(f"{run} holds the run of {expected}, by its config.yaml: move it there or delete it")
-    return {
-        **dict(zip(KEY, (config.key.experiment, config.key.model, config.key.encoding, config.key.seed), strict=True)),
-        **{str(name): value for name, value in run.read_metrics().items()},
-        "scale": config.data.scale,
-        "worlds": config.data.worlds,
-        "papers_worlds": are_papers(config.data.worlds),
-        "size_px": config.data.size_px,
-        **{name: origin.fact(name) for name in FACTS},
-        "settings": settings_cell(config),
-    }
-
-
-def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
-    """Create the main table (the paper's projection) or the ablation (the projection without decay).
-
-    Args:
-        results: tidy rows, see `read_results`.
-        encoding: label of the encoding; for other rows of the table see `select`.
-
-    Returns:
-        experiment, model, encoding, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
-        std_<metric> if there are several seeds. The row `average` is the mean of the paper's four networks, present if
-        all four are evaluated. Other models and baselines follow, without the paper's numbers.
-    """
-    rows = select(results, encoding)
-    rows = pd.concat([rows, averages_of(rows[rows["encoding"] == encoding])])
-    groups = rows.groupby(CELL)
-    table = groups[list(TABLE_METRICS)].mean().join(groups.size().rename("seeds")).reset_index()
-    spread = groups[list(TABLE_METRICS)].std().reset_index()
-    table = table.merge(of_papers_worlds(read_paper(), rows), on=CELL, how="left", suffixes=("", "_paper"))
-    columns = {name: table[name] for name in (*CELL, "seeds")}
-    for metric in TABLE_METRICS:
-        columns[metric] = table[metric]
-        columns[f"paper_{metric}"] = table[f"{metric}_paper"] if metric in METRICS else float("nan") * table[metric]
-        columns[f"delta_{metric}"] = table[metric] - columns[f"paper_{metric}"]
-        if table["seeds"].max() > 1:
-            columns[f"std_{metric}"] = spread[metric]
-    order = table["model"].map(rank)
-    return pd.DataFrame(columns).assign(order=order).sort_values(["experiment", "order"]).drop(columns="order")
-
-
 def of_papers_worlds(rows: pd.DataFrame, results: pd.DataFrame) -> pd.DataFrame:
     """Return the rows without the experiments whose runs, see `read_results`, have other worlds than the paper's."""
     if "papers_worlds" not in results:  # all were published before the column existed
         return rows
     return rows[~rows["experiment"].isin(results.loc[results["papers_worlds"].eq(False), "experiment"])]
-
-
-def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
-    """Select the runs of a table: one encoding and the quick baselines.
-
-    The main table has all baselines, `OURS`, and the networks of the user, which are not in `STUDIED`, with any input.
-    """
-    chosen = results["encoding"] == encoding
-    if encoding == PROJECTION:
-        is_ours = (results["model"] == OURS[0]) & (results["encoding"] == OURS[1])
-        is_users = (
-            (results["encoding"] != "") & ~results["model"].isin(STUDIED) & ~results["encoding"].str.endswith(NO_DECAY)
-        )
-        is_baseline = (results["encoding"] == "") & ~results["model"].isin(list(OTHER_BOUNDS))
-        chosen |= is_ours | is_users | is_baseline
-    elif chosen.any():
-        is_there = results["experiment"].isin(results.loc[chosen, "experiment"])
-        chosen |= is_there & results["model"].isin(QUICK_BASELINES)
-    return results[chosen]
-
-
-def averages_of(results: pd.DataFrame) -> pd.DataFrame:
-    """Compute the rows `average`, the mean of the paper's four networks, for each seed with all four."""
-    keys = [key for key in ("experiment", "encoding", "seed") if key in results]
-    networks = results[results["model"].isin(NETWORKS)]
-    complete = networks.groupby(keys).filter(lambda rows: len(rows) == len(NETWORKS))
-    return complete.groupby(keys, as_index=False)[list(TABLE_METRICS)].mean().assign(model="average")
-
-
-def audits(results: pd.DataFrame) -> pd.DataFrame:
-    """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
-    rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
-    ours = pd.concat([rows, averages_of(rows)]).groupby(CELL, as_index=False)[list(TABLE_METRICS)].mean()
-    tables = {"paper": of_papers_worlds(read_paper(), results), "ours": ours}
-    return pd.concat([audit(table[[*CELL, *METRICS]]).assign(source=source) for source, table in tables.items()])

@@ -71,8 +71,7 @@ class Study:
         if not durations:
             return None
         usual = mean(mean(seconds) for seconds in durations.values())
-        left = [key.model for key, run in runs.items() if not self.is_trained(run)]
-        return sum(mean(durations[model]) if model in durations else usual for model in left)
+        return sum(mean(durations.get(key.model, [usual])) for key, run in runs.items() if not self.is_trained(run))
 
     def is_trained(self, run: Run) -> bool:
         """Whether a training of the study is finished; false if its run cannot be read."""
@@ -95,23 +94,25 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         pairs: planned number of recordings per experiment.
     """
     outputs, planned = study.outputs, study.runs()
-    recorded = [(experiment, _recorded(outputs, experiment, pairs)) for experiment in study.experiments]
     existing, others = outputs.named_runs()
     states = {key: _state(run, study) for key, run in (planned | existing).items()}
     seeds = sorted({key.seed for key in states if key.seed is not None})
-    rows: dict[tuple[str, str, str], dict[int | None, str]] = {}
-    for key, state in states.items():
-        rows.setdefault((key.experiment, key.encoding, key.model), {})[key.seed] = state
-    shown = []
-    for (experiment, encoding, model), row in sorted(rows.items(), key=lambda item: (*item[0][:2], rank(item[0][2]))):
-        cells = [row.get(seed, "") for seed in seeds] if encoding else [row[None], *[""] * (len(seeds) - 1)]
-        shown.append((experiment, encoding, model_title(model), *cells))
-    lines = [f"{outputs.path}", "", Cells(("exp.", "recordings"), recorded).to_markdown()]
-    lines += [Cells(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), shown).to_markdown()]
+    cells = {(key.experiment, key.encoding, key.model) for key in states}
+    rows = [
+        [experiment, encoding, model_title(model)]
+        + [states.get(RunKey(experiment, model, encoding, s), "") for s in (seeds if encoding else [None, *seeds[1:]])]
+        for experiment, encoding, model in sorted(cells, key=lambda cell: (*cell[:2], rank(cell[2])))
+    ]
+    recorded = [(experiment, _recorded(outputs, experiment, pairs)) for experiment in study.experiments]
     counted = Counter(states[key].split(",")[0] for key in planned)
-    lines += [f"Of the study's {len(planned)} trainings with seed {study.seed}: {_listed(counted)}."]
-    left = study.seconds_left()
-    if left:
+    listed = ", ".join(f"{count} {state}" for state, count in counted.most_common())
+    lines = [
+        f"{outputs.path}\n",
+        Cells(("exp.", "recordings"), recorded).to_markdown(),
+        Cells(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), rows).to_markdown(),
+        f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}.",
+    ]
+    if left := study.seconds_left():
         lines.append(f"About {duration(left)} of training remain, estimated from finished trainings.")
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
     return "\n".join(lines)
@@ -143,7 +144,3 @@ def _state(run: Run, study: Study) -> str:
         return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics missing"
     except ValueError:
         return "cannot be read"
-
-
-def _listed(counted: Counter[str]) -> str:
-    return ", ".join(f"{count} {state}" for state, count in counted.most_common())

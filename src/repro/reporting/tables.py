@@ -5,33 +5,32 @@ from pathlib import Path
 
 import pandas as pd
 
+from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
-from repro.metrics.names import HEADINGS, TABLE_METRICS
+from repro.metrics.names import HEADINGS, METRICS, TABLE_METRICS
 from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title, predictor_title
-from repro.reporting.paper import read_paper
+from repro.reporting.paper import audit, read_paper
 from repro.reporting.render import Cells, number
-from repro.reporting.results import OURS, compare, read_results, select
-from repro.reporting.rows import Settings, changed, read_cells, usual
+from repro.reporting.results import of_papers_worlds, settings_of
 from repro.runs.keys import CELL
-from repro.runs.outputs import Outputs
 from repro.system.files import write_text
 
+OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22
+STUDIED = (*NETWORKS, "light_convgru", "convgru", "convlstm", "deeptracking")  # the networks of this study
 HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}
-TABLE_TITLES = {
-    "main": "Prediction metrics",
-    "ablation": "Prediction metrics without the gray-scale time decay",
+TABLES = {  # titles, and encoding of the networks
+    "main": ("Prediction metrics", PROJECTION),
+    "ablation": ("Prediction metrics without the gray-scale time decay", PROJECTION_NO_DECAY),
 }
-TABLE_ENCODINGS = {"main": PROJECTION, "ablation": PROJECTION_NO_DECAY}  # encoding of the networks in each table
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows with named columns, and their caption; empty if no run is evaluated. The note is for the terminal."""
+    """Rows with named columns, see `compare`, and their caption; empty if no run is evaluated."""
 
     frame: pd.DataFrame
     caption: str
-    note: str = ""
 
     @property
     def has_paper(self) -> bool:
@@ -42,102 +41,163 @@ class Table:
         """Return the table as Markdown, one row per model: our number, and the paper's in brackets."""
         if self.frame.empty:
             return f"**{self.caption}**\n"
-        brackets = " Ours (paper)." if self.has_paper else ""
-        return f"**{self.caption}**{brackets}\n\n" + self._cells().to_markdown()
-
-    def to_latex(self) -> str:
-        """Return the table as LaTeX, see `to_markdown`."""
-        return self._cells().to_latex()
-
-    def write(self, directory: Path, name: str) -> None:
-        """Write <name>.csv, <name>.md and <name>.tex to a directory."""
-        write_text(directory / f"{name}.csv", self.frame.to_csv(index=False, float_format="%.4f"))
-        write_text(directory / f"{name}.md", self.to_markdown())
-        write_text(directory / f"{name}.tex", self.to_latex())
-
-    def _cells(self) -> Cells:
         rows = [
-            (row["experiment"], row_title(row), *(_ours(row, metric) + _paper(row, metric) for metric in TABLE_METRICS))
+            (row["experiment"], row_title(row), *(_compared(row, metric) for metric in TABLE_METRICS))
             for _, row in self.frame.iterrows()
         ]
-        return Cells(("Exp.", "Model", *HEADS.values()), rows)
+        brackets = " Ours (paper)." if self.has_paper else ""
+        return f"**{self.caption}**{brackets}\n\n{Cells(('Exp.', 'Model', *HEADS.values()), rows).to_markdown()}"
+
+    def write(self, directory: Path, name: str) -> None:
+        """Write <name>.csv and <name>.md to a directory, or delete those of an earlier table if it is empty."""
+        texts = {"csv": self.frame.to_csv(index=False, float_format="%.4f"), "md": self.to_markdown()}
+        for suffix, text in texts.items():
+            path = directory / f"{name}.{suffix}"
+            if self.frame.empty:
+                path.unlink(missing_ok=True)
+            else:
+                write_text(path, text)
+
+
+def _compared(row: pd.Series, metric: str) -> str:
+    """Format one number with its deviation and the paper's; old results may lack a young metric."""
+    ours, spread, paper = (number(row.get(f"{kind}{metric}")) for kind in ("", "std_", "paper_"))
+    return ours + (f" ± {spread}" if spread else "") + (f" ({paper})" if paper else "")
 
 
 def row_title(row: pd.Series) -> str:
     """Return the title of a row: its model, and its encoding unless it is that of the table."""
-    encoding = str(row["encoding"])
-    mark = " (ours)" if (row["model"], encoding) == OURS else ""
-    return predictor_title(row["model"], encoding.removesuffix(NO_DECAY)) + mark
+    mark = " (ours)" if (row["model"], row["encoding"]) == OURS else ""
+    return predictor_title(row["model"], str(row["encoding"]).removesuffix(NO_DECAY)) + mark
 
 
 def make_tables(results: pd.DataFrame) -> dict[str, Table]:
     """Create the main table and the ablation from tidy rows; a table without rows is empty."""
     tables = {}
-    for name, encoding in TABLE_ENCODINGS.items():
+    for name, (title, encoding) in TABLES.items():
         rows = select(results, encoding) if len(results) else results
-        note = _not_shown(results) if name == "main" else ""
         if rows.empty:
-            tables[name] = Table(pd.DataFrame(), f"{TABLE_TITLES[name]}. No run evaluated yet.", note)
+            tables[name] = Table(pd.DataFrame(), f"{title}. No run evaluated yet.")
         else:
-            facts = caption(rows) + missing(rows, encoding)
-            tables[name] = Table(compare(results, encoding), f"{TABLE_TITLES[name]}. {facts}", note)
+            tables[name] = Table(compare(results, encoding), f"{title}. {caption(rows)}{missing(rows, encoding)}")
     return tables
 
 
-def _not_shown(results: pd.DataFrame) -> str:
-    """Count the evaluated networks and inputs that are in neither table; empty if none."""
+def write_tables(directory: Path, results: pd.DataFrame) -> dict[str, Table]:
+    """Write the main table and the ablation of all evaluated runs, see `results.read_results`, to a directory."""
+    directory.mkdir(parents=True, exist_ok=True)
+    tables = make_tables(results)
+    for name, table in tables.items():
+        table.write(directory, name)
+    return tables
+
+
+def not_shown(results: pd.DataFrame) -> str:
+    """Name the evaluated networks and inputs that are in neither table; empty if none."""
     if results.empty:
         return ""
-    shown = pd.concat([select(results, encoding) for encoding in TABLE_ENCODINGS.values()]).index
+    shown = pd.concat([select(results, encoding) for _, encoding in TABLES.values()]).index
     others = results[(results["encoding"] != "") & ~results.index.isin(shown)]
-    titles = list(dict.fromkeys(map(predictor_title, others["model"], others["encoding"])))
-    if not titles:
-        return ""
-    more = f" and {len(titles) - 1} more networks and inputs" if titles[1:] else ""
-    return f"Evaluated, but in the tables of task=analysis only: {titles[0]}{more}."
+    titles = dict.fromkeys(map(predictor_title, others["model"], others["encoding"]))
+    return f"Evaluated, but in the tables of task=analysis only: {'; '.join(titles)}." if titles else ""
 
 
-def write_tables(outputs: Outputs, errors: list[str] | None = None) -> dict[str, Table]:
-    """Write the main table and the ablation of all evaluated runs to outputs/tables; see `read_results`."""
-    tables = make_tables(read_results(outputs, errors))
-    outputs.tables.mkdir(parents=True, exist_ok=True)
-    for name, table in tables.items():
-        if len(table.frame):
-            table.write(outputs.tables, name)
-        else:  # the runs of an earlier table have been deleted
-            for path in outputs.tables.glob(f"{name}.*"):
-                path.unlink()
-    return tables
+def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
+    """Create the main table (the paper's projection) or the ablation (the projection without decay).
+
+    Args:
+        results: tidy rows, see `read_results`.
+        encoding: label of the encoding; for other rows of the table see `select`.
+
+    Returns:
+        experiment, model, encoding, seeds, then every metric as <metric>, paper_<metric>, delta_<metric>, and
+        std_<metric> if there are several seeds. The row `average` is the mean of the paper's four networks, present if
+        all four are evaluated. Other models and baselines follow, without the paper's numbers.
+    """
+    rows, metrics = select(results, encoding), list(TABLE_METRICS)
+    groups = pd.concat([rows, averages_of(rows[rows["encoding"] == encoding])]).groupby(CELL)
+    ours, seeds = groups[metrics].mean(), groups.size().rename("seeds")
+    paper = of_papers_worlds(read_paper(), rows).set_index(CELL).reindex(ours.index, columns=metrics)
+    parts = {"": ours, "paper_": paper, "delta_": ours - paper}
+    if seeds.max() > 1:
+        parts["std_"] = groups[metrics].std()
+    table = pd.concat([seeds, *(part.add_prefix(prefix) for prefix, part in parts.items())], axis=1)
+    table = table[["seeds", *(prefix + metric for metric in metrics for prefix in parts)]].reset_index()
+    return table.sort_values(["experiment", "model"], key=lambda keys: keys.map(rank) if keys.name == "model" else keys)
 
 
-def _ours(row: pd.Series, metric: str) -> str:
-    spread = number(row.get(f"std_{metric}"))
-    return number(row.get(metric)) + (f" ± {spread}" if spread else "")  # an old result may lack a young metric
+def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
+    """Select the runs of a table: one encoding and the quick baselines.
+
+    The main table has all baselines, `OURS`, and the networks of the user, which are not in `STUDIED`, with any input.
+    """
+    model, inputs = results["model"], results["encoding"]
+    chosen = inputs == encoding
+    if encoding == PROJECTION:
+        chosen |= (model == OURS[0]) & (inputs == OURS[1])
+        chosen |= (inputs != "") & ~model.isin(STUDIED) & ~inputs.str.endswith(NO_DECAY)
+        chosen |= (inputs == "") & ~model.isin(list(OTHER_BOUNDS))
+    else:
+        is_there = results["experiment"].isin(results.loc[chosen, "experiment"])
+        chosen |= is_there & model.isin(QUICK_BASELINES)
+    return results[chosen]
 
 
-def _paper(row: pd.Series, metric: str) -> str:
-    value = number(row.get(f"paper_{metric}"))
-    return f" ({value})" if value else ""
+def averages_of(results: pd.DataFrame) -> pd.DataFrame:
+    """Compute the rows `average`, the mean of the paper's four networks, for each seed with all four."""
+    keys = ["experiment", "encoding", "seed"]
+    networks = results[results["model"].isin(NETWORKS)]
+    complete = networks.groupby(keys).filter(lambda rows: len(rows) == len(NETWORKS))
+    return complete.groupby(keys, as_index=False)[list(TABLE_METRICS)].mean().assign(model="average")
+
+
+def audits(results: pd.DataFrame) -> pd.DataFrame:
+    """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
+    rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
+    ours = pd.concat([rows, averages_of(rows)]).groupby(CELL, as_index=False)[list(METRICS)].mean()
+    tables = {"paper": of_papers_worlds(read_paper(), results), "ours": ours}
+    return pd.concat([audit(table).assign(source=source) for source, table in tables.items()])
 
 
 def caption(results: pd.DataFrame) -> str:
-    """Return the data of a table as one sentence: scale, resolution, pairs, epochs and seeds."""
+    """Return the data of a table as one sentence: scale, resolution, pairs, epochs and seeds.
+
+    More sentences name experiments of other worlds than the paper's beside some of the paper's, and networks that were
+    trained with other settings than most.
+    """
     networks = results[results["encoding"] != ""]
     if networks.empty:
         return "No network evaluated yet."
     of_paper = networks[networks["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
     networks = of_paper if len(of_paper) else networks
-    first = networks.iloc[0]
+    first, cells = networks.iloc[0], networks.groupby(CELL).size()
     seeds = sorted(networks["seed"].unique())
-    cells = networks.groupby(CELL).size()
     uneven = f" ({cells.min()} to {cells.max()} per cell)" if cells.min() < cells.max() else ""
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
-    return (
+    text = (
         f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
         f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
         f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}."
-        f"{_other_worlds(networks)}{_unlike(networks)}"
     )
+    is_other = networks.get("papers_worlds", pd.Series(True, networks.index)).eq(False)  # older results lack it
+    if is_other.any() and not is_other.all():
+        text += f" Not the paper's worlds: exp {', '.join(sorted(networks.loc[is_other, 'experiment'].unique()))}."
+    unlike = _unlike(networks)
+    return text + (f" Not trained like the others: {'; '.join(unlike)}." if unlike else "")
+
+
+def _unlike(networks: pd.DataFrame) -> list[str]:
+    """Name the networks of a table with other settings than most; only the paper's share those of the model."""
+    settings = settings_of(networks)
+    of_model = [name for name in settings if str(name).startswith("model.")]
+    settings.loc[~networks["model"].isin(NETWORKS), of_model] = None
+    usual = settings.mode().iloc[0] if settings.notna().any(axis=None) else pd.Series()
+    changed = settings.where(settings.ne(usual))
+    texts = [", ".join(f"{key}={value}" for key, value in row.dropna().items()) for _, row in changed.iterrows()]
+    groups = networks.assign(changed=texts).query("changed != ''").groupby(["changed", "model"])["experiment"]
+    return [
+        f"{model_title(str(model))} in exp {', '.join(sorted(own.unique()))} ({text})" for (text, model), own in groups
+    ]
 
 
 def missing(results: pd.DataFrame, encoding: str) -> str:
@@ -149,45 +209,13 @@ def missing(results: pd.DataFrame, encoding: str) -> str:
     """
     paper = read_paper()
     wanted = paper[(paper["encoding"] == encoding) & paper["model"].isin(NETWORKS)]
-    found = set(zip(results["experiment"], results["model"], results["encoding"], strict=True))
-    lacking = wanted[[cell not in found for cell in wanted[CELL].itertuples(index=False, name=None)]]
+    lacking = wanted[~pd.MultiIndex.from_frame(wanted[CELL]).isin(pd.MultiIndex.from_frame(results[CELL]))]
     if len(lacking) in (0, len(wanted)):
         return ""
     names: dict[str, list[str]] = {}  # networks by the experiments that they lack
     for model in NETWORKS:
         experiments = sorted(lacking.loc[lacking["model"] == model, "experiment"])
-        in_all = len(experiments) == wanted["experiment"].nunique()
-        where = "" if in_all else f" in exp {', '.join(experiments)}"
+        where = f" in exp {', '.join(experiments)}" if len(experiments) < wanted["experiment"].nunique() else ""
         if experiments:
             names.setdefault(where, []).append(model_title(model))
-    parts = [", ".join(models) + where for where, models in names.items()]
-    return f" Not trained: {'; '.join(parts)}."
-
-
-def _other_worlds(networks: pd.DataFrame) -> str:
-    """Name the experiments of other worlds than the paper's beside some of the paper's."""
-    is_other = networks.get("papers_worlds", pd.Series(True, networks.index)).eq(False)  # older results lack it
-    others = sorted(networks.loc[is_other, "experiment"].unique())
-    return f" Not the paper's worlds: exp {', '.join(others)}." if others and not is_other.all() else ""
-
-
-def _comparable(model: str, settings: Settings) -> Settings:
-    """Return the settings without those of the model, unless it is one of the paper's, which share them."""
-    if model in NETWORKS:
-        return settings
-    return {key: value for key, value in settings.items() if not key.startswith("model.")}
-
-
-def _unlike(networks: pd.DataFrame) -> str:
-    """Name the networks of a table that were trained with other settings than most."""
-    if "settings" not in networks:  # all were published before the column existed
-        return ""
-    settings = list(map(_comparable, networks["model"], read_cells(networks["settings"])))
-    reference = usual(settings)
-    texts = [", ".join(f"{key}={value}" for key, value in changed(each, reference).items()) for each in settings]
-    groups = networks.assign(changed=texts).query("changed != ''").groupby(["changed", "model"])
-    unlike = [
-        f"{model_title(str(model))} in exp {', '.join(sorted(rows['experiment'].unique()))} ({text})"
-        for (text, model), rows in groups
-    ]
-    return f" Not trained like the others: {'; '.join(unlike)}." if unlike else ""
+    return f" Not trained: {'; '.join(', '.join(models) + where for where, models in names.items())}."

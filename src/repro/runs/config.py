@@ -56,13 +56,12 @@ def differences(existing: RunConfig | Data, requested: RunConfig | Data, ignored
     """Describe the differences of two configurations, `key is ..., requested ...`; empty without any."""
     first, second = (flatten(dataclasses.asdict(one)) for one in (existing, requested))
     keys = [key for key in first | second if first.get(key) != second.get(key) and key not in ignored]
-    return "; ".join(_difference(key, first.get(key), second.get(key)) for key in keys)
-
-
-def _difference(key: str, existing: Any, requested: Any) -> str:
-    if key.endswith("worlds"):
-        return f"{key}: the file of conf/world is another or has changed since"
-    return f"{key} is {existing}, requested {requested}"
+    return "; ".join(
+        f"{key}: the file of conf/world is another or has changed since"
+        if key.endswith("worlds")
+        else f"{key} is {first.get(key)}, requested {second.get(key)}"
+        for key in keys
+    )
 
 
 def flatten(content: dict[str, Any], prefix: str = "") -> dict[str, Any]:

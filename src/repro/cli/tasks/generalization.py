@@ -17,7 +17,7 @@ def run(job: Job) -> None:
     from repro.evaluation.generalization import across_experiments, across_start_headings, under_changes, updated
     from repro.recordings.reader import read_manifest
     from repro.reporting.names import predictor_title
-    from repro.reporting.rows import read_rows
+    from repro.reporting.results import read_rows
     from repro.system.files import lock, write_text
 
     outputs, key = job.outputs, job.key
