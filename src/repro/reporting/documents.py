@@ -9,7 +9,7 @@ import pandas as pd
 from repro.config import PROJECTION
 from repro.reporting import analysis_tables
 from repro.reporting.names import TITLES
-from repro.reporting.navigation import arms_table
+from repro.reporting.navigation import arms_table, density_table
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells
 from repro.reporting.results import read_frames, read_published
@@ -31,6 +31,7 @@ ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # table
         arms_table,
         "Share of the courses in which the robot reaches both goals, with 95 % intervals; mean time of the successes",
     ),
+    "density": (density_table, "The same share by the number of obstacles, in all worlds together"),
 }
 
 
@@ -38,7 +39,7 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`), or one network or `average` for its rows
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`, `density`), or one network or `average` for its rows
     in both tables.
 
     Raises:
@@ -79,8 +80,8 @@ def _analyzed(directory: Path, name: str) -> str:
         measured, note = frames["costs"], (directory / "costs.txt").read_text(encoding="utf-8").strip()
         return analysis_tables.costs(measured, note).to_markdown()
     make, title = ANALYZED[name]
-    facts = caption(read_published(directory))
-    return make(frames, f"{title}. {facts[: facts.index(', seed')]}.").to_markdown()
+    facts = caption(read_published(directory)) if (directory / "runs.csv").is_file() else ""  # of its trainings
+    return make(frames, f"{title}." + f" {facts[: facts.index(', seed')]}." * bool(facts)).to_markdown()
 
 
 def _rows_of_model(runs: pd.DataFrame, tables: dict[str, Table], model: str) -> Table:
