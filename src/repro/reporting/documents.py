@@ -39,8 +39,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`, `density`), or one network or `average` for its rows
-    in both tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`, `density`), or one network or `average` for
+    its rows in both tables.
 
     Raises:
         ValueError: a mark is not closed before the next one.
