@@ -79,7 +79,7 @@ class LaserScans:
         """
         stamp = seconds(message.header.stamp)
         if not stamp and received_s is not None:
-            self._warn_once("stamp", "scans without a time get that of their arrival")
+            self.warn_once("stamp", "scans without a time get that of their arrival")
             stamp = received_s
         if stamp > self._last_s:
             self._gaps.append(stamp - self._last_s)
@@ -90,7 +90,7 @@ class LaserScans:
         if lasts_s == 0 or (0 < lasts_s <= LONGER * min(between_s, MAX_SCAN_S)):
             return stamp, stamp + lasts_s / 2
         text = f"time_increment is {increment:.4g} s, with which a scan lasts {lasts_s:.3g} s, and one follows after "
-        self._warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
+        self.warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
         return stamp, stamp
 
     def convert(self, message: Any, times: tuple[float, float], transforms: Transforms) -> LogScan:
@@ -107,12 +107,12 @@ class LaserScans:
         try:
             placed = transforms.pose_at(message.header.frame_id, times[1])
         except InputError as error:
-            self._warn_once("tilt", str(error))
+            self.warn_once("tilt", str(error))
             problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
         first, spacing, contradiction = self._angles(message)
         range_min_m = float(message.range_min)
         if math.isnan(range_min_m):
-            self._warn_once("range_min", "range_min is nan: it is ignored")
+            self.warn_once("range_min", "range_min is nan: it is ignored")
             range_min_m = 0.0
         sense = -1 if placed and placed.is_upside_down else 1
         return LogScan(
@@ -135,7 +135,7 @@ class LaserScans:
             return first, spacing, None
         by_limits = (last - first) / steps
         if not math.isfinite(spacing) or spacing == 0:
-            self._warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
+            self.warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
             return first, by_limits, None
         if EXTRA_BEAMS[0] <= (last - first) / spacing - steps <= EXTRA_BEAMS[1]:
             return first, spacing, None
@@ -144,12 +144,13 @@ class LaserScans:
             f"{first + steps * spacing:.4g}, angle_max is {last:.4g}"
         )
         if abs(by_limits - spacing) <= MAX_VARIATION * abs(spacing):  # rounded, or the number of readings varies
-            self._warn_once("angles", f"{text}: they are spread over the field of view")
+            self.warn_once("angles", f"{text}: they are spread over the field of view")
             return first, by_limits, None
-        self._warn_once("angles", text)
+        self.warn_once("angles", text)
         return first, spacing, CONTRADICTION
 
-    def _warn_once(self, kind: str, message: str) -> None:
+    def warn_once(self, kind: str, message: str) -> None:
+        """Warn of something, unless a message of its kind was given before."""
         if kind not in self._warned:
             self._warned.add(kind)
             self.warn(message)
