@@ -15,7 +15,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from repro.prediction.intake import LogScan, valid_ranges
+from repro.prediction.intake import LogScan
 from repro.prediction.logs import ReadOptions, ScanLog, collect
 from repro.prediction.readers import read_log
 from repro.prediction.times import TimesLost, WindowSettings, parts_of
@@ -353,7 +353,7 @@ def test_scans_without_beams_do_not_decide_the_beams():
 def test_a_reading_at_the_minimum_is_valid():
     """In the words of LaserScan, values below range_min or above range_max are to be discarded."""
     scan = LogScan(0.0, np.float32([0.05, 0.1, 0.2, 30.0]), 0.0, 0.1, np.float32(0.1), 30.0, (0, 0, 0))
-    assert np.array_equal(valid_ranges(scan), np.float32([np.nan, 0.1, 0.2, np.inf]), equal_nan=True)
+    assert np.array_equal(scan.valid_ranges(), np.float32([np.nan, 0.1, 0.2, np.inf]), equal_nan=True)
 
 
 def test_times_of_six_digits_are_an_error(tmp_path):

@@ -18,9 +18,8 @@ from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import SHARES, compare
-from repro.prediction.animation import write_animation
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, read_maps, window_number, write_map, write_probabilities
+from repro.prediction.output import draw, read_maps, window_number, write_animation, write_map, write_probabilities
 from repro.prediction.readers import read_log, topics_of
 from repro.prediction.stream import predict_map
 from repro.prediction.times import TimesLost, WindowSettings, window_of
@@ -59,7 +58,8 @@ def predict_log(job: Job) -> None:
     predictor = predictor.with_range(log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
-    stride = _stride(settings, windows, predictor)
+    is_spaced = windows.spacing == "distance"  # then the time between two windows counts scans, too
+    stride = settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
     found = cut(log, windows, stride, predictor.grid.size_m)
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
@@ -79,11 +79,7 @@ def predict_log(job: Job) -> None:
 
 
 def _check_target(target: Path, *sources: Path) -> None:
-    """Check that replacing a directory deletes neither what is read nor anything but earlier predictions.
-
-    Raises:
-        InputError: it would.
-    """
+    """Refuse to replace a directory that has what is read, or anything but earlier predictions."""
     for source in sources:
         if source.resolve().is_relative_to(target.resolve()):
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
@@ -124,11 +120,9 @@ def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLo
 
 
 def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
-    """Return the windows; those of the training unless others are chosen.
+    """Return the windows, those of the training unless others are chosen.
 
-    Raises:
-        InputError: the map of the window would move, and the network has learned fixed obstacles; or the step has a
-            time, and the scans none.
+    Refuse a map that moves if the network has learned fixed obstacles, and a time of a step for scans without times.
     """
     center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
     try:
@@ -142,12 +136,6 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
     return windows
-
-
-def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor) -> float:
-    """Return the time between two windows [s], or the scans between two that are spaced by distance."""
-    is_spaced = windows.spacing == "distance"
-    return settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
 
 
 def _say_windows(log: ScanLog, windows: WindowSettings) -> None:
@@ -173,11 +161,7 @@ def _mcap(log: ScanLog) -> ModuleType:
 def _predict_all(
     windows: Iterable[Window | str], predictor: Predictor, directory: Path, range_max_m: float
 ) -> pd.DataFrame:
-    """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason.
-
-    Raises:
-        ValueError: of a library; those about a window leave it out.
-    """
+    """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason."""
     rows: list[Row] = []
     for window in progress(windows, "windows"):
         if isinstance(window, str):

@@ -44,11 +44,7 @@ def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOp
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a log: bag, npz, CARMEN or packed CARMEN.
-
-    Raises:
-        InputError: it is none of these; see `read_log`.
-    """
+    """Return the kind of a log: bag, npz, CARMEN or packed CARMEN; refuse one of no known kind."""
     if not path.exists():
         raise InputError(f"{path}: no such file: expected {KINDS}")
     if path.is_dir():
@@ -86,7 +82,7 @@ def _unpacked_head(path: Path) -> bytes:
 
 
 def topics_of(path: Path) -> list[str]:
-    """Return one line for each topic of a bag, see `bags.describe_bag`; none for another log."""
+    """Return one line for each topic of a bag, see `describe_bag`; none for another log."""
     return list(_bags(path).describe_bag(path)) if kind_of(path) == "bag" else []
 
 

@@ -37,22 +37,21 @@ def add_transforms(
 ) -> None:
     """Add the transforms of a TFMessage; `received_s` [s] replaces times of zero."""
     for each in message.transforms:
-        _add(transforms, each, (each.transform.translation, each.transform.rotation), received_s, is_static=is_static)
+        _add(transforms, each, each.transform.translation, each.transform.rotation, received_s, is_static=is_static)
 
 
 def add_odometry(transforms: Transforms, message: Any, *, received_s: float | None = None) -> None:
     """Add the pose of an Odometry message; `received_s` [s] replaces a time of zero."""
-    _add(transforms, message, (message.pose.pose.position, message.pose.pose.orientation), received_s)
+    _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation, received_s)
 
 
 def _add(
-    transforms: Transforms, message: Any, pose: tuple[Any, Any], received_s: float | None, *, is_static: bool = False
+    transforms: Transforms, message: Any, place: Any, turn: Any, received_s: float | None, *, is_static: bool = False
 ) -> None:
-    place, turn = pose
-    position, quaternion = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-    stamp = seconds(message.header.stamp)
+    stamp, child, parent = seconds(message.header.stamp), message.child_frame_id, message.header.frame_id
     stamp = stamp if stamp or received_s is None else received_s
-    transforms.add(message.child_frame_id, message.header.frame_id, stamp, position, quaternion, is_static=is_static)
+    quaternion = turn.x, turn.y, turn.z, turn.w
+    transforms.add(child, parent, stamp, (place.x, place.y, place.z), quaternion, is_static=is_static)
 
 
 class LaserScans:
@@ -71,11 +70,8 @@ class LaserScans:
     def times(self, message: Any, received_s: float | None = None) -> tuple[float, float]:
         """Return the time of a scan and of its middle, at which its pose is taken [s].
 
-        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored.
-
-        Args:
-            message: the LaserScan.
-            received_s: time at which it was received [s], which replaces a stamp of zero.
+        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored. The
+        time of its arrival, `received_s` [s], replaces a stamp of zero.
         """
         stamp = seconds(message.header.stamp)
         if not stamp and received_s is not None:
@@ -94,14 +90,9 @@ class LaserScans:
         return stamp, stamp
 
     def convert(self, message: Any, times: tuple[float, float], transforms: Transforms) -> LogScan:
-        """Convert a scan, with the pose of its frame in its middle.
+        """Convert a scan, given what `times` returned, with the pose of its frame in its middle.
 
         The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
-
-        Args:
-            message: the LaserScan.
-            times: what `times` returned.
-            transforms: the transforms.
         """
         placed, problem = None, None
         try:
@@ -191,7 +182,7 @@ def grid_message(types: dict[str, Any], data: Any, predicted: StreamMap, stamp: 
     """Create an OccupancyGrid.
 
     Args:
-        types: the message classes `GRID_TYPES` by name, of rospy, rclpy or rosbags.
+        types: the message classes by name, of rospy, rclpy or rosbags.
         data: what `occupancy` returns, in the type that the classes take.
         predicted: the map.
         stamp: time of the map, of the type of header stamps.

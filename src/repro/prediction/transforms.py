@@ -49,7 +49,7 @@ class Transforms:
 
         A static pose replaces the one before, and poses that change replace a static one. If the frame has a static
         parent already, such as `base_link` in `base_footprint`, that one becomes its child. Poses in another parent
-        than the first are left out otherwise: the tree of frames would change with each of them. See also `Edge.insert`.
+        than the first are left out otherwise: the tree of frames would change with each of them. See `Edge.insert`.
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
         if problem := problem_of(stamp, position, quaternion):
@@ -167,8 +167,8 @@ class Transforms:
     def has_later(self, frame: str, stamp: float, silent_s: float = math.inf) -> bool:
         """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change.
 
-        After `silent_s` [s] without poses of a frame none are expected; what counts is when they arrive, since poses may
-        lag behind the scans by more.
+        After `silent_s` [s] without poses of a frame none are expected; what counts is when they arrive, since poses
+        may lag behind the scans by more.
         """
         chain, has_odometry = list(self._chain(frame)), False
         for edge in chain:
