@@ -44,9 +44,8 @@ def predict_log(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    weights = find("prediction.weights", settings.weights)
+    predictor = load_predictor(find("prediction.weights", settings.weights))
     print(f"network: {settings.weights}", flush=True)
-    predictor = load_predictor(weights)
     with printed_messages():
         if settings.inspect:
             print(*topics_of(path), sep="\n")
@@ -58,9 +57,7 @@ def predict_log(job: Job) -> None:
     predictor = predictor.with_range(log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
-    is_spaced = windows.spacing == "distance"  # then the time between two windows counts scans, too
-    stride = settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
-    found = cut(log, windows, stride, predictor.grid.size_m)
+    found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
         table = _predict_all(found, predictor, new, min(log.range_max_m, COMPARED_M))
@@ -136,6 +133,12 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
     return windows
+
+
+def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor) -> float:
+    """Return the time between two windows [s], or the scans between two that are spaced by distance."""
+    is_spaced = windows.spacing == "distance"
+    return settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
 
 
 def _say_windows(log: ScanLog, windows: WindowSettings) -> None:

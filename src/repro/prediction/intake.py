@@ -1,4 +1,4 @@
-"""Scans of a lidar as they arrive, in logs and nodes: which can be used, and their readings at the same beams."""
+"""Scans of a lidar as they arrive, in logs and nodes: which can be used, and their valid readings at the same beams."""
 
 import logging
 import math
@@ -15,6 +15,7 @@ from repro.system.errors import InputError
 LOGGER = logging.getLogger(__name__)
 MAX_BEAMS = 100_000
 FIRST_SCANS = 20  # of which the most frequent beams are those of the lidar
+MAX_FAR = 100_000  # values of readings beyond the maximum range, which are counted
 WITHOUT_POSE = "without a pose"
 OTHER_BEAMS = ("with another number of beams", "with other beam angles")
 
@@ -91,7 +92,7 @@ class LogScan:
 
 
 class Intake:
-    """Takes the scans of a lidar one by one and passes on those that can be used, all with the same beams.
+    """Takes the scans of a lidar one by one and passes on those that can be used, with valid ranges at the same beams.
 
     The beams are the most frequent ones of the first `FIRST_SCANS` scans with a pose, which wait for one another. A
     scan of the same field of view with another number of beams is resampled.
@@ -101,16 +102,19 @@ class Intake:
         range_max_m: maximum range [m] that replaces that of the scans; None keeps it.
 
     Attributes:
-        first: the scan whose beams are taken; None before they are known.
+        angles: the angles of the beams [rad], (N,), increasing; empty before they are known.
+        far: number of readings beyond the maximum range by value [m], of some readings of each scan.
         left_out: number of scans that were left out, by reason.
         reasons: those of the scans that were left out by the last call.
     """
 
     def __init__(self, source: str, range_max_m: float | None = None) -> None:
         self.source, self.range_max_m = source, range_max_m
-        self.first: LogScan | None = None
+        self.angles, self.far = np.zeros(0), Counter[float]()
         self.left_out: Counter[str] = Counter()
         self.reasons: list[str] = []
+        self._first: LogScan | None = None
+        self._index = np.zeros(0, dtype=int)
         self._waiting: list[LogScan] = []
         self._resampled = False
 
@@ -126,8 +130,8 @@ class Intake:
         if reason := _why_unplaced(scan):
             self._leave_out(reason)
             return []
-        if self.first is not None:
-            return self._usable([scan], self.first)
+        if self._first is not None:
+            return self._usable([scan], self._first)
         self._waiting.append(scan)
         return self.flush() if len(self._waiting) >= FIRST_SCANS else []
 
@@ -143,11 +147,11 @@ class Intake:
         good = [scan for scan in waiting if scan.has_valid_range] or waiting
         first = max(good, key=lambda scan: sum(scan.has_beams_of(other) for other in good))
         _check_beams(first, self.source)
-        self.first = first
+        self._first, (self.angles, self._index) = first, first.in_order()
         return self._usable(waiting, first)
 
     def _usable(self, scans: list[LogScan], first: LogScan) -> list[LogScan]:
-        """Return those of some scans that can be used, at the beams of the first one."""
+        """Return those of some scans that can be used, with valid ranges at the beams of the first one, in order."""
         found = []
         for scan in scans:
             resampled = scan.at_beams_of(first)
@@ -156,11 +160,15 @@ class Intake:
                 self._leave_out(OTHER_BEAMS[1] if has_as_many else f"{OTHER_BEAMS[0]} than {len(first.ranges)}")
             elif not scan.has_valid_range:
                 self._leave_out("without a valid maximum range")
-            elif np.isnan(scan.valid_ranges()).all():
+            elif np.isnan(ranges := resampled.valid_ranges()).all():
                 self._leave_out("without a valid reading")
             else:
-                found.append(resampled)
+                given = resampled.ranges
+                beyond = given[np.isfinite(given) & (given >= resampled.range_max_m)]
+                if len(self.far) < MAX_FAR:
+                    self.far.update(np.round(beyond[:: max(1, len(beyond) // 10)], 2).tolist())
                 self._say_resampled(scan, resampled)
+                found.append(replace(resampled, ranges=ranges[self._index]))
         return found
 
     def _say_resampled(self, scan: LogScan, resampled: LogScan) -> None:

@@ -66,7 +66,6 @@ class LiveMapper:
         """Begin a window, of a lidar whose beams are not known."""
         self.intake = Intake("scan", self.settings.range_max_m)
         self.stream: PredictionStream | None = None  # whose misses reach the smallest maximum range
-        self.index = np.zeros(0, dtype=int)  # of the beams by increasing angle
         self.root: str | None = None  # frame of the poses in the stream
         self.others = 0  # scans in a row with other beams
 
@@ -159,7 +158,7 @@ class LiveMapper:
                 self.stream.limit(scan.range_max_m)
             self.last_s = scan.stamp
             assert scan.pose is not None, "the intake leaves out others"
-            predicted = self.stream.update(scan.valid_ranges()[self.index], np.array(scan.pose), scan.stamp)
+            predicted = self.stream.update(scan.ranges, np.array(scan.pose), scan.stamp)
         except InputError as error:
             self.warn(str(error))
             return
@@ -169,11 +168,9 @@ class LiveMapper:
             self.warn(f"a scan is skipped: {self.stream.reason}")
 
     def _stream(self, scan: LogScan) -> PredictionStream:
-        assert self.intake.first is not None, "it found the scan"
-        angles, self.index = self.intake.first.in_order()
         if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
             self.warn(message)
         center, steps, step_s = self.settings.center, self.settings.steps, self.settings.step_s
-        stream = PredictionStream(self.predictor, angles, center=center, steps=steps, step_s=step_s)
+        stream = PredictionStream(self.predictor, self.intake.angles, center=center, steps=steps, step_s=step_s)
         stream.limit(scan.range_max_m)
         return stream

@@ -2,7 +2,6 @@
 
 import logging
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,13 +12,14 @@ import torch
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
 from repro.prediction.readings import check_heading, note_on_changes, note_on_far_hits
-from repro.prediction.times import NOT_LATER, Clock, TimesLost, WindowSettings, check_times
+from repro.prediction.times import NOT_LATER, Clock, TimesLost, WindowSettings, parts_of
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
 
 LOGGER = logging.getLogger(__name__)
 MIN_SCANS = 2
+MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
 MAX_MEDIAN_M = 300.0  # median range beyond which no 2D lidar measures; the readings are in other units
 Pose = tuple[float, float, float]
@@ -78,12 +78,29 @@ class ScanLog:
         return len(self.stamps)
 
     def check_times(self, settings: WindowSettings) -> None:
-        """Check that the scans have windows, see `times.check_times`; a refusal names what was left out, too."""
-        try:
-            check_times(self.stamps, settings)
-        except InputError as error:
-            left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
-            raise type(error)(f"{error} (skipped: {left_out})" if left_out else str(error)) from error
+        """Check that the scans have windows; a refusal names what was left out, too.
+
+        Raises:
+            TimesLost: the scans are too rare for the steps.
+            InputError: no part of them without a gap is as long as a window, or the times are not in seconds.
+        """
+        left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
+        skipped = f" (skipped: {left_out})" if left_out else ""
+        gaps, longest_s = np.diff(self.stamps), settings.longest_gap_s
+        between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+        if between_s > MAX_BETWEEN_S:
+            raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}")
+        if between_s > longest_s:
+            needed = f"steps of {settings.step_s:g} s need one every {longest_s:.3g} s"
+            raise TimesLost(f"a scan every {between_s:.2g} s, {needed}{skipped}")
+        parts = parts_of(self.stamps, settings)
+        longest = max(float(self.stamps[end - 1] - self.stamps[begin]) for begin, end in parts)
+        if not settings.is_filled(0.0, longest):
+            without = " without a gap" if len(parts) > 1 else ""
+            raise InputError(
+                f"the log has {longest:.1f} s of scans{without}, a window of {settings.steps} steps takes "
+                f"{settings.duration_s:.1f} s{skipped}"
+            )
 
     def crop(self, fov_rad: float) -> "ScanLog":
         """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.
@@ -135,33 +152,28 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         InputError: fewer than two scans can be used, the beams are not those of a lidar, the ranges are not meters, or
             the headings are not radians.
     """
-    intake, clock, far = Intake(str(path), settings.range_max_m), Clock[LogScan](settings), Counter[float]()
+    intake, clock = Intake(str(path), settings.range_max_m), Clock[LogScan](settings)
     stamps, ranges, poses, limits = list[float](), list[np.ndarray](), list[Pose](), list[float]()
     for number, scan in enumerate(_usable(scans, intake)):
-        beyond = scan.ranges[np.isfinite(scan.ranges) & (scan.ranges >= scan.range_max_m)]
-        far.update(np.round(beyond[:: max(1, len(beyond) // 10)], 2).tolist())
         is_spaced = settings.spacing == "distance"
         for stamp, kept in [(float(number), scan)] if is_spaced else clock.take(scan.stamp, scan):
             assert kept.pose is not None, "the intake leaves out others"
             stamps.append(stamp)
-            ranges.append(kept.valid_ranges())
+            ranges.append(kept.ranges)
             poses.append(kept.pose)
             limits.append(kept.range_max_m)
-        if number % SCANS_PER_CHECK == 0 and 2e-9 * sum(each.nbytes for each in ranges) > available_memory_gb():
-            raise InputError(
-                f"{path}: its first {number} scans fill the memory: divide the log"
-            )  # which is copied twice
+        if (
+            number % SCANS_PER_CHECK == 0 and 1e-9 * sum(each.nbytes for each in ranges) > available_memory_gb()
+        ):  # copied once
+            raise InputError(f"{path}: its first {number} scans fill the memory: divide the log")
     _check_order(np.array(stamps), clock.left_out[NOT_LATER], path)
     skipped = intake.left_out + clock.left_out
-    if intake.first is None or len(stamps) < MIN_SCANS:
+    if len(stamps) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise InputError(f"{path}: {len(stamps)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    angles, index = intake.first.in_order()
-    log = ScanLog(
-        np.array(stamps), np.stack(ranges).take(index, axis=1), angles, np.array(poses), dict(skipped), min(limits)
-    )
+    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses), dict(skipped), min(limits))
     _check_values(log, path)
-    for note in (note_on_changes(np.array(limits)), note_on_far_hits(far, log.range_max_m)):
+    for note in (note_on_changes(np.array(limits)), note_on_far_hits(intake.far, log.range_max_m)):
         if note:
             LOGGER.warning("%s: %s", path, note)
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])

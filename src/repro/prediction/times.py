@@ -17,7 +17,6 @@ from repro.system.errors import InputError
 
 T = TypeVar("T")
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; twice that between two scans divides a log
-MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MAX_STEPS = 10_000  # of a window
 MIN_STEP_S = 0.001  # far above the resolution of times, so that a window has as many scans as steps
 TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
@@ -201,27 +200,6 @@ def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np
     if count > 100 * len(filled):  # a stride far below the time between two scans would fill the memory
         return filled
     return np.unique(filled[_nearest(stamps[filled], first_s + stride_s * np.arange(count))])
-
-
-def check_times(stamps: np.ndarray, settings: WindowSettings) -> None:
-    """Refuse times [s], (S,), in other units, too rare for the steps (`TimesLost`), or too short for a window."""
-    gaps = np.diff(stamps)
-    between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
-    if between_s > MAX_BETWEEN_S:
-        raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns")
-    if between_s > settings.longest_gap_s:
-        raise TimesLost(
-            f"a scan every {between_s:.2g} s, steps of {settings.step_s:g} s need one every "
-            f"{settings.longest_gap_s:.3g} s"
-        )
-    parts = parts_of(stamps, settings)
-    longest = max(float(stamps[end - 1] - stamps[begin]) for begin, end in parts)
-    if not settings.is_filled(0.0, longest):
-        without = " without a gap" if len(parts) > 1 else ""
-        raise InputError(
-            f"the log has {longest:.1f} s of scans{without}, a window of {settings.steps} steps takes "
-            f"{settings.duration_s:.1f} s"
-        )
 
 
 def parts_of(stamps: np.ndarray, settings: WindowSettings) -> list[tuple[int, int]]:
