@@ -5,16 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from repro.prediction.readers import read_log
-from repro.prediction.times import WindowSettings
-
-SCANS, BEAMS = 30, 181
-STAMPS = 100 + 0.1 * np.arange(SCANS)
-POSES = np.stack([0.05 * np.arange(SCANS), -0.02 * np.arange(SCANS), 0.03 * np.arange(SCANS)], axis=-1)
-RANGES = 2 + np.random.default_rng(0).random((SCANS, BEAMS))
-OTHERS = {"angles": np.radians(np.arange(-90, 91)), "poses": POSES, "stamps": STAMPS}
-ARRAYS = OTHERS | {"ranges": RANGES}
+from log_files import ANGLES, BEAMS, POSES, RANGES, SCANS, STAMPS, npz, read
 
 
 @pytest.mark.parametrize(
@@ -23,8 +14,8 @@ ARRAYS = OTHERS | {"ranges": RANGES}
         ({"angles": None}, "lacks angles"),
         ({"poses": POSES[:-1]}, "expected ranges"),
         ({"ranges": RANGES[0]}, "expected ranges"),
-        ({"angles": np.radians(np.arange(-90, 91)) ** 3}, "not evenly spaced"),
-        ({"angles": np.arange(-90.0, 91)}, "in radians"),
+        ({"angles": ANGLES**3}, "not evenly spaced"),
+        ({"angles": np.degrees(ANGLES)}, "in radians"),
         ({"angles": np.full(BEAMS, np.nan)}, "not evenly spaced"),
         ({"ranges": np.array([[object()]])}, "ranges: expected real numbers, got object"),
         ({"range_max_m": -1.0}, "positive maximum range"),
@@ -41,15 +32,13 @@ ARRAYS = OTHERS | {"ranges": RANGES}
     ],
 )
 def test_arrays_that_are_no_log_are_refused(change, message, tmp_path):
-    arrays = ARRAYS | change
-    np.savez(tmp_path / "log.npz", **{name: array for name, array in arrays.items() if array is not None})
     with pytest.raises(ValueError, match=message):
-        read_log(tmp_path / "log.npz", WindowSettings())
+        read(npz(tmp_path / "log.npz", **change))
 
 
 def write(path: Path, shape: str, data: bytes, method: int = zipfile.ZIP_DEFLATED) -> None:
     """Write a log whose ranges have a header and data that may not belong together."""
-    np.savez(path, **OTHERS)
+    npz(path, ranges=None)
     header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     with zipfile.ZipFile(path, "a", method) as archive:
         archive.writestr("ranges.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + data)
@@ -69,7 +58,7 @@ def test_npz_files_with_damaged_headers_are_refused(shape, message, tmp_path):
     path = tmp_path / "log.npz"
     write(path, shape, bytes(999))
     with pytest.raises(ValueError, match=message) as refused:
-        read_log(path, WindowSettings())
+        read(path)
     assert str(path) in str(refused.value)
 
 
@@ -82,22 +71,18 @@ def test_npz_files_with_damaged_data_are_refused(method, tmp_path):
         member = archive.getinfo("ranges.npy")
     begin, end = member.header_offset + 40, member.header_offset + member.compress_size
     data = path.read_bytes()
-    assert len(read_log(path, WindowSettings())) == SCANS
+    assert len(read(path)) == SCANS
     for place in range(begin, end, (end - begin) // 40):
         path.write_bytes(data[:place] + b"\xff" * 20 + data[place + 20 :])
         with pytest.raises(ValueError, match=r"cannot be read|is damaged|expected real numbers"):
-            read_log(path, WindowSettings())
+            read(path)
 
 
 def test_an_npz_that_does_not_fit_in_the_memory_is_refused(tmp_path, monkeypatch):
-    np.savez(tmp_path / "log.npz", **ARRAYS)
     monkeypatch.setattr("repro.prediction.arrays.available_memory_gb", lambda: 1e-6)
     with pytest.raises(ValueError, match=r"ranges: needs 0.000136 GB of memory, 1e-06 GB are"):
-        read_log(tmp_path / "log.npz", WindowSettings())
+        read(npz(tmp_path / "log.npz"))
 
 
 def test_a_maximum_range_may_be_an_array_of_one_number(tmp_path):
-    np.savez(tmp_path / "log.npz", **ARRAYS, range_max_m=np.array([81.83]))
-    log = read_log(tmp_path / "log.npz", WindowSettings())
-    assert log.range_max_m == 81.83
-    assert len(log) == SCANS
+    assert read(npz(tmp_path / "log.npz", range_max_m=np.array([81.83]))).range_max_m == 81.83

@@ -9,27 +9,14 @@ from repro.prediction.ros import OCCUPIED_ABOVE
 
 DEFAULTS = {name: parameter.default for name, parameter in PARAMETERS.items()}
 WINDOW_S = (0.1, 100)
-# Parameters with their types, as Nav2 (branches jazzy and main) and spatio_temporal_voxel_layer declare them.
-COSTMAP = {
-    **{"global_frame": str, "robot_base_frame": str, "rolling_window": bool, "width": int, "height": int},
-    **{"resolution": float, "update_frequency": float, "publish_frequency": float, "robot_radius": float},
-    **{"use_maximum": bool, "track_unknown_space": bool, "lethal_cost_threshold": int, "trinary_costmap": bool},
-    "plugins": list,
-}
-STATIC = {
-    **{"map_topic": str, "map_subscribe_transient_local": bool, "subscribe_to_updates": bool},
-    "footprint_clearing_enabled": bool,
-}
-INFLATION = {"inflation_radius": float, "cost_scaling_factor": float}
-VOXELS = {
-    **{"decay_model": int, "voxel_decay": float, "voxel_size": float, "combination_method": int},
-    "observation_sources": str,
-}
-SOURCE = {"data_type": str, "topic": str, "marking": bool, "clearing": bool, "obstacle_range": float}
-LAYERS = {
-    "nav2_costmap_2d::StaticLayer": STATIC,
-    "nav2_costmap_2d::InflationLayer": INFLATION,
-    "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer": VOXELS,
+# Parameters by their types, as Nav2 (branches jazzy and main) and spatio_temporal_voxel_layer declare them.
+NAV2 = {
+    str: "global_frame robot_base_frame map_topic observation_sources data_type topic",
+    bool: "rolling_window use_maximum track_unknown_space trinary_costmap map_subscribe_transient_local "
+    "subscribe_to_updates footprint_clearing_enabled marking clearing",
+    int: "width height lethal_cost_threshold decay_model combination_method",
+    float: "resolution update_frequency publish_frequency robot_radius inflation_radius cost_scaling_factor "
+    "voxel_decay voxel_size obstacle_range",
 }
 
 
@@ -72,21 +59,20 @@ def test_wrong_values_are_refused(name, value, message):
         create(**{name: value})
 
 
-def check(content: dict, types: dict[str, type]) -> None:
-    """Check the names and the types of parameters: ROS 2 takes no integer for a double."""
-    assert {name: type(value) for name, value in content.items()} == {name: types.get(name) for name in content}
-
-
 def test_the_parameters_of_nav2_are_those_that_it_declares():
     content = yaml.safe_load((ROOT / "examples" / "nav2_costmap.yaml").read_text())
     costmap = content["local_costmap"]["local_costmap"]["ros__parameters"]
-    layers = {name: costmap.pop(name) for name in costmap["plugins"]}
-    check(costmap, COSTMAP)
-    for layer in layers.values():
-        types = LAYERS[layer.pop("plugin")]
-        check(layer.pop("scan", {}), SOURCE)
-        check(layer, types)
+    layers = [costmap[name] for name in costmap["plugins"]]
+    values = [(name, value) for part in (costmap, *layers, layers[0]["scan"]) for name, value in part.items()]
+    found = {
+        name: type(value) for name, value in values if name not in ("plugin", "plugins") and type(value) is not dict
+    }
+    assert found == {name: kind for kind, names in NAV2.items() for name in names.split()}
+    assert [layer["plugin"] for layer in layers] == [
+        "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer",
+        *("nav2_costmap_2d::StaticLayer", "nav2_costmap_2d::InflationLayer"),
+    ]
     assert costmap["rolling_window"]
     assert not costmap["track_unknown_space"]
-    assert layers["predicted_layer"]["map_topic"] == "/predicted_map"
+    assert layers[1]["map_topic"] == "/predicted_map"
     assert costmap["lethal_cost_threshold"] == 100 * OCCUPIED_ABOVE

@@ -6,6 +6,7 @@ import yaml
 from PIL import Image
 
 from repro.maps.grid import Grid
+from repro.prediction import output
 from repro.prediction.output import draw, write_map, write_probabilities
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
@@ -52,7 +53,7 @@ def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
     assert (cells == 0).sum() == 100 * 100 - 2 - 30
 
 
-def test_the_figure_shows_the_hits_the_map_and_the_last_scan():
+def test_the_figure_shows_the_hits_the_map_the_last_scan_and_the_beams_that_were_held_out():
     free = np.full((100, 100), 0.25)
     figure = draw(window(), free, GRID)
     hits, predicted, last = (ax.images[0].get_array() for ax in figure.axes)
@@ -60,6 +61,11 @@ def test_the_figure_shows_the_hits_the_map_and_the_last_scan():
     assert np.array_equal(predicted, 255 * free)
     assert (last == 255).all()
     assert len(figure.axes[2].lines[0].get_xdata()) == 3
+    first = window()
+    held_out = Scans(np.array([[np.nan, 4.0, 6.0, np.inf]]), np.array([0.0, 0.5, 1.0, 1.5]), first.scans.poses)
+    last = draw(replace(first, held_out=held_out), free, GRID).axes[2]
+    assert [len(line.get_xdata()) for line in last.lines[:2]] == [2, 3]
+    assert last.get_title() == "last scan, red; held out, orange"
 
 
 def test_probabilities_are_stored_with_their_place_and_time(tmp_path):
@@ -73,10 +79,32 @@ def test_probabilities_are_stored_with_their_place_and_time(tmp_path):
         assert (float(content["resolution"]), float(content["stamp"])) == (0.5, 12.5)
 
 
-def test_the_figure_shows_the_beams_that_were_held_out():
-    first = window()
-    held_out = Scans(np.array([[np.nan, 4.0, 6.0, np.inf]]), np.array([0.0, 0.5, 1.0, 1.5]), first.scans.poses)
-    figure = draw(replace(first, held_out=held_out), np.ones((100, 100)), GRID)
-    others, last, *_ = figure.axes[2].lines
-    assert (len(others.get_xdata()), len(last.get_xdata())) == (2, 3)
-    assert figure.axes[2].get_title() == "last scan, red; held out, orange"
+def figures(directory, count: int) -> list:
+    paths = [directory / f"window-{number}.png" for number in range(count)]
+    for number, path in enumerate(paths):
+        shade = round(255 * number / max(count - 1, 1))
+        Image.fromarray(np.full((90, 180, 3), shade, dtype=np.uint8)).save(path)
+    return paths
+
+
+@pytest.mark.parametrize(("count", "frames"), [(1, 1), (7, 7), (30, 20)])
+def test_the_frames_are_the_figures_in_order(tmp_path, monkeypatch, count, frames):
+    monkeypatch.setattr(output, "MAX_FRAMES", 20)
+    assert output.write_animation(tmp_path / "a.gif", figures(tmp_path, count)) == frames
+    with Image.open(tmp_path / "a.gif") as found:
+        assert (found.n_frames, found.size) == (frames, (900, 450))
+        durations = []
+        for number in range(frames):
+            found.seek(number)
+            durations.append(found.info["duration"])
+        assert durations == [100] * (frames - 1) + [1000]
+
+
+def test_small_colored_marks_keep_their_color(tmp_path):
+    image = np.full((100, 900, 3), 255, dtype=np.uint8)
+    image[:, :300] = np.arange(100, dtype=np.uint8)[:, None, None] * 2
+    image[40:44, 500:504] = (179, 38, 30)
+    Image.fromarray(image).save(tmp_path / "a.png")
+    output.write_animation(tmp_path / "a.gif", [tmp_path / "a.png"])
+    with Image.open(tmp_path / "a.gif") as found:
+        assert np.abs(np.array(found.convert("RGB"))[42, 502].astype(int) - (179, 38, 30)).max() < 10

@@ -27,11 +27,11 @@ def test_masked_readings_are_invalid():
     np.testing.assert_array_equal(readings(masked, 0.0, 30.0), np.array([2.0, np.nan, np.inf], np.float32))
 
 
-def test_readings_without_a_largest_value_that_repeats_do_not():
-    assert note_on_repeats(ranges(12.0, 3)) is None
-    assert note_on_repeats(ranges(5.0, 120)) is None
-    assert note_on_repeats(np.full((3, 4), np.inf, np.float32)) is None
-    assert note_on_repeats(np.full((3, 4), np.nan, np.float32)) is None
+@pytest.mark.parametrize(
+    "values", [ranges(12.0, 3), ranges(5.0, 120), np.full((3, 4), np.inf), np.full((3, 4), np.nan)]
+)
+def test_readings_without_a_largest_value_that_repeats_do_not(values):
+    assert note_on_repeats(values.astype(np.float32)) is None
 
 
 def test_a_maximum_range_that_stays_has_no_note():

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from rosbags.typesys import Stores, get_typestore
+from messages import Ros
 from scipy.spatial.transform import Rotation
 
 from repro.maps.grid import Grid
@@ -14,17 +14,9 @@ from repro.prediction.ros import LaserScans, add_transforms, grid_message, occup
 from repro.prediction.stream import StreamMap
 from repro.prediction.transforms import Transforms
 
-NAME = "nav_msgs/msg/OccupancyGrid"
 ORIGIN, RESOLUTION_M = (-3.0, 7.0), 0.5
-
-
-def converted(message, transforms):
-    scans = LaserScans(pytest.fail)
-    return scans.convert(message, scans.times(message), transforms)
-
-
-def types_of(store) -> dict:
-    return {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+ROS = Ros(2)
+STANDING = Transforms(pose=(1.0, 2.0, 3.0))
 
 
 def test_cells_are_row_major_from_the_lower_left_corner():
@@ -46,28 +38,22 @@ def test_unknown_is_minus_one_and_the_rest_0_to_100():
     assert occupancy(free, unknown=unknown).tolist() == [-1, 69, 71, -1, 100, -1], "a predicted obstacle stays"
     with pytest.raises(ValueError, match=r"undecided: expected two increasing probabilities, got 0\.7 and 0\.4"):
         occupancy(free, (0.7, 0.4))
-
-
-@pytest.mark.parametrize("value", [-0.01, 1.01, np.inf])
-def test_probabilities_are_not_clipped(value):
-    with pytest.raises(ValueError, match="expected probabilities from 0 to 1"):
-        occupancy(np.array([[0.5, value]]))
+    for value in (-0.01, 1.01, np.inf):
+        with pytest.raises(ValueError, match="expected probabilities from 0 to 1"):
+            occupancy(np.array([[0.5, value]]))
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_message_survives_its_serialization(version):
-    store = get_typestore(Stores.ROS1_NOETIC if version == 1 else Stores.ROS2_HUMBLE)
-    names = ("OccupancyGrid", "MapMetaData", "Header", "Pose", "Point", "Quaternion")
-    types = {name: types_of(store)[name] for name in names}
+    ros = Ros(version)
+    types = dict(ros.types)
     if version == 1:
         types["Header"] = functools.partial(types["Header"], seq=0)  # rospy and rclpy have defaults
     predicted = StreamMap(np.random.default_rng(0).random((6, 8)), ORIGIN, RESOLUTION_M, 12.25)
-    stamp = store.types["builtin_interfaces/msg/Time"](12, 250_000_000)
+    stamp = types["Time"](12, 250_000_000)
     message = grid_message(types, occupancy(predicted.free), predicted, stamp, "odom")
-    if version == 1:
-        again = store.deserialize_ros1(store.serialize_ros1(message, NAME), NAME)
-    else:
-        again = store.deserialize_cdr(store.serialize_cdr(message, NAME), NAME)
+    deserialize = ros.store.deserialize_ros1 if version == 1 else ros.store.deserialize_cdr
+    again = deserialize(ros.serialized(message), "nav_msgs/msg/OccupancyGrid")
     assert again.data.tolist() == occupancy(predicted.free).tolist()
     assert (again.info.width, again.info.height, again.info.resolution) == (8, 6, 0.5)
     assert (again.info.origin.position.x, again.info.origin.position.y) == ORIGIN
@@ -77,31 +63,23 @@ def test_a_message_survives_its_serialization(version):
 @pytest.mark.parametrize("is_upside_down", [False, True])
 def test_the_beams_of_a_lidar_point_where_its_transform_says(is_upside_down):
     """The point that a beam hits is compared with the rotation of its direction in space."""
-    types = types_of(get_typestore(Stores.ROS2_HUMBLE))
-    header = functools.partial(types["Header"], types["Time"](5, 0))
+    own, ranges = -0.5 + 0.5 * np.arange(4), np.array([1, 2, 3, 4], np.float32)
     for heading in np.linspace(-3, 3, 7):
         turn = Rotation.from_euler("z", heading) * Rotation.from_euler("x", math.pi if is_upside_down else 0)
-        moved = types["Transform"](types["Vector3"](1.0, 2.0, 3.0), types["Quaternion"](*turn.as_quat()))
-        transforms = Transforms()
-        stamped = types["TransformStamped"](header("map"), child_frame_id="laser", transform=moved)
-        add_transforms(transforms, types["TFMessage"]([stamped]))
-        limits = {"angle_min": -0.5, "angle_max": 1.0, "angle_increment": 0.5, "range_min": 0.0, "range_max": 30.0}
-        ranges = np.array([1, 2, 3, 4], np.float32)
-        rest = {"time_increment": 0.0, "scan_time": 0.1, "ranges": ranges, "intensities": ranges}
-        scan = converted(types["LaserScan"](header("laser"), **limits, **rest), transforms)
+        transforms, scans = Transforms(), LaserScans(pytest.fail)
+        rotation = ROS.types["Quaternion"](*turn.as_quat())
+        add_transforms(transforms, ROS.transform(5.0, "map", "laser", (1.0, 2.0), rotation))
+        message = ROS.scan(5.0, own, ranges)
+        scan = scans.convert(message, scans.times(message), transforms)
         angles = scan.pose[2] + scan.first_angle + scan.spacing * np.arange(4)
         found = np.array(scan.pose[:2]) + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        own = -0.5 + 0.5 * np.arange(4)
         points = turn.apply(ranges[:, None] * np.stack([np.cos(own), np.sin(own), np.zeros(4)], axis=1))
         assert found == pytest.approx(points[:, :2] + (1, 2))
 
 
 def laser_scan(stamp: float = 5.0, **changes):
-    types = types_of(get_typestore(Stores.ROS2_HUMBLE))
-    time = types["Time"](int(stamp), round(stamp % 1 * 1e9))
-    values = {"angle_min": -0.5, "angle_max": 0.5, "angle_increment": 0.01, "time_increment": 0.0, "scan_time": 0.1}
-    values |= {"range_min": 0.0, "range_max": 30.0, "ranges": np.full(101, 2.0, np.float32)} | changes
-    return types["LaserScan"](types["Header"](time, "laser"), **values, intensities=np.zeros(0, np.float32))
+    fields = {"ranges": np.full(101, 2.0), "angle_max": 0.5, "angle_increment": 0.01}
+    return ROS.scan(stamp, np.linspace(-0.5, 0.5, 101), **fields | changes)
 
 
 @pytest.mark.parametrize(("increment", "is_used"), [(0.001, True), (0.1, False), (math.nan, False), (-1.0, False)])
@@ -129,23 +107,15 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
     ],
 )
 def test_the_angles_of_a_scan_are_checked_against_one_another(changes, spacing, problem):
-    scans = LaserScans(lambda _: None)
-    message = laser_scan(**changes)
-    scan = scans.convert(message, scans.times(message), Transforms(pose=(1.0, 2.0, 3.0)))
+    scan = LaserScans(lambda _: None).convert(laser_scan(**changes), (5.0, 5.0), STANDING)
     assert (scan.problem, scan.pose) == (problem, (1.0, 2.0, 3.0))
     assert scan.spacing == pytest.approx(spacing)
 
 
-def test_a_minimum_range_that_is_no_number_is_ignored_with_a_message():
-    warnings: list[str] = []
-    message = laser_scan(range_min=math.nan)
-    scan = LaserScans(warnings.append).convert(message, (5.0, 5.0), Transforms(pose=(0.0, 0.0, 0.0)))
-    assert (scan.range_min_m, scan.has_valid_range) == (0.0, True)
-    assert warnings == ["range_min is nan: it is ignored"]
-
-
-def test_scans_without_times_have_those_of_their_arrival():
+def test_a_missing_minimum_range_or_time_is_replaced_with_a_message():
     warnings: list[str] = []
     scans = LaserScans(warnings.append)
+    scan = scans.convert(laser_scan(range_min=math.nan), (5.0, 5.0), STANDING)
+    assert (scan.range_min_m, scan.has_valid_range) == (0.0, True)
     assert scans.times(laser_scan(0.0), 7.5) == (7.5, 7.5)
-    assert warnings == ["scans without a time get that of their arrival"]
+    assert warnings == ["range_min is nan: it is ignored", "scans without a time get that of their arrival"]

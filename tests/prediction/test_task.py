@@ -54,19 +54,14 @@ def test_windows_with_the_same_reason_are_one_line(run, capsys):
     )
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "more", "other.mcap", "window-9999.txt", "window-1.png"])
-def test_a_directory_with_other_files_is_not_replaced(run, tmp_path, name):
-    (tmp_path / "predictions" / "rooms" / name).mkdir(parents=True)
-    with pytest.raises(ValueError, match=f"rooms has files that are no prediction, such as {name}: move them"):
+@pytest.mark.parametrize("name", ["notes.txt", "other.mcap", "window-9999.txt", "window-1.png", ""])
+def test_a_directory_with_other_files_or_a_file_in_its_place_is_not_replaced(run, tmp_path, name):
+    target = tmp_path / "predictions" / "rooms" / name
+    target.parent.mkdir(parents=True)
+    target.write_text("mine")
+    with pytest.raises(ValueError, match=f"rooms has files that are no prediction, such as {target.name}: move them"):
         run()
-    assert (tmp_path / "predictions" / "rooms" / name).exists()
-
-
-def test_a_file_in_the_place_of_the_predictions_is_not_replaced(run, tmp_path):
-    (tmp_path / "predictions").mkdir()
-    (tmp_path / "predictions" / "rooms").write_text("mine")
-    with pytest.raises(ValueError, match="rooms has files that are no prediction, such as rooms"):
-        run()
+    assert target.read_text() == "mine"
 
 
 def test_a_log_or_weights_in_the_place_of_the_predictions_are_kept(run, tmp_path):
@@ -77,14 +72,6 @@ def test_a_log_or_weights_in_the_place_of_the_predictions_are_kept(run, tmp_path
         with pytest.raises(ValueError, match=r"rooms.* is in .*rooms, which the prediction replaces: move it"):
             run(**given)
     assert (directory / "rooms.mcap").is_file()
-
-
-def test_predictions_name_their_log_and_network_and_replace_earlier_ones(run, tmp_path, capsys):
-    for _ in range(2):
-        run(center=(12.5, 12.5))
-    source = json.loads((tmp_path / "predictions" / "rooms" / "source.json").read_text())
-    assert source == {"log": str(EXAMPLE), "weights": str(ROOT)}
-    assert f"network: {ROOT}" in capsys.readouterr().out
 
 
 def test_weights_that_do_not_exist_are_named(run, tmp_path):
@@ -103,18 +90,20 @@ def test_misses_at_an_unknown_maximum_range_are_named(run, tmp_path, capsys):
     assert "looks like" not in capsys.readouterr().out
 
 
-def test_what_a_killed_prediction_left_is_deleted(run, tmp_path):
+def test_earlier_predictions_and_what_a_killed_one_left_are_replaced(run, tmp_path):
     """Not what it left of another log, which may be predicted at the same time."""
     directory = tmp_path / "predictions"
     ours, other = (directory / f"{name}.{uuid.uuid4().hex}.tmp" for name in ("rooms", "other"))
     for leftover in (ours, other):
         leftover.mkdir(parents=True)
         (leftover / "window-0001.npz").touch()
-    run()
+    for _ in range(2):
+        run(center=(12.5, 12.5))
     assert not ours.exists()
     assert other.exists()
     assert set(os.listdir(directory)) == {"rooms", ".rooms.lock", other.name}
-    assert (directory / "rooms" / "windows.csv").is_file()
+    source = json.loads((directory / "rooms" / "source.json").read_text())
+    assert source == {"log": str(EXAMPLE), "weights": str(ROOT)}
 
 
 def test_a_crop_adds_the_agreement_with_the_beams_outside_of_it(run, tmp_path, capsys):

@@ -14,7 +14,7 @@ PLACE = (0.5, 50.0)  # stride [s] and side of the map [m]
 def log_of(stamps: np.ndarray) -> ScanLog:
     """Return a log whose ranges and x are the time since its first scan."""
     since = stamps - stamps[0]
-    poses = np.stack([since, 100 + 0 * since, 0.5 * since], axis=-1)
+    poses = np.stack([since, 100 + 0 * since, 2 * since], axis=-1)
     return ScanLog(stamps, np.repeat(since[:, None], 3, axis=1).astype(np.float32), np.array([-0.1, 0, 0.1]), poses)
 
 
@@ -48,6 +48,7 @@ def test_a_window_ends_at_the_time_of_its_last_scan(rate, start):
     assert sorted(set(ends)) == ends
     assert np.diff(ends).max() <= max(0.5, 1 / rate) + 1 / rate
     for window in windows:
+        assert (np.abs(window.scans.poses[:, 2]) <= np.pi).all()
         assert window.scans.ranges[-1, 0] == pytest.approx(window.stamp - stamps[0], abs=1e-5)
         assert window.origin[0] + 25 == pytest.approx(window.stamp - stamps[0], abs=1e-5)
 
@@ -80,25 +81,11 @@ def test_a_gap_divides_a_log():
     ]
 
 
-@pytest.mark.parametrize("stamps", [[0.0, *(1.7e9 + 0.1 * np.arange(20))], [*(0.1 * np.arange(20)), 1e9]])
-def test_a_wrong_time_costs_only_its_own_scan(stamps):
-    """A clock that is set after the first scan, or one time from far in the future."""
-    found = list(cut(log_of(np.array(stamps)), WINDOWS, *PLACE))
-    assert sum(isinstance(each, Window) for each in found) == 3
-    assert len(found) == 5
-
-
 def test_a_short_log_is_refused():
     with pytest.raises(ValueError, match=r"the log has 0.5 s of scans, a window of 10 steps takes 0.9 s"):
         list(cut(log_of(np.arange(0, 0.55, 0.1)), WINDOWS, *PLACE))
     with pytest.raises(ValueError, match=r"the log has 0.5 s of scans without a gap, a window of 10 steps"):
         list(cut(log_of(np.concatenate([np.arange(0, 0.55, 0.1), np.arange(3, 3.45, 0.1)])), WINDOWS, *PLACE))
-
-
-def test_headings_are_within_half_a_turn():
-    log = log_of(np.arange(0, 100, 0.1))
-    for window in cut(log, WINDOWS, 20.0, 50.0):
-        assert (np.abs(window.scans.poses[:, 2]) <= np.pi).all()
 
 
 def test_times_of_scans_that_are_too_rare_are_lost():
@@ -110,7 +97,7 @@ def test_times_of_scans_that_are_too_rare_are_lost():
 
 
 def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
-    log = replace(log_of(np.arange(0, 1.5, 0.1)), angles=np.array([-0.1, 0, 0.1]))
+    log = log_of(np.arange(0, 1.5, 0.1))
     wide = replace(log, ranges=np.repeat(log.ranges, 2, axis=1)[:, :5], angles=np.linspace(-1, 1, 5))
     for window, cropped in zip(cut(wide, WINDOWS, *PLACE), cut(wide.crop(1.2), WINDOWS, *PLACE), strict=True):
         assert window.held_out is None

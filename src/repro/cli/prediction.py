@@ -18,9 +18,8 @@ from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import SHARES, compare
-from repro.prediction.animation import write_animation
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, read_maps, window_number, write_map, write_probabilities
+from repro.prediction.output import draw, read_maps, window_number, write_animation, write_map, write_probabilities
 from repro.prediction.readers import read_log, topics_of
 from repro.prediction.stream import predict_map
 from repro.prediction.times import TimesLost, WindowSettings, window_of
@@ -45,9 +44,8 @@ def predict_log(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    weights = find("prediction.weights", settings.weights)
+    predictor = load_predictor(find("prediction.weights", settings.weights))
     print(f"network: {settings.weights}", flush=True)
-    predictor = load_predictor(weights)
     with printed_messages():
         if settings.inspect:
             print(*topics_of(path), sep="\n")
@@ -59,8 +57,7 @@ def predict_log(job: Job) -> None:
     predictor = predictor.with_range(log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
-    stride = _stride(settings, windows, predictor)
-    found = cut(log, windows, stride, predictor.grid.size_m)
+    found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
         table = _predict_all(found, predictor, new, min(log.range_max_m, COMPARED_M))
@@ -79,11 +76,7 @@ def predict_log(job: Job) -> None:
 
 
 def _check_target(target: Path, *sources: Path) -> None:
-    """Check that replacing a directory deletes neither what is read nor anything but earlier predictions.
-
-    Raises:
-        InputError: it would.
-    """
+    """Refuse to replace a directory that has what is read, or anything but earlier predictions."""
     for source in sources:
         if source.resolve().is_relative_to(target.resolve()):
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
@@ -124,11 +117,9 @@ def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLo
 
 
 def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
-    """Return the windows; those of the training unless others are chosen.
+    """Return the windows, those of the training unless others are chosen.
 
-    Raises:
-        InputError: the map of the window would move, and the network has learned fixed obstacles; or the step has a
-            time, and the scans none.
+    Refuse a map that moves if the network has learned fixed obstacles, and a time of a step for scans without times.
     """
     center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
     try:
@@ -173,11 +164,7 @@ def _mcap(log: ScanLog) -> ModuleType:
 def _predict_all(
     windows: Iterable[Window | str], predictor: Predictor, directory: Path, range_max_m: float
 ) -> pd.DataFrame:
-    """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason.
-
-    Raises:
-        ValueError: of a library; those about a window leave it out.
-    """
+    """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason."""
     rows: list[Row] = []
     for window in progress(windows, "windows"):
         if isinstance(window, str):

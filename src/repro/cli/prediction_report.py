@@ -3,6 +3,7 @@
 import logging
 import math
 import re
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,8 +25,16 @@ MAX_REASONS = 5  # that are printed
 @contextmanager
 def printed_messages() -> Iterator[None]:
     """Print what the library logs, each line at once and only once, although a log may be read twice."""
-    handler = _Printer(logging.INFO)
-    logger = logging.getLogger("repro.prediction")
+    logger, printed = logging.getLogger("repro.prediction"), set[str]()
+
+    def is_new(record: logging.LogRecord) -> bool:
+        message = record.getMessage()
+        is_known = message in printed
+        printed.add(message)
+        return not is_known
+
+    handler = logging.StreamHandler(sys.stdout)
+    handler.addFilter(is_new)
     propagates, level, logger.propagate = logger.propagate, logger.level, False
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -35,18 +44,6 @@ def printed_messages() -> Iterator[None]:
         logger.removeHandler(handler)
         logger.setLevel(level)
         logger.propagate = propagates
-
-
-class _Printer(logging.Handler):
-    def __init__(self, level: int) -> None:
-        super().__init__(level)
-        self.printed: set[str] = set()
-
-    def emit(self, record: logging.LogRecord) -> None:
-        message = record.getMessage()
-        if message not in self.printed:
-            self.printed.add(message)
-            print(message, flush=True)
 
 
 def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:

@@ -54,11 +54,7 @@ def observed(scan: Scans, grid: Grid, range_max_m: float) -> Observed:
 
 
 def agreement(free: np.ndarray, scan: Observed) -> tuple[float, float]:
-    """Compare a map with a scan.
-
-    Args:
-        free: probability of free, (H, W).
-        scan: what the scan shows of the map.
+    """Compare a map, the probability of free, (H, W), with what a scan shows of it.
 
     Returns:
         share of the hits at most one pixel from a predicted obstacle, since poses and grids are not exact, and share of

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection
 
 from repro.prediction.bag_files import open_bag
 from repro.prediction.intake import MAX_BEAMS, LogScan
@@ -39,20 +38,17 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
         InputError: the bag is damaged, or has no such topic, no scans or no poses.
     """
     with open_bag(path) as bag:
-        scan_topics = _topics(bag, path, [LASER], options.scan_topic)
+        topics = _topics(bag, path, LASER, options.scan_topic)
         poses = _transforms(bag, path, options)
-        topic = _chosen_scans(bag, path, scan_topics, poses)
+        topic = _chosen_scans(bag, path, topics, poses)
         converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
-        reported, is_explained = set[str](), False
         for _, message, received_s in _messages(bag, path, [topic]):
             frame, times = message.header.frame_id, converter.times(message, received_s)
-            if frame not in poses and frame not in reported:
-                reported.add(frame)
-                LOGGER.warning("%s: %s", path, without_transform(frame, poses.base_of(frame)))
+            if frame not in poses:
+                converter.warn_once(f"frame {frame}", without_transform(frame, poses.base_of(frame)))
             scan = converter.convert(message, times, poses)
-            if scan.pose is None and not scan.problem and not is_explained:
-                is_explained = True
-                LOGGER.warning("%s: the first scan without a pose: %s", path, poses.why_unplaced(frame, times[1]))
+            if scan.pose is None and not scan.problem:
+                converter.warn_once("pose", f"the first scan without a pose: {poses.why_unplaced(frame, times[1])}")
             yield scan
 
 
@@ -79,13 +75,13 @@ def _limits(message: Any) -> str:
     )
 
 
-def _topics(bag: AnyReader, path: Path, types: list[str], topic: str | None) -> list[str]:
-    """Return the topics of some types with messages, those with the most first; only one if it is named."""
-    topics = {name: info for name, info in bag.topics.items() if info.msgtype in types and info.msgcount}
+def _topics(bag: AnyReader, path: Path, kind: str, topic: str | None) -> list[str]:
+    """Return the topics of a type with messages, those with the most first; only one if it is named."""
+    topics = {name: info for name, info in bag.topics.items() if info.msgtype == kind and info.msgcount}
     if topic is not None and topic not in topics:
-        raise InputError(f"{path}: no messages on {topic} of {types[0]}; there are {', '.join(topics) or 'none'}")
+        raise InputError(f"{path}: no messages on {topic} of {kind}; there are {', '.join(topics) or 'none'}")
     if not topics:
-        raise InputError(f"{path}: no messages of {types[0]}; its topics are {', '.join(bag.topics) or 'none'}")
+        raise InputError(f"{path}: no messages of {kind}; its topics are {', '.join(bag.topics) or 'none'}")
     return [topic] if topic else sorted(topics, key=lambda name: (-topics[name].msgcount, name))
 
 
@@ -93,23 +89,16 @@ def _chosen_scans(bag: AnyReader, path: Path, topics: list[str], poses: Transfor
     """Return the topic of a lidar that the transforms place, that looks ahead, and has the most messages."""
     if len(topics) == 1:
         return topics[0]
-    headings: dict[str, float | None] = {}
-    for topic in topics:
-        placed = poses.on_robot(_first(bag, path, topic).header.frame_id)
-        headings[topic] = placed.heading if placed else None
-
-    def rank(topic: str) -> tuple[bool, bool]:
-        heading = headings[topic]
-        return heading is None, heading is not None and abs(heading) > math.pi / 2
-
-    chosen = min(topics, key=rank)  # the first of equals, which has the most messages
-    facts = [f"{topic} {_direction(headings[topic])}" for topic in topics]
-    _say_choice(path, f"scans of {chosen}", facts, "scan_topic")
+    placed = {topic: poses.on_robot(_first(bag, path, topic).header.frame_id) for topic in topics}
+    headings = {topic: pose.heading if pose else math.inf for topic, pose in placed.items()}
+    ranks = {topic: (math.isinf(heading), abs(heading) > math.pi / 2) for topic, heading in headings.items()}
+    chosen = min(topics, key=lambda topic: ranks[topic])  # the first of equals, which has the most messages
+    directions = [
+        f"{topic} {'without a transform' if math.isinf(heading) else f'at {math.degrees(heading):.0f} degrees'}"
+        for topic, heading in headings.items()
+    ]
+    _say_choice(path, f"scans of {chosen}", directions, "scan_topic")
     return chosen
-
-
-def _direction(heading: float | None) -> str:
-    return "without a transform" if heading is None else f"at {math.degrees(heading):.0f} degrees"
 
 
 def _say_choice(path: Path, chosen: str, facts: list[str], option: str) -> None:
@@ -122,8 +111,8 @@ def _first(bag: AnyReader, path: Path, topic: str) -> Any:
 
 def _messages(
     bag: AnyReader, path: Path, topics: list[str], *, only_first: bool = False
-) -> Iterator[tuple[Connection, Any, float]]:
-    """Yield the messages of some topics with the time of their arrival [s].
+) -> Iterator[tuple[str, Any, float]]:
+    """Yield the messages of some topics with their topic and the time of their arrival [s].
 
     Raises:
         InputError: a message is larger than any of a lidar, or fewer than the bag counts can be read; rosbags passes
@@ -138,7 +127,7 @@ def _messages(
                 f"a scan of {MAX_BEAMS} beams"
             )
         read[connection.topic] += 1
-        yield connection, bag.deserialize(raw, connection.msgtype), received * 1e-9
+        yield connection.topic, bag.deserialize(raw, connection.msgtype), received * 1e-9
         if only_first:
             return
     for topic in topics:
@@ -155,20 +144,19 @@ def _transforms(bag: AnyReader, path: Path, options: ReadOptions) -> Transforms:
     topics = sorted({connection.topic for connection in bag.connections if connection.msgtype in TRANSFORMS})
     if options.odometry_topic is not None:
         topics = [topic for topic in topics if topic.endswith("tf_static")]
-    for connection, message, received_s in _messages(bag, path, topics):
-        is_static = connection.topic.endswith("tf_static")
-        add_transforms(transforms, message, is_static=is_static, received_s=received_s)
+    for topic, message, received_s in _messages(bag, path, topics):
+        add_transforms(transforms, message, is_static=topic.endswith("tf_static"), received_s=received_s)
     has_odometry = any(info.msgtype == ODOMETRY and info.msgcount for info in bag.topics.values())
     if options.odometry_topic is not None or (has_odometry and options.pose is None):
-        candidates = _topics(bag, path, [ODOMETRY], options.odometry_topic)
+        candidates = _topics(bag, path, ODOMETRY, options.odometry_topic)
         chosen = min(candidates, key=lambda name: not any(word in name for word in FILTERED))
-        odometry = Transforms()
-        for _, message, received_s in _messages(bag, path, [chosen]):
-            add_odometry(odometry, message, received_s=received_s)
-        if transforms.adopt(odometry) and len(candidates) > 1:
-            _say_choice(path, f"odometry of {chosen}", candidates, "odometry_topic")
-    for message in transforms.left_out:
-        LOGGER.warning("%s: %s", path, message)
+        if not transforms.moves(_first(bag, path, chosen).child_frame_id):
+            for _, message, received_s in _messages(bag, path, [chosen]):
+                add_odometry(transforms, message, received_s=received_s)
+            if len(candidates) > 1:
+                _say_choice(path, f"odometry of {chosen}", candidates, "odometry_topic")
+    for text in transforms.left_out:
+        LOGGER.warning("%s: %s", path, text)
     if options.pose is None and all(edge.is_static for edge in transforms.edges.values()):
         reason = next(iter(transforms.left_out), "it has neither transforms that change nor odometry")
         raise InputError(

@@ -17,6 +17,8 @@ LOGGER = logging.getLogger(__name__)
 RANGE_MAX_M = 81.83  # of the SICK LMS 200 in its longest setting, where a log does not say
 FLASER_SPACING_DEG = {101: 1, 180: 1, 181: 1, 201: 0.5, 360: 0.5, 361: 0.5, 401: 0.25, 540: 0.5, 541: 0.5}  # by count
 WORDS = ("FLASER", "ROBOTLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "# CARMEN")
+GZIP = b"\x1f\x8b"  # the first bytes of a gzipped file
+RANGE_NAMES = ("front_laser_max", "laser_front_max_range")  # ends of the names of a parameter
 MAX_LINE = 10**7  # characters; a scan of 100,000 readings has a tenth
 
 
@@ -28,18 +30,16 @@ def is_carmen(head: bytes) -> bool:
     return any(line.startswith(WORDS) for line in lines)
 
 
-def read_carmen(path: Path, *, is_packed: bool) -> Iterator[LogScan]:
+def read_carmen(path: Path) -> Iterator[LogScan]:
     """Read the scans of a file, plain or gzipped.
 
     Raises:
         InputError: it is damaged, has a line that does not follow the format, or no line of a lidar.
     """
+    with path.open("rb") as file:
+        opener = gzip.open if file.read(2) == GZIP else open
     try:
-        with (
-            gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
-            if is_packed
-            else path.open(encoding="utf-8-sig", errors="replace") as lines
-        ):
+        with opener(path, "rt", encoding="utf-8-sig", errors="replace") as lines:
             yield from carmen_scans(_lines(lines, path), path)
     except (gzip.BadGzipFile, zlib.error, EOFError) as error:
         raise InputError(f"{path}: is damaged ({error})") from error
@@ -62,7 +62,7 @@ def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
     for number, line in enumerate(lines, 1):
         words = line.split()
         try:
-            if words[:1] == ["PARAM"] and _is_range(words):
+            if words[:1] == ["PARAM"] and words[1:] and words[1].endswith(RANGE_NAMES):
                 range_max_m = float(words[2])
             elif words[:1] == ["FLASER"]:
                 if range_max_m is None:
@@ -81,10 +81,6 @@ def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
     if not found & {"FLASER", "ROBOTLASER1"}:
         known = f"its lines are {', '.join(sorted(found))}" if found else "it has none of its words"
         raise InputError(f"{path}: expected lines FLASER or ROBOTLASER1 of a CARMEN log; {known}")
-
-
-def _is_range(words: list[str]) -> bool:
-    return words[1:2] != [] and words[1].endswith(("front_laser_max", "laser_front_max_range"))
 
 
 def _flaser(words: list[str], range_max_m: float) -> LogScan:

@@ -3,13 +3,12 @@
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from repro.networks.predictor import Predictor
-from repro.prediction.intake import WITHOUT_POSE, Intake, LogScan, in_order, is_other_beams, valid_ranges
+from repro.prediction.intake import OTHER_BEAMS, WITHOUT_POSE, Intake, LogScan
 from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
@@ -23,14 +22,6 @@ WAIT_S = 10.0  # for the poses of a scan; transforms may be late on a busy compu
 WAIT_FOR_FRAME_S = 1.0  # for a transform of the lidar
 MAX_WAITING = 200  # scans that wait for their poses or for the network
 MAX_OTHERS = 10  # scans in a row with other beams, after which the window begins again
-
-
-@dataclass(frozen=True)
-class _Waiting:
-    """A LaserScan that waits for its pose, with the times of the scan and of its middle [s]."""
-
-    message: Any
-    times: tuple[float, float]
 
 
 class LiveMapper:
@@ -64,9 +55,8 @@ class LiveMapper:
         self.predictor, self.publish, self.warn, self.settings = predictor, publish, warn, settings
         self.transforms = transforms or Transforms(KEEP_S)
         self.scans = LaserScans(warn)
-        self.waiting: deque[_Waiting] = deque()
+        self.waiting: deque[tuple[Any, float, float]] = deque()  # scans, their times and those of their middles [s]
         self.without_transform: set[str] = set()  # frames of scans that nobody places
-        self.reported: set[str] = set()  # messages about poses that cannot be used
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.last_s = -np.inf  # time of the last scan in the stream
         self.lock = threading.Lock()
@@ -76,7 +66,6 @@ class LiveMapper:
         """Begin a window, of a lidar whose beams are not known."""
         self.intake = Intake("scan", self.settings.range_max_m)
         self.stream: PredictionStream | None = None  # whose misses reach the smallest maximum range
-        self.index = np.zeros(0, dtype=int)  # of the beams by increasing angle
         self.root: str | None = None  # frame of the poses in the stream
         self.others = 0  # scans in a row with other beams
 
@@ -89,10 +78,16 @@ class LiveMapper:
         with self.lock:
             stamp, window_s = seconds(message.header.stamp), self.settings.steps * self.settings.step_s
             if stamp < self.last_s - window_s:
-                self._set_back()
+                self.warn("the clock was set back: the window begins again")
+                self.transforms.forget()
+                self.waiting.clear()
+                self.newest_s = self.last_s = -np.inf
             elif stamp < self.newest_s - window_s:
-                self._drop_later(stamp)
-            self.waiting.append(_Waiting(message, self.scans.times(message)))
+                earlier = [each for each in self.waiting if each[1] <= stamp]
+                if skipped := len(self.waiting) - len(earlier):
+                    self.warn(f"{skipped} scans are skipped: their times are ahead of a later scan")
+                self.waiting, self.newest_s = deque(earlier), stamp
+            self.waiting.append((message, *self.scans.times(message)))
             if len(self.waiting) > MAX_WAITING:
                 self.waiting.popleft()
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
@@ -104,54 +99,34 @@ class LiveMapper:
         """Take a TFMessage."""
         with self.lock:
             add_transforms(self.transforms, message, is_static=is_static)
-            self._report()
             self._predict()
 
     def add_odometry(self, message: Any) -> None:
         """Take an Odometry message."""
         with self.lock:
             add_odometry(self.transforms, message)
-            self._report()
             self._predict()
-
-    def _report(self) -> None:
-        """Warn once of every kind of poses that cannot be used."""
-        for message in self.transforms.left_out.keys() - self.reported:
-            self.reported.add(message)
-            self.warn(message)
-
-    def _set_back(self) -> None:
-        """Forget all scans and poses, as the stream does with its scans; static transforms stay."""
-        self.warn("the clock was set back: the window begins again")
-        self.transforms.forget()
-        self.waiting.clear()
-        self.newest_s = self.last_s = -np.inf
-
-    def _drop_later(self, stamp: float) -> None:
-        """Skip the waiting scans that are later than a time [s]."""
-        earlier = [each for each in self.waiting if each.times[0] <= stamp]
-        if skipped := len(self.waiting) - len(earlier):
-            self.warn(f"{skipped} scans are skipped: their times are ahead of a later scan")
-        self.waiting, self.newest_s = deque(earlier), stamp
 
     def _predict(self) -> None:
         """Predict maps for the scans that have their poses, or have waited too long for them."""
+        for text in self.transforms.left_out:
+            self.scans.warn_once(text, text)
         while self.waiting:
-            frame, middle_s = self.waiting[0].message.header.frame_id, self.waiting[0].times[1]
+            message, _, middle_s = self.waiting[0]
+            frame = message.header.frame_id
             is_placed = frame in self.transforms or frame in self.without_transform
             is_late = self.newest_s > middle_s + (WAIT_S if is_placed else WAIT_FOR_FRAME_S)
-            has_later = self.transforms.has_later(frame, middle_s, SILENT_S)
-            if not is_late and not (is_placed and has_later):
+            if not is_late and not (is_placed and self.transforms.has_later(frame, middle_s, SILENT_S)):
                 return
             if is_late and not is_placed:
                 self.without_transform.add(frame)
                 self.warn(without_transform(frame, self.transforms.base_of(frame)))
-            self._take(self.waiting.popleft())
+            self._take(*self.waiting.popleft())
 
-    def _take(self, waiting: _Waiting) -> None:
+    def _take(self, message: Any, stamp: float, middle_s: float) -> None:
         """Take a scan whose pose is known or missing, and predict maps for the scans that can be used now."""
-        scan = self.scans.convert(waiting.message, waiting.times, self.transforms)
-        root = self.transforms.root(waiting.message.header.frame_id)
+        scan, frame = self.scans.convert(message, (stamp, middle_s), self.transforms), message.header.frame_id
+        root = self.transforms.root(frame)
         if scan.pose is not None and root != self.root:
             if self.root is not None:
                 self.warn(f"the poses are in the frame {root} now, not in {self.root}: the window begins again")
@@ -163,10 +138,9 @@ class LiveMapper:
             self.warn(str(error))
             return
         for reason in self.intake.reasons:
-            if reason == WITHOUT_POSE:
-                reason += f": {self.transforms.why_unplaced(waiting.message.header.frame_id, waiting.times[1])}"
-            self.warn(f"a scan is skipped: it is {reason}")
-        self.others = self.others + 1 if any(map(is_other_beams, self.intake.reasons)) else 0
+            why = f": {self.transforms.why_unplaced(frame, middle_s)}" if reason == WITHOUT_POSE else ""
+            self.warn(f"a scan is skipped: it is {reason}{why}")
+        self.others = self.others + 1 if any(reason.startswith(OTHER_BEAMS) for reason in self.intake.reasons) else 0
         for each in found:
             self._map(each)
         if self.others > MAX_OTHERS and not found:
@@ -184,7 +158,7 @@ class LiveMapper:
                 self.stream.limit(scan.range_max_m)
             self.last_s = scan.stamp
             assert scan.pose is not None, "the intake leaves out others"
-            predicted = self.stream.update(valid_ranges(scan)[self.index], np.array(scan.pose), scan.stamp)
+            predicted = self.stream.update(scan.ranges, np.array(scan.pose), scan.stamp)
         except InputError as error:
             self.warn(str(error))
             return
@@ -194,13 +168,9 @@ class LiveMapper:
             self.warn(f"a scan is skipped: {self.stream.reason}")
 
     def _stream(self, scan: LogScan) -> PredictionStream:
-        assert self.intake.first is not None, "it found the scan"
-        angles, self.index = in_order(self.intake.first)
         if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
             self.warn(message)
-        settings = self.settings
-        stream = PredictionStream(
-            self.predictor, angles, center=settings.center, steps=settings.steps, step_s=settings.step_s
-        )
+        center, steps, step_s = self.settings.center, self.settings.steps, self.settings.step_s
+        stream = PredictionStream(self.predictor, self.intake.angles, center=center, steps=steps, step_s=step_s)
         stream.limit(scan.range_max_m)
         return stream

@@ -2,7 +2,6 @@
 
 import logging
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,19 +10,20 @@ import numpy as np
 import torch
 
 from repro.maps.validity import RADIANS, jumps
-from repro.prediction.intake import Intake, LogScan, in_order, valid_ranges
+from repro.prediction.intake import Intake, LogScan
 from repro.prediction.readings import check_heading, note_on_changes, note_on_far_hits
-from repro.prediction.times import NOT_LATER, Clock, Kept, TimesLost, WindowSettings, check_times
+from repro.prediction.times import NOT_LATER, Clock, TimesLost, WindowSettings, parts_of
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
 
 LOGGER = logging.getLogger(__name__)
 MIN_SCANS = 2
+MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
 MAX_MEDIAN_M = 300.0  # median range beyond which no 2D lidar measures; the readings are in other units
 Pose = tuple[float, float, float]
-ROWS_PER_CHECK = 1000  # of the memory
+SCANS_PER_CHECK = 1000  # of the memory
 
 
 @dataclass(frozen=True)
@@ -78,18 +78,35 @@ class ScanLog:
         return len(self.stamps)
 
     def check_times(self, settings: WindowSettings) -> None:
-        """Check that the scans have windows, see `times.check_times`; a refusal names what was left out, too."""
-        try:
-            check_times(self.stamps, settings)
-        except InputError as error:
-            left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
-            raise type(error)(f"{error} (skipped: {left_out})" if left_out else str(error)) from error
+        """Check that the scans have windows; a refusal names what was left out, too.
+
+        Raises:
+            TimesLost: the scans are too rare for the steps.
+            InputError: no part of them without a gap is as long as a window, or the times are not in seconds.
+        """
+        left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
+        skipped = f" (skipped: {left_out})" if left_out else ""
+        gaps, longest_s = np.diff(self.stamps), settings.longest_gap_s
+        between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+        if between_s > MAX_BETWEEN_S:
+            raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}")
+        if between_s > longest_s:
+            needed = f"steps of {settings.step_s:g} s need one every {longest_s:.3g} s"
+            raise TimesLost(f"a scan every {between_s:.2g} s, {needed}{skipped}")
+        parts = parts_of(self.stamps, settings)
+        longest = max(float(self.stamps[end - 1] - self.stamps[begin]) for begin, end in parts)
+        if not settings.is_filled(0.0, longest):
+            without = " without a gap" if len(parts) > 1 else ""
+            raise InputError(
+                f"the log has {longest:.1f} s of scans{without}, a window of {settings.steps} steps takes "
+                f"{settings.duration_s:.1f} s{skipped}"
+            )
 
     def crop(self, fov_rad: float) -> "ScanLog":
         """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.
 
         Raises:
-            ValueError: fewer than two beams are within it, or the lidar does not see a part of it.
+            InputError: fewer than two beams are within it, or the lidar does not see a part of it.
         """
         ahead = wrapped(self.angles)
         inside = np.flatnonzero(np.abs(ahead) <= fov_rad / 2 + 1e-6)
@@ -108,14 +125,10 @@ class ScanLog:
         return replace(self, ranges=ranges, angles=ahead[inside], uncropped=uncropped)
 
     def held_out(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return a scan of the beams that the crop removed.
-
-        Args:
-            index: number of the scan.
+        """Return the beams that the crop removed from a scan, given its number; None if the log was not cropped.
 
         Returns:
-            ranges [m], (1, M), of all beams before the crop, NaN for those that it kept, and their angles [rad], (M,);
-            None if the log was not cropped.
+            ranges [m], (1, M), of all beams before the crop, NaN for those that it kept, and their angles [rad], (M,).
         """
         if self.uncropped is None:
             return None
@@ -128,13 +141,11 @@ class ScanLog:
 def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> ScanLog:
     """Check the scans of a log one by one and keep those that can be used.
 
-    What an `Intake` and a `Clock` leave out is counted. If the maximum range changes, the log has the smallest, and a
-    message says so. If the windows are spaced by distance, the time of a scan is its number.
-
     Args:
-        scans: the scans in the order of the file.
-        path: the file, for messages.
-        settings: windows that will be cut from the log.
+        scans: the scans, in the order of their times.
+        path: the log, for messages.
+        settings: the windows that will be cut from it: their steps choose the scans, their maximum range replaces that
+            of the scans, and if they are spaced by distance, times are the numbers of the scans.
 
     Raises:
         TimesLost: the times do not order the scans.
@@ -142,24 +153,31 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
             the headings are not radians.
     """
     intake, clock = Intake(str(path), settings.range_max_m), Clock[LogScan](settings)
-    far: Counter[float] = Counter()
-    usable = _with_far_readings(_usable(scans, intake), far)
-    kept = _numbered(usable) if settings.spacing == "distance" else _kept(usable, clock)
-    rows, range_max_m = _rows(kept, intake, path)
-    _check_order(rows, clock, path)
+    stamps, ranges, poses, limits = list[float](), list[np.ndarray](), list[Pose](), list[float]()
+    for number, scan in enumerate(_usable(scans, intake)):
+        is_spaced = settings.spacing == "distance"
+        for stamp, kept in [(float(number), scan)] if is_spaced else clock.take(scan.stamp, scan):
+            assert kept.pose is not None, "the intake leaves out others"
+            stamps.append(stamp)
+            ranges.append(kept.ranges)
+            poses.append(kept.pose)
+            limits.append(kept.range_max_m)
+        if (
+            number % SCANS_PER_CHECK == 0 and 1e-9 * sum(each.nbytes for each in ranges) > available_memory_gb()
+        ):  # copied once
+            raise InputError(f"{path}: its first {number} scans fill the memory: divide the log")
+    _check_order(np.array(stamps), clock.left_out[NOT_LATER], path)
     skipped = intake.left_out + clock.left_out
-    if intake.first is None or len(rows) < MIN_SCANS:
+    if len(stamps) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
-        raise InputError(f"{path}: {len(rows)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    _check_values(rows, path)
-    for note in (note_on_changes(range_max_m), note_on_far_hits(far, float(range_max_m.min()))):
+        raise InputError(f"{path}: {len(stamps)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
+    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses), dict(skipped), min(limits))
+    _check_values(log, path)
+    for note in (note_on_changes(np.array(limits)), note_on_far_hits(intake.far, log.range_max_m)):
         if note:
             LOGGER.warning("%s: %s", path, note)
-    angles, index = in_order(intake.first)
-    poses = rows["pose"].copy()
-    poses[:, 2] = np.unwrap(poses[:, 2])
-    ranges = np.ascontiguousarray(rows["ranges"][:, index])
-    return ScanLog(rows["stamp"].copy(), ranges, angles, poses, dict(skipped), float(range_max_m.min()))
+    log.poses[:, 2] = np.unwrap(log.poses[:, 2])
+    return log
 
 
 def _usable(scans: Iterable[LogScan], intake: Intake) -> Iterator[LogScan]:
@@ -168,70 +186,23 @@ def _usable(scans: Iterable[LogScan], intake: Intake) -> Iterator[LogScan]:
     yield from intake.flush()
 
 
-def _with_far_readings(scans: Iterator[LogScan], far: Counter[float]) -> Iterator[LogScan]:
-    """Yield the scans, and count some of the readings beyond their maximum range [m] by value."""
-    for scan in scans:
-        beyond = scan.ranges[np.isfinite(scan.ranges) & (scan.ranges >= scan.range_max_m)]
-        far.update(np.round(beyond[:: max(1, len(beyond) // 10)], 2).tolist())
-        yield scan
-
-
-def _kept(scans: Iterator[LogScan], clock: Clock[LogScan]) -> Iterator[Kept[LogScan]]:
-    for scan in scans:
-        yield from clock.take(scan.stamp, scan)
-
-
-def _numbered(scans: Iterator[LogScan]) -> Iterator[Kept[LogScan]]:
-    for number, scan in enumerate(scans):
-        yield Kept(float(number), scan, begins=not number)
-
-
-def _rows(kept: Iterator[Kept[LogScan]], intake: Intake, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stamps, ranges and poses of the kept scans as one structured array, and their maximum ranges [m]."""
-    first = next(kept, None)
-    count = len(intake.first.ranges) if intake.first and first else 0
-    kind = np.dtype([("stamp", "f8"), ("ranges", "f4", (count,)), ("pose", "f8", (3,))])
-    limits: list[float] = []
-
-    def values() -> Iterator[tuple[float, np.ndarray, tuple[float, float, float] | None]]:
-        scans = [first] if first else []
-        for part in (scans, kept):
-            for each in part:
-                if len(limits) % ROWS_PER_CHECK == 0:  # growing doubles the array, and a copy in order follows
-                    needed_gb = 2 * (len(limits) + ROWS_PER_CHECK) * kind.itemsize / 1e9
-                    if needed_gb > available_memory_gb() + len(limits) * kind.itemsize / 1e9:
-                        raise InputError(f"{path}: its first {len(limits)} scans fill the memory: divide the log")
-                limits.append(each.scan.range_max_m)
-                yield each.stamp, valid_ranges(each.scan), each.scan.pose
-
-    return np.fromiter(values(), kind), np.array(limits)
-
-
-def _check_values(rows: np.ndarray, path: Path) -> None:
-    """Check that the rows of a log have ranges in meters and headings in radians.
-
-    Raises:
-        InputError: they do not.
-    """
-    sample = rows["ranges"][:: max(1, len(rows) // 1000)]
-    finite = sample[np.isfinite(sample)]
-    if len(finite) and np.median(finite) > MAX_MEDIAN_M:
-        raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
-    check_heading(float(np.abs(rows["pose"][:, 2]).max()), f"{path}: the headings look")
-    if jumps(torch.as_tensor(rows["pose"][:, 2].copy())):
-        raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")
-
-
-def _check_order(rows: np.ndarray, clock: Clock[LogScan], path: Path) -> None:
-    """Check that the times order the scans of a log.
-
-    Raises:
-        TimesLost: most scans are not later than the one before, or time goes back again and again.
-    """
-    backward = int((np.diff(rows["stamp"]) < 0).sum())
+def _check_order(stamps: np.ndarray, not_later: int, path: Path) -> None:
+    """Refuse times where most scans are not later than the one before, or that go back again and again."""
+    backward = int((np.diff(stamps) < 0).sum())
     lost = "its times are lost, or its scans are not in the order of their times"
-    if clock.left_out[NOT_LATER] > MOSTLY * len(rows):
-        counts = f"{clock.left_out[NOT_LATER]} scans are {NOT_LATER}, {len(rows)} are later"
+    if not_later > MOSTLY * len(stamps):
+        counts = f"{not_later} scans are {NOT_LATER}, {len(stamps)} are later"
         raise TimesLost(f"{path}: {counts}: {lost}")
     if backward >= MOSTLY:
         raise TimesLost(f"{path}: time goes back by more than a window {backward} times: {lost}")
+
+
+def _check_values(log: ScanLog, path: Path) -> None:
+    """Refuse a log without ranges in meters and headings in radians."""
+    sample = log.ranges[:: max(1, len(log) // 1000)]
+    finite = sample[np.isfinite(sample)]
+    if len(finite) and np.median(finite) > MAX_MEDIAN_M:
+        raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
+    check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
+    if jumps(torch.as_tensor(log.poses[:, 2])):
+        raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")

@@ -60,8 +60,8 @@ def create_mapper(
     Raises:
         InputError: a value is not one of its parameter, or there are no such weights.
     """
-    for name in PARAMETERS:
-        _check(name, values[name])
+    for name, parameter in PARAMETERS.items():
+        _check(name, values[name], parameter)
     undecided, mounting = _numbers(values, "undecided", 2), _numbers(values, "mounting", 3)
     center = "robot" if values["center"] == "robot" else _numbers(values, "center", 2)
     if center is None:
@@ -79,28 +79,26 @@ def create_mapper(
     return LiveMapper(predictor, send, warn, settings, transforms)
 
 
-def _check(name: str, value: Any) -> None:
+def _check(name: str, value: Any, parameter: Parameter) -> None:
     """Check that a value has the type and the limits of its parameter."""
-    parameter = PARAMETERS[name]
-    if isinstance(parameter.default, bool):
-        if not isinstance(value, bool):
-            raise InputError(f"{name}: expected true or false, got {value!r}")
-    elif parameter.limits is not None:
-        kinds, noun = ((int,), "an integer") if isinstance(parameter.default, int) else ((int, float), "a number")
+    if isinstance(parameter.default, bool) and not isinstance(value, bool):
+        raise InputError(f"{name}: expected true or false, got {value!r}")
+    if parameter.limits is not None:
+        kinds, noun = (int, "an integer") if isinstance(parameter.default, int) else (int | float, "a number")
         low, high = parameter.limits
         if not isinstance(value, kinds) or isinstance(value, bool) or not low <= value <= high:
             raise InputError(f"{name}: expected {noun} from {low:g} to {high:g}, got {value!r}")
 
 
 def _numbers(values: Mapping[str, Any], name: str, count: int) -> Any:
-    """Return a parameter as a tuple of numbers, which is a text with commas or a list; None for an empty one."""
+    """Return a parameter as a tuple of numbers, which is a text with commas or a list; None for an empty text."""
     value = values[name]
+    if value == "":
+        return None
     try:
         found = tuple(float(word) for word in (value.split(",") if isinstance(value, str) else value))
     except (TypeError, ValueError):
         found = ()
-    if len(found) == count:
-        return found
-    if isinstance(value, str) and not value:
-        return None
-    raise InputError(f"{name}: expected {count} numbers with commas between them, got {value!r}")
+    if len(found) != count:
+        raise InputError(f"{name}: expected {count} numbers with commas between them, got {value!r}")
+    return found

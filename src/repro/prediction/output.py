@@ -1,6 +1,6 @@
-"""Files of a prediction: probabilities, a map for map_server, and a figure."""
+"""Files of a prediction: probabilities, a map for map_server, a figure, and an animation of the figures."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,9 @@ from repro.system.files import open_arrays
 
 FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight
 UNKNOWN = 255  # in a map for map_server
+MAX_FRAMES = 600  # of an animation, which are all in memory while the file is written
+WIDTH, COLORS = 900, 128
+FRAME_MS, LAST_MS = 100, 1000
 
 
 def write_probabilities(path: Path, predicted: StreamMap) -> None:
@@ -101,3 +104,26 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
 def _image(ax: Axes, image: np.ndarray, extent: tuple[float, float, float, float], title: str) -> None:
     ax.imshow(image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
     ax.set(title=title, xlim=extent[:2], ylim=extent[2:])
+
+
+def write_animation(path: Path, figures: Sequence[Path]) -> int:
+    """Write figures of the same size as a GIF of ten frames per second; of more than `MAX_FRAMES`, as many evenly.
+
+    Returns:
+        the number of frames.
+    """
+    count = min(len(figures), MAX_FRAMES)
+    chosen = [figures[number] for number in np.linspace(0, len(figures) - 1, count).round().astype(int)]
+    first, *others = _frames(chosen)
+    durations = [FRAME_MS] * (count - 1) + [LAST_MS]
+    first.save(path, save_all=True, append_images=others, duration=durations, loop=0, optimize=False)
+    return count
+
+
+def _frames(figures: Sequence[Path]) -> Iterator[Image.Image]:
+    """Yield the figures at the width of the animation, in few colors."""
+    for figure in figures:
+        with Image.open(figure) as content:
+            height = round(content.height * WIDTH / content.width)
+            small = content.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
+        yield small.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)

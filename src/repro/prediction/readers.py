@@ -3,13 +3,14 @@
 import gzip
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from repro.prediction.arrays import array_scans
-from repro.prediction.carmen import is_carmen, read_carmen
+from repro.prediction.carmen import GZIP, is_carmen, read_carmen
 from repro.prediction.intake import LogScan
 from repro.prediction.logs import ReadOptions, ScanLog, collect
 from repro.prediction.times import WindowSettings
@@ -18,7 +19,7 @@ from repro.system.errors import InputError
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
 HEAD_BYTES = 4096
 BAGS = (b"#ROSBAG V2.0", b"\x89MCAP", b"SQLite format 3")
-PACKED = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
+PACKED = {GZIP: "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 
 
 def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOptions()) -> ScanLog:  # noqa: B008
@@ -39,36 +40,26 @@ def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOp
         return collect(_bags(path).bag_scans(path, options), path, settings)
     if options.frame or options.scan_topic or options.odometry_topic:
         raise InputError(f"{path}: expected a bag for a topic or a frame of its poses, got {kind}")
-    scans = array_scans(path, options.pose) if kind == "npz" else read_carmen(path, is_packed=kind == "packed CARMEN")
+    scans = array_scans(path, options.pose) if kind == "npz" else read_carmen(path)
     return collect(_placed(scans, options), path, settings)
 
 
 def kind_of(path: Path) -> str:
-    """Return the kind of a log: bag, npz, CARMEN or packed CARMEN.
-
-    Raises:
-        InputError: it is none of these; see `read_log`.
-    """
+    """Return the kind of a log: bag, npz or CARMEN; refuse one of no known kind."""
     if not path.exists():
         raise InputError(f"{path}: no such file: expected {KINDS}")
     if path.is_dir():
         return "bag"
     if not path.is_file():
         raise InputError(f"{path}: is neither a file nor a directory: expected {KINDS}")
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}): expected {KINDS}") from error
+    head = _head(path, open)
     if not head:
         raise InputError(f"{path}: is empty: expected {KINDS}")
     if head.startswith(BAGS):
         return "bag"
     if head.startswith(b"PK"):
         return "npz"
-    if head.startswith(b"\x1f\x8b") and is_carmen(_unpacked_head(path)):
-        return "packed CARMEN"
-    if is_carmen(head):
+    if is_carmen(head) or (head.startswith(GZIP) and is_carmen(_head(path, gzip.open))):
         return "CARMEN"
     packed = next((name for start, name in PACKED.items() if head.startswith(start)), None)
     advice = f"packed with {packed}: unpack it, or give the directory of a bag with its metadata.yaml" if packed else ""
@@ -77,16 +68,18 @@ def kind_of(path: Path) -> str:
     )
 
 
-def _unpacked_head(path: Path) -> bytes:
+def _head(path: Path, opener: Callable[..., Any]) -> bytes:
     try:
-        with gzip.open(path) as file:
-            return file.read(HEAD_BYTES)
+        with opener(path, "rb") as file:
+            return bytes(file.read(HEAD_BYTES))
     except (gzip.BadGzipFile, zlib.error, EOFError) as error:
         raise InputError(f"{path}: is damaged ({error})") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}): expected {KINDS}") from error
 
 
 def topics_of(path: Path) -> list[str]:
-    """Return one line for each topic of a bag, see `bags.describe_bag`; none for another log."""
+    """Return one line for each topic of a bag, see `describe_bag`; none for another log."""
     return list(_bags(path).describe_bag(path)) if kind_of(path) == "bag" else []
 
 

@@ -2,36 +2,35 @@
 
 import math
 from collections import Counter
+from numbers import Real
 
 import numpy as np
 
-from repro.maps.validity import FULL_TURN, MAX_HEADING, RADIANS
+from repro.maps.validity import MAX_HEADING, RADIANS
 from repro.system.errors import InputError
 
+MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
+UNITS = {1e9: "ns", 1e6: "us", 1e3: "ms"}
 MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
 
 
-def check_turn(beams: int, first_angle: float, spacing: float, source: str) -> None:
-    """Check that beams, with angles in radians, are within one turn.
-
-    Raises:
-        ValueError: they are not, or are in one direction; the message begins with the source of the scan.
-    """
-    if not math.isfinite(first_angle) or not 0 < abs(spacing) * (beams - 1) <= FULL_TURN:
-        raise InputError(
-            f"{source}: expected beam angles in radians within one turn, got {beams} beams from {first_angle:.4g} with "
-            f"a spacing of {spacing:.4g}"
-        )
-
-
 def check_heading(heading: float, subject: str) -> None:
-    """Check that a heading, or the largest of several, may be in radians.
-
-    Raises:
-        ValueError: it is more than ten turns; the message begins with the subject.
-    """
+    """Refuse a heading, or the largest of several, of more than ten turns; the message begins with the subject."""
     if abs(heading) > MAX_HEADING:
         raise InputError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {RADIANS}")
+
+
+def check_stamp(stamp: float, step_s: float) -> None:
+    """Refuse a time that is no finite number, or too coarse for steps of `step_s` [s], as one in ns, us or ms."""
+    if not isinstance(stamp, Real) or not math.isfinite(stamp):
+        raise InputError(f"time: expected finite seconds, got {stamp!r}")
+    if abs(stamp) < MAX_STAMP_S and np.spacing(abs(stamp)) < 0.01 * step_s:
+        return
+    unit = next((name for scale, name in UNITS.items() if abs(stamp) / scale > 1e8), "another unit")
+    raise InputError(
+        f"time: expected seconds, got {stamp:.4g}, which looks like {unit}: float64 resolves "
+        f"{np.spacing(abs(stamp)):.2g} there"
+    )
 
 
 def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
@@ -63,11 +62,7 @@ def note_on_range(range_max_m: float, reach_m: float) -> str | None:
 
 
 def note_on_repeats(ranges: np.ndarray) -> str | None:
-    """Return a note about readings that look like misses that a driver reports as hits; None if there are none.
-
-    Args:
-        ranges: ranges [m], (S, N); inf for a miss, NaN for an invalid reading.
-    """
+    """Return a note if the largest range [m] of (S, N) repeats like misses that a driver reports as hits; or None."""
     largest = np.max(ranges, where=np.isfinite(ranges), initial=0)
     second = np.max(ranges, where=ranges < largest, initial=0)  # false for inf and NaN
     count = int((ranges == largest).sum())
@@ -80,12 +75,7 @@ def note_on_repeats(ranges: np.ndarray) -> str | None:
 
 
 def note_on_far_hits(far: Counter[float], range_max_m: float) -> str | None:
-    """Return a note about readings beyond the maximum range [m] that vary like hits; None if there are none.
-
-    Args:
-        far: number of readings by value [m], to the centimeter. Codes for a miss are few values.
-        range_max_m: the maximum range [m].
-    """
+    """Return a note if readings beyond the maximum range [m], counted by value, vary like hits, or None."""
     if len(far) <= MANY or max(far.values()) > sum(far.values()) / 2:
         return None
     return (

@@ -37,22 +37,21 @@ def add_transforms(
 ) -> None:
     """Add the transforms of a TFMessage; `received_s` [s] replaces times of zero."""
     for each in message.transforms:
-        _add(transforms, each, (each.transform.translation, each.transform.rotation), received_s, is_static=is_static)
+        _add(transforms, each, each.transform.translation, each.transform.rotation, received_s, is_static=is_static)
 
 
 def add_odometry(transforms: Transforms, message: Any, *, received_s: float | None = None) -> None:
     """Add the pose of an Odometry message; `received_s` [s] replaces a time of zero."""
-    _add(transforms, message, (message.pose.pose.position, message.pose.pose.orientation), received_s)
+    _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation, received_s)
 
 
 def _add(
-    transforms: Transforms, message: Any, pose: tuple[Any, Any], received_s: float | None, *, is_static: bool = False
+    transforms: Transforms, message: Any, place: Any, turn: Any, received_s: float | None, *, is_static: bool = False
 ) -> None:
-    place, turn = pose
-    position, quaternion = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-    stamp = seconds(message.header.stamp)
+    stamp, child, parent = seconds(message.header.stamp), message.child_frame_id, message.header.frame_id
     stamp = stamp if stamp or received_s is None else received_s
-    transforms.add(message.child_frame_id, message.header.frame_id, stamp, position, quaternion, is_static=is_static)
+    quaternion = turn.x, turn.y, turn.z, turn.w
+    transforms.add(child, parent, stamp, (place.x, place.y, place.z), quaternion, is_static=is_static)
 
 
 class LaserScans:
@@ -71,15 +70,12 @@ class LaserScans:
     def times(self, message: Any, received_s: float | None = None) -> tuple[float, float]:
         """Return the time of a scan and of its middle, at which its pose is taken [s].
 
-        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored.
-
-        Args:
-            message: the LaserScan.
-            received_s: time at which it was received [s], which replaces a stamp of zero.
+        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored. The
+        time of its arrival, `received_s` [s], replaces a stamp of zero.
         """
         stamp = seconds(message.header.stamp)
         if not stamp and received_s is not None:
-            self._warn_once("stamp", "scans without a time get that of their arrival")
+            self.warn_once("stamp", "scans without a time get that of their arrival")
             stamp = received_s
         if stamp > self._last_s:
             self._gaps.append(stamp - self._last_s)
@@ -90,29 +86,24 @@ class LaserScans:
         if lasts_s == 0 or (0 < lasts_s <= LONGER * min(between_s, MAX_SCAN_S)):
             return stamp, stamp + lasts_s / 2
         text = f"time_increment is {increment:.4g} s, with which a scan lasts {lasts_s:.3g} s, and one follows after "
-        self._warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
+        self.warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
         return stamp, stamp
 
     def convert(self, message: Any, times: tuple[float, float], transforms: Transforms) -> LogScan:
-        """Convert a scan, with the pose of its frame in its middle.
+        """Convert a scan, given what `times` returned, with the pose of its frame in its middle.
 
         The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
-
-        Args:
-            message: the LaserScan.
-            times: what `times` returned.
-            transforms: the transforms.
         """
         placed, problem = None, None
         try:
             placed = transforms.pose_at(message.header.frame_id, times[1])
         except InputError as error:
-            self._warn_once("tilt", str(error))
+            self.warn_once("tilt", str(error))
             problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
         first, spacing, contradiction = self._angles(message)
         range_min_m = float(message.range_min)
         if math.isnan(range_min_m):
-            self._warn_once("range_min", "range_min is nan: it is ignored")
+            self.warn_once("range_min", "range_min is nan: it is ignored")
             range_min_m = 0.0
         sense = -1 if placed and placed.is_upside_down else 1
         return LogScan(
@@ -135,7 +126,7 @@ class LaserScans:
             return first, spacing, None
         by_limits = (last - first) / steps
         if not math.isfinite(spacing) or spacing == 0:
-            self._warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
+            self.warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
             return first, by_limits, None
         if EXTRA_BEAMS[0] <= (last - first) / spacing - steps <= EXTRA_BEAMS[1]:
             return first, spacing, None
@@ -144,12 +135,13 @@ class LaserScans:
             f"{first + steps * spacing:.4g}, angle_max is {last:.4g}"
         )
         if abs(by_limits - spacing) <= MAX_VARIATION * abs(spacing):  # rounded, or the number of readings varies
-            self._warn_once("angles", f"{text}: they are spread over the field of view")
+            self.warn_once("angles", f"{text}: they are spread over the field of view")
             return first, by_limits, None
-        self._warn_once("angles", text)
+        self.warn_once("angles", text)
         return first, spacing, CONTRADICTION
 
-    def _warn_once(self, kind: str, message: str) -> None:
+    def warn_once(self, kind: str, message: str) -> None:
+        """Warn of something, unless a message of its kind was given before."""
         if kind not in self._warned:
             self._warned.add(kind)
             self.warn(message)
@@ -190,7 +182,7 @@ def grid_message(types: dict[str, Any], data: Any, predicted: StreamMap, stamp: 
     """Create an OccupancyGrid.
 
     Args:
-        types: the message classes `GRID_TYPES` by name, of rospy, rclpy or rosbags.
+        types: the message classes by name, of rospy, rclpy or rosbags.
         data: what `occupancy` returns, in the type that the classes take.
         predicted: the map.
         stamp: time of the map, of the type of header stamps.

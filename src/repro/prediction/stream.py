@@ -12,9 +12,9 @@ from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import last_hits
-from repro.prediction.readings import beams_of_turn, check_heading, readings
-from repro.prediction.times import Clock, check_stamp, steps_before, window_of
-from repro.prediction.windows import center_of, on_map
+from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, readings
+from repro.prediction.times import Clock, steps_before, window_of
+from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.errors import InputError
 
@@ -88,9 +88,6 @@ class PredictionStream:
     `Predictor.predict` for the same window, bit by bit. Scans are kept for the duration of a window, so memory is
     constant. Several threads may update a stream: one waits for another, and the order is theirs.
 
-    The window is drawn anew for each map: the network takes most of the time, and a map that moves with the robot has
-    no pixel in common with the one before.
-
     Args:
         predictor: network, encoding and grid.
         angles: beam angles [rad], (N,), increasing and evenly spaced, within one turn. The last beams of a full turn
@@ -160,28 +157,27 @@ class PredictionStream:
             self._add(float(stamp), ranges, pose)
             return None if self.reason else self._predict()
 
-    def _predict(self) -> StreamMap | None:
-        """Predict the map of the window that ends with the newest scan."""
-        try:
-            index = steps_before(np.array([stamp for stamp, _, _ in self._kept]), self.settings)
-        except InputError as error:
-            self.reason = str(error)
-            return None
-        stamp, _, pose = self._kept[-1]
-        origin = center_of(self.settings, pose, pose) - self.predictor.grid.size_m / 2
-        window_ranges, window_poses = (np.stack([self._kept[i][part] for i in index]) for part in (1, 2))
-        window = on_map(window_ranges, self.angles, window_poses, origin)
-        return predict_map(self.predictor, window, (float(origin[0]), float(origin[1])), stamp, self.reach_m)
-
     def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> None:
         """Keep a scan and drop the scans that no later window needs; `reason` states why a scan is left out."""
-        for kept in self._clock.take(stamp, (ranges, pose)):
-            if kept.begins:
+        for kept_s, scan in self._clock.take(stamp, (ranges, pose)):
+            if self._kept and self.settings.divides(kept_s - self._kept[-1][0]):
                 self._kept.clear()
-            self._kept.append((kept.stamp, *kept.scan))
+            self._kept.append((kept_s, *scan))
         self.reason = self._clock.reason
         while len(self._kept) > 1 and self._kept[1][0] <= self._kept[-1][0] - self.settings.duration_s:
             self._kept.popleft()
+
+    def _predict(self) -> StreamMap | None:
+        """Predict the map of the window that ends with the newest scan."""
+        stamps, ranges, poses = zip(*self._kept, strict=True)
+        try:
+            index = steps_before(np.array(stamps), self.settings)
+        except InputError as error:
+            self.reason = str(error)
+            return None
+        origin = self.settings.origin(poses[-1], poses[-1], self.predictor.grid.size_m)
+        window = on_map(np.stack([ranges[i] for i in index]), self.angles, np.stack([poses[i] for i in index]), origin)
+        return predict_map(self.predictor, window, (float(origin[0]), float(origin[1])), stamps[-1], self.reach_m)
 
     def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""

@@ -1,14 +1,14 @@
 """The times of scans and the steps of windows: one set of rules for logs, streams and nodes.
 
-A `Clock` keeps scans by their times, as they arrive, and `steps_before` takes the kept scan nearest to each step of a
-window. Logs, streams and nodes use both, so that they predict the same maps.
+A `Clock` keeps scans by their times, as they arrive, `WindowSettings.divides` finds the parts of the kept scans, and
+`steps_before` takes the scan nearest to each step of a window. Logs, streams and nodes use them, so that they predict
+the same maps.
 """
 
 import math
 from collections import Counter
 from dataclasses import dataclass
-from numbers import Real
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -17,16 +17,13 @@ from repro.system.errors import InputError
 
 T = TypeVar("T")
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; twice that between two scans divides a log
-MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MAX_STEPS = 10_000  # of a window
 MIN_STEP_S = 0.001  # far above the resolution of times, so that a window has as many scans as steps
-MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
 TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
 SPACINGS = ("time", "distance")
 NOT_LATER = "not later than the one before"
 TOO_SOON = "less than half a step after the one before"
 ELSEWHERE = "far in time from those before and after"
-UNITS = {1e9: "ns", 1e6: "us", 1e3: "ms"}
 
 
 class TimesLost(InputError):
@@ -74,17 +71,26 @@ class WindowSettings:
             point = np.array(math.nan)
         if point.shape != (2,) or not np.isfinite(point).all():
             raise InputError(f"center: expected robot, start or x, y [m], got {self.center!r}")
-        object.__setattr__(self, "center", (float(point[0]), float(point[1])))
+        object.__setattr__(self, "center", tuple(point.tolist()))
 
     @property
     def duration_s(self) -> float:
         """Return the time from the first to the last step [s]."""
         return (self.steps - 1) * self.step_s
 
+    def divides(self, gap_s: Any) -> Any:
+        """Return whether no window has two kept scans, given the time between them [s], or the times."""
+        return (gap_s > self.longest_gap_s) | (gap_s <= 0)
+
     @property
     def longest_gap_s(self) -> float:
         """Return the time between two scans beyond which no window has both [s]."""
         return (2 * MAX_AGE_STEPS + TOLERANCE) * self.step_s
+
+    def origin(self, first: np.ndarray, last: np.ndarray, size_m: float) -> np.ndarray:
+        """Return the lower left corner of a map [m], (2,), by the first pose of a log and the last one of a window."""
+        centers = {"start": first[:2], "robot": last[:2]}
+        return (centers[self.center] if isinstance(self.center, str) else np.array(self.center)) - size_m / 2
 
     def is_filled(self, first_s: float, end_s: float) -> bool:
         """Return whether the scans from a time on fill a window with this end [s]; its first scan may be half late."""
@@ -106,14 +112,6 @@ def window_of(
     settings = WindowSettings(center, *predictor.window(steps, step_s), range_max_m)
     predictor.check_center(settings.center)
     return settings
-
-
-class Kept(NamedTuple, Generic[T]):
-    """A scan that the clock keeps: its time [s], what came with it, and whether a part without a gap begins with it."""
-
-    stamp: float
-    scan: T
-    begins: bool
 
 
 class Clock(Generic[T]):
@@ -138,49 +136,42 @@ class Clock(Generic[T]):
         self._last_s: float | None = None
         self._waiting: tuple[float, T] | None = None
 
-    def take(self, stamp: float, scan: T) -> list[Kept[T]]:
+    def take(self, stamp: float, scan: T) -> list[tuple[float, T]]:
         """Take a scan with its time [s] and return the scans that are kept from now on, in the order of their times."""
-        kept: list[Kept[T]] = []
-        self.reason = None
+        kept, self.reason = list[tuple[float, T]](), None
         if self._waiting is not None:
             if self._continues(stamp):
                 self.left_out[ELSEWHERE] += 1
             else:
-                kept.append(Kept(*self._waiting, True))
+                kept.append(self._waiting)
                 self._last_s = self._waiting[0]
             self._waiting = None
+        since_s = math.inf if self._last_s is None else stamp - self._last_s
         if self._last_s is not None and not self._continues(stamp):
             self._waiting = stamp, scan
             self.reason = f"the scan at {stamp:.2f} s is far in time from the one before: it waits for the next"
-        elif self._last_s is not None and stamp <= self._last_s:
-            self._leave_out(stamp, NOT_LATER)
-        elif self._last_s is not None and stamp - self._last_s < (0.5 - TOLERANCE) * self.settings.step_s:
-            self._leave_out(stamp, TOO_SOON)
+        elif since_s < (0.5 - TOLERANCE) * self.settings.step_s:
+            reason = NOT_LATER if since_s <= 0 else TOO_SOON
+            self.left_out[reason] += 1
+            self.reason = f"the scan at {stamp:.2f} s is {reason}"
         else:
-            kept.append(Kept(stamp, scan, self._last_s is None))
+            kept.append((stamp, scan))
             self._last_s = stamp
         return kept
 
     def _continues(self, stamp: float) -> bool:
         """Return whether a time [s] is near enough to that of the last scan for the same part."""
         assert self._last_s is not None, "a scan was kept"
-        since = stamp - self._last_s
-        return -max(self.settings.duration_s, self.settings.step_s) <= since <= self.settings.longest_gap_s
-
-    def _leave_out(self, stamp: float, reason: str) -> None:
-        self.left_out[reason] += 1
-        self.reason = f"the scan at {stamp:.2f} s is {reason}"
+        since_s = stamp - self._last_s
+        return -max(self.settings.duration_s, self.settings.step_s) <= since_s <= self.settings.longest_gap_s
 
 
 def steps_before(stamps: np.ndarray, settings: WindowSettings) -> np.ndarray:
-    """Return the index of the scan nearest in time to each step of the window that ends with the last scan.
+    """Return the index of the scan nearest in time to each step of the window that ends with the last scan, (T,).
 
     Args:
         stamps: times of the scans of a part without a gap [s], (S,), increasing.
         settings: steps of the window.
-
-    Returns:
-        the indices, (T,), oldest step first.
 
     Raises:
         InputError: the window begins before the first scan.
@@ -199,7 +190,7 @@ def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np
     Args:
         stamps: times of the scans of the part [s], (S,), increasing.
         settings: steps of the windows.
-        stride_s: time between two windows [s].
+        stride_s: the time [s].
     """
     filled = np.flatnonzero([settings.is_filled(stamps[0], stamp) for stamp in stamps])
     if not len(filled):
@@ -211,54 +202,10 @@ def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np
     return np.unique(filled[_nearest(stamps[filled], first_s + stride_s * np.arange(count))])
 
 
-def check_times(stamps: np.ndarray, settings: WindowSettings) -> None:
-    """Check that scans with these times [s], (S,), have windows.
-
-    Raises:
-        TimesLost: they are too rare for the steps.
-        InputError: no part of them without a gap is as long as a window, or the times are not in seconds.
-    """
-    gaps = np.diff(stamps)
-    between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
-    if between_s > MAX_BETWEEN_S:
-        raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns")
-    if between_s > settings.longest_gap_s:
-        raise TimesLost(
-            f"a scan every {between_s:.2g} s, steps of {settings.step_s:g} s need one every "
-            f"{settings.longest_gap_s:.3g} s"
-        )
-    parts = parts_of(stamps, settings)
-    longest = max(float(stamps[end - 1] - stamps[begin]) for begin, end in parts)
-    if not settings.is_filled(0.0, longest):
-        without = " without a gap" if len(parts) > 1 else ""
-        raise InputError(
-            f"the log has {longest:.1f} s of scans{without}, a window of {settings.steps} steps takes "
-            f"{settings.duration_s:.1f} s"
-        )
-
-
 def parts_of(stamps: np.ndarray, settings: WindowSettings) -> list[tuple[int, int]]:
     """Return begin and end, exclusive, of the parts of kept scans without a gap, given their times [s], (S,)."""
-    gaps = np.diff(stamps)
-    begins = (np.flatnonzero((gaps > settings.longest_gap_s) | (gaps <= 0)) + 1).tolist()
+    begins = (np.flatnonzero(settings.divides(np.diff(stamps))) + 1).tolist()
     return list(zip([0, *begins], [*begins, len(stamps)], strict=True))
-
-
-def check_stamp(stamp: float, step_s: float) -> None:
-    """Check that a time is in seconds and exact enough for steps of `step_s` [s].
-
-    Raises:
-        InputError: it is no finite number, or seems to be in ns, us or ms.
-    """
-    if not isinstance(stamp, Real) or not math.isfinite(stamp):
-        raise InputError(f"time: expected finite seconds, got {stamp!r}")
-    if abs(stamp) < MAX_STAMP_S and np.spacing(abs(stamp)) < 0.01 * step_s:
-        return
-    unit = next((name for scale, name in UNITS.items() if abs(stamp) / scale > 1e8), "another unit")
-    raise InputError(
-        f"time: expected seconds, got {stamp:.4g}, which looks like {unit}: float64 resolves "
-        f"{np.spacing(abs(stamp)):.2g} there"
-    )
 
 
 def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:

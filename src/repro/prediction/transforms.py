@@ -1,89 +1,16 @@
 """Poses of the frames of a robot over time, as ROS transforms and odometry tell them, composed and interpolated."""
 
 import math
-from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
-import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
+from scipy.spatial.transform import RigidTransform, Rotation
 
+from repro.prediction.poses import MAX_GAP_S, Edge, PlanarPose, Vector, in_plane, problem_of
 from repro.system.errors import InputError
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
-MAX_GAP_S = 1.0  # between two poses of a robot that moved in between; messages once a second are later by some ns
-TOLERANCE_S = 0.05
-STILL_M, STILL_RAD = 0.05, math.radians(1)  # a frame that moved by less stood still, whatever the time between
-DISORDER_S = 5.0  # by which a pose may be earlier than the one that arrived before it
-MAX_BEYOND_S = 0.1  # between a scan and the first or last pose, which then stands in
 MAX_TILT = math.radians(30)  # of a lidar whose beams are taken as horizontal
-MAX_NORM_ERROR = 0.1  # of a quaternion; tf2 allows 0.01 of its square, and some drivers round to two digits
-MAX_PLACE_M = 1e7  # float64 of an uninitialized message are beyond it, UTM coordinates are not
 MAX_FRAMES, MAX_MESSAGES = 1000, 100
-Vector = tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class PlanarPose:
-    """The pose of a frame in the plane.
-
-    Args:
-        x, y: position [m].
-        heading: direction of its x axis [rad].
-        is_upside_down: whether its z axis points down, so that its angles count clockwise.
-    """
-
-    x: float
-    y: float
-    heading: float
-    is_upside_down: bool = False
-
-
-@dataclass
-class Edge:
-    """The poses of one frame in its parent frame, in the order of time; a single pose holds at all times."""
-
-    parent: str
-    is_static: bool = False
-    stamps: list[float] = field(default_factory=list)
-    poses: list[RigidTransform] = field(default_factory=list)
-    moves: bool = False  # whether two of its poses differ
-    heard_s: float = -math.inf  # time of the newest scan when its last pose arrived
-
-    def at(self, stamp: float, *, is_correction: bool = False) -> RigidTransform | None:
-        """Return the pose at a time.
-
-        Between two poses it is interpolated, as in tf2, but not over a gap in which the frame moved. A correction, such
-        as `odom` in `map`, is then that before the gap, or after the last one.
-
-        Returns:
-            the pose; None if it is not known.
-        """
-        if not self.moves:
-            return self.poses[0] if self.poses else None
-        after = bisect_left(self.stamps, stamp)
-        if after == len(self.stamps):
-            return self.poses[-1] if is_correction or stamp - self.stamps[-1] <= MAX_BEYOND_S else None
-        if after == 0:
-            return self.poses[0] if self.stamps[0] - stamp <= MAX_BEYOND_S else None
-        one, other = self.poses[after - 1 : after + 1]
-        gap = self.stamps[after] - self.stamps[after - 1]
-        if gap > MAX_GAP_S + TOLERANCE_S and not _are_near(one, other):
-            return one if is_correction else None
-        share = (stamp - self.stamps[after - 1]) / gap
-        rotation = Slerp([0, 1], Rotation.concatenate([one.rotation, other.rotation]))(share)
-        return RigidTransform.from_components((1 - share) * one.translation + share * other.translation, rotation)
-
-    def insert(self, stamp: float, pose: RigidTransform) -> None:
-        """Insert a pose in the order of time; one at the same time is replaced."""
-        place = bisect_left(self.stamps, stamp)
-        neighbor = self.poses[min(place, len(self.poses) - 1)] if self.poses else pose
-        self.moves = self.moves or not _are_near(neighbor, pose, share=1e-3)
-        if place < len(self.stamps) and self.stamps[place] == stamp:
-            self.poses[place] = pose
-            return
-        self.stamps.insert(place, stamp)
-        self.poses.insert(place, pose)
 
 
 class Transforms:
@@ -118,24 +45,14 @@ class Transforms:
     def add(
         self, child: str, parent: str, stamp: float, position: Vector, quaternion: Vector, *, is_static: bool = False
     ) -> None:
-        """Add the pose of a frame in its parent frame at a time.
+        """Add the pose of a frame in its parent frame at a time [s]: x, y, z [m] and a quaternion x, y, z, w.
 
         A static pose replaces the one before, and poses that change replace a static one. If the frame has a static
         parent already, such as `base_link` in `base_footprint`, that one becomes its child. Poses in another parent
-        than the first are left out otherwise: the tree of frames would change with each of them. If poses are kept for
-        some time only, one that is earlier than the last by more than `DISORDER_S` replaces all before it: a wrong time
-        does not hide the poses after it.
-
-        Args:
-            child: the frame.
-            parent: its parent frame.
-            stamp: time [s].
-            position: x, y, z [m].
-            quaternion: x, y, z, w; of length one.
-            is_static: whether the pose holds at all times.
+        than the first are left out otherwise: the tree of frames would change with each of them. See `Edge.insert`.
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
-        if problem := _problem(stamp, position, quaternion):
+        if problem := problem_of(stamp, position, quaternion):
             self._leave_out(f"poses of {child} are left out: {problem}")
             return
         if child not in self.edges and len(self.edges) >= MAX_FRAMES:
@@ -152,16 +69,8 @@ class Transforms:
         elif edge.parent != parent:
             self._leave_out(f"poses of {child} in {parent} are left out: it has poses in {edge.parent}")
         elif not is_static:
-            self._insert(edge, stamp, pose)
-
-    def _insert(self, edge: Edge, stamp: float, pose: RigidTransform) -> None:
-        if self.keep_s is not None and stamp < edge.stamps[-1] - DISORDER_S:  # its time or that of the last is wrong
-            edge.stamps, edge.poses = [], []
-        edge.insert(stamp, pose)
-        edge.heard_s = self.now_s
-        if self.keep_s is not None and edge.stamps[0] < edge.stamps[-1] - 2 * self.keep_s:
-            old = bisect_left(edge.stamps, edge.stamps[-1] - self.keep_s) - 1
-            del edge.stamps[:old], edge.poses[:old]
+            edge.insert(stamp, pose, self.keep_s)
+            edge.heard_s = self.now_s
 
     def _has_turned(self, child: str, parent: str, pose: RigidTransform, *, is_static: bool) -> bool:
         """Return whether a static transform between a frame and one of its two parents is turned over, as it may be."""
@@ -171,7 +80,7 @@ class Transforms:
             if other is None:
                 self.edges[parent] = Edge(child, True, [0.0], [pose.inv()])
             return other is None or (other.is_static and other.parent == child)
-        if is_static or not edge.is_static or any(not each.is_static for each in self._chain_of(child)):
+        if is_static or not edge.is_static or self.moves(child):
             return False
         self._turn_over(child)
         self.edges[child] = Edge(parent)
@@ -202,50 +111,39 @@ class Transforms:
         self.now_s = -math.inf
         for edge in self.edges.values():
             if not edge.is_static:
-                edge.stamps, edge.poses, edge.moves = [], [], False
+                edge.forget()
 
     def pose_at(self, frame: str, stamp: float) -> PlanarPose | None:
-        """Return the pose of a frame at a time, in the chosen frame or in its last parent.
+        """Return the pose of a frame at a time [s], in the chosen frame or in its last parent.
 
         A frame without a transform, such as that of a lidar whose mounting is not published, is taken to be at the
         origin of the robot, see `base_of`.
-
-        Args:
-            frame: the frame.
-            stamp: time [s].
 
         Returns:
             the pose; None if a transform on the way is not known at that time, or if all are static: the poses of the
             robot are missing.
 
         Raises:
-            ValueError: the frame is tilted by more than `MAX_TILT`.
+            InputError: the frame is tilted by more than `MAX_TILT`.
         """
         if self.pose is not None:
             return PlanarPose(*self.pose, is_upside_down=self._is_upside_down(frame))
-        total = self._compose(frame, stamp)
-        if total is None:
-            return None
-        tilt = math.acos(min(abs(total.rotation.as_matrix()[2, 2]), 1.0))
-        if tilt > MAX_TILT:
-            raise InputError(
-                f"{frame} is tilted by {math.degrees(tilt):.0f} degrees: expected a horizontal lidar, "
-                f"within {math.degrees(MAX_TILT):.0f} degrees"
-            )
-        return _in_plane(total)
-
-    def _compose(self, frame: str, stamp: float) -> RigidTransform | None:
-        edges = list(self._chain(frame))
+        edges, total, has_odometry = list(self._chain(frame)), RigidTransform.identity(), False
         if all(edge.is_static for edge in edges) or not self._reaches_frame(edges):
             return None
-        total, has_odometry = RigidTransform.identity(), False
         for edge in edges:
             pose = edge.at(stamp, is_correction=has_odometry)
             if pose is None:
                 return None
             has_odometry = has_odometry or edge.moves
             total = pose * total
-        return total
+        tilt = math.acos(min(abs(total.rotation.as_matrix()[2, 2]), 1.0))
+        if tilt > MAX_TILT:
+            raise InputError(
+                f"{frame} is tilted by {math.degrees(tilt):.0f} degrees: expected a horizontal lidar, "
+                f"within {math.degrees(MAX_TILT):.0f} degrees"
+            )
+        return in_plane(total)
 
     def _reaches_frame(self, edges: list[Edge]) -> bool:
         return self.frame is None or (bool(edges) and edges[-1].parent == self.frame)
@@ -269,11 +167,8 @@ class Transforms:
     def has_later(self, frame: str, stamp: float, silent_s: float = math.inf) -> bool:
         """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change.
 
-        Args:
-            frame: the frame.
-            stamp: the time [s].
-            silent_s: time without poses of a frame [s], after which none are expected; what counts is when they arrive,
-                since poses may lag behind the scans by more.
+        After `silent_s` [s] without poses of a frame none are expected; what counts is when they arrive, since poses
+        may lag behind the scans by more.
         """
         chain, has_odometry = list(self._chain(frame)), False
         for edge in chain:
@@ -290,40 +185,26 @@ class Transforms:
 
     def on_robot(self, frame: str) -> PlanarPose | None:
         """Return the pose of a frame in that of the robot, by the static transforms; None without one."""
-        name = frame.lstrip("/")
-        if name not in self.edges:
-            return None
-        total = RigidTransform.identity()
+        name, total = frame.lstrip("/"), RigidTransform.identity()
         for edge in self._chain_of(name):
             if edge.moves or not edge.poses:
                 break
             total = edge.poses[0] * total
-        return _in_plane(total)
+        return in_plane(total) if name in self.edges else None
 
     def _is_upside_down(self, frame: str) -> bool:
         known = self.on_robot(frame)
         return known is not None and known.is_upside_down
 
-    def adopt(self, odometry: "Transforms") -> bool:
-        """Take the poses of odometry for the frames that no other poses move; return whether there are any."""
-        self.left_out |= odometry.left_out
-        found = False
-        for child, edge in odometry.edges.items():
-            if any(not each.is_static for each in self._chain_of(child)):
-                continue
-            self._turn_over(child)
-            self.edges[child] = edge
-            found = True
-        return found
+    def moves(self, frame: str) -> bool:
+        """Return whether poses that change place a frame."""
+        return any(not edge.is_static for edge in self._chain_of(frame.lstrip("/")))
 
     def base_of(self, frame: str) -> str | None:
         """Return the frame of the robot, which stands in for a frame without a transform.
 
         It is one of `BASES` in the namespace of the frame, else one of `BASES` if all have the same namespace, else the
-        only frame that moves.
-
-        Returns:
-            the name of the frame, None if there is none, or if several could be meant.
+        only frame that moves; None if there is none, or if several could be meant.
         """
         bases = [name for base in BASES for name in self.edges if name.rpartition("/")[2] == base]
         bases = [name for name in bases if _namespace(name) == _namespace(frame)] or bases
@@ -333,16 +214,17 @@ class Transforms:
         return moving[0] if len(moving) == 1 else None
 
     def _chain(self, frame: str) -> Iterator[Edge]:
-        """Yield the transforms from a frame upward, to the chosen frame."""
+        """Yield the transforms from a frame upward, to the chosen frame; by the mounting or the robot if need be."""
         name: str | None = frame.lstrip("/")
+        if self.mounting is not None or name not in self.edges:
+            name = self.base_of(frame)
+        if name is None:
+            return
         if self.mounting is not None:
-            name = self.base_of(frame)
-            if name is not None:
-                yield Edge(name, True, [0.0], [planar(*self.mounting, is_upside_down=self._is_upside_down(frame))])
-        elif name not in self.edges:
-            name = self.base_of(frame)
-        if name is not None:
-            yield from self._chain_of(name)
+            x, y, heading = self.mounting
+            turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(frame) else 0.0])
+            yield Edge(name, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])
+        yield from self._chain_of(name)
 
     def _chain_of(self, name: str) -> Iterator[Edge]:
         for _ in range(len(self.edges)):  # no more steps than frames, so that a cycle ends
@@ -350,36 +232,6 @@ class Transforms:
                 return
             yield self.edges[name]
             name = self.edges[name].parent
-
-
-def planar(x: float, y: float, heading: float, *, is_upside_down: bool = False) -> RigidTransform:
-    """Return a pose in the plane, x, y [m] and heading [rad], as a transform."""
-    turn = Rotation.from_euler("ZX", [heading, math.pi if is_upside_down else 0.0])
-    return RigidTransform.from_components((x, y, 0.0), turn)
-
-
-def _in_plane(pose: RigidTransform) -> PlanarPose:
-    x, y, _ = (float(value) for value in pose.translation)
-    axes = pose.rotation.as_matrix()
-    return PlanarPose(x, y, math.atan2(axes[1, 0], axes[0, 0]), bool(axes[2, 2] < 0))
-
-
-def _are_near(one: RigidTransform, other: RigidTransform, share: float = 1.0) -> bool:
-    """Return whether two poses are within a share of `STILL_M` and `STILL_RAD`."""
-    moved_m = np.linalg.norm(one.translation - other.translation)
-    return bool(moved_m <= share * STILL_M and (one.rotation.inv() * other.rotation).magnitude() <= share * STILL_RAD)
-
-
-def _problem(stamp: float, position: Vector, quaternion: Vector) -> str | None:
-    """Return what is wrong with a pose, such as one of an uninitialized message; None if nothing is."""
-    if not math.isfinite(stamp) or not all(map(math.isfinite, (*position, *quaternion))):
-        return "they are not finite"
-    if max(map(abs, position)) > MAX_PLACE_M:
-        return f"they are farther than {MAX_PLACE_M:g} m"
-    length = math.hypot(*quaternion)
-    if abs(length - 1) > MAX_NORM_ERROR:
-        return f"a rotation is a quaternion of length {length:.3g}, not 1"
-    return None
 
 
 def without_transform(frame: str, base: str | None) -> str:

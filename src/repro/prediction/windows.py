@@ -68,67 +68,48 @@ def cut(log: ScanLog, settings: WindowSettings, stride_s: float, size_m: float) 
         for last in ends:
             number += 1
             index = begin + steps_before(stamps[: last + 1], settings)
-            origin = center_of(settings, log.poses[0], log.poses[begin + last]) - size_m / 2
-            after = slice(begin + last + 1, begin + last + 2)
-            following = _on_map(log, after, origin) if after.stop <= end else None
-            corner = (float(origin[0]), float(origin[1]))
-            held_out = _held_out(log, begin + int(last), origin)
-            yield Window(number, float(stamps[last]), _on_map(log, index, origin), corner, following, held_out)
+            origin = settings.origin(log.poses[0], log.poses[begin + last], size_m)
+            following = _on_map(log, [begin + last + 1], origin) if begin + last + 1 < end else None
+            removed = log.held_out(begin + int(last))
+            held_out = on_map(*removed, log.poses[[begin + last]], origin) if removed else None
+            window = _on_map(log, index, origin)
+            yield Window(number, float(stamps[last]), window, (float(origin[0]), float(origin[1])), following, held_out)
 
 
 def spaced_by_distance(log: ScanLog, settings: WindowSettings, statistics: Statistics | None) -> WindowSettings:
     """Return the windows of a log in which the robot drives as far as in those of the training (median).
 
-    The time of a step is counted in scans, of which a window has at least `LEAST_SCANS` different ones.
-
-    Args:
-        log: the log, whose times are the numbers of its scans.
-        settings: center and steps of the windows.
-        statistics: those of the training.
+    The times of the log are the numbers of its scans, and the time of a step is counted in scans, of which a window has
+    at least `LEAST_SCANS` different ones.
 
     Raises:
         InputError: the statistics are not known, or the robot does not drive.
     """
     if statistics is None:
         raise InputError("prediction.spacing=distance: the weights have no statistics, such as the path of the robot")
-    driven_m = float(np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum())
-    path_m = statistics.quantiles["path_m"][2]
-    if not driven_m > 0 or not path_m > 0:
+    driven_m, usual_m = path_m(log.poses), statistics.quantiles["path_m"][2]
+    if not driven_m > 0 or not usual_m > 0:
         raise InputError(
-            f"prediction.spacing=distance: the robot drives {driven_m:.3g} m in the log and {path_m:.3g} m in a window "
-            "of the training, and its scans cannot be spaced by distance"
+            f"prediction.spacing=distance: the robot drives {driven_m:.3g} m in the log and {usual_m:.3g} m in a "
+            "window of the training, and its scans cannot be spaced by distance"
         )
-    scans = path_m * (len(log) - 1) / driven_m  # in a window
+    scans = usual_m * (len(log) - 1) / driven_m  # in a window
     step = max(scans / settings.steps, LEAST_SCANS / settings.steps)
     return replace(settings, step_s=float(step), spacing="distance")
 
 
-def center_of(settings: WindowSettings, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return the center of a map [m], (2,), given the first pose of the log and the last pose of the window, (3,)."""
-    if isinstance(settings.center, str):
-        return {"start": first, "robot": last}[settings.center][:2]
-    return np.array(settings.center)
-
-
 def on_map(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, origin: np.ndarray) -> Scans:
-    """Return a window whose poses are moved from the frame of a log onto a map.
-
-    Args:
-        ranges: ranges [m], (T, N).
-        angles: beam angles [rad], (N,).
-        poses: x, y [m] and heading [rad] in the frame of the log, (T, 3).
-        origin: x, y of the lower left corner of the map in the frame of the log [m], (2,).
-    """
+    """Return a window, see `Scans`, whose poses are moved from the frame of a log onto a map with an origin [m]."""
     poses = poses.copy()
     poses[:, :2] -= origin
     poses[:, 2] = wrapped(poses[:, 2])
     return Scans(np.ascontiguousarray(ranges), angles, poses)
 
 
-def _on_map(log: ScanLog, index: np.ndarray | slice, origin: np.ndarray) -> Scans:
+def _on_map(log: ScanLog, index: np.ndarray | list[int], origin: np.ndarray) -> Scans:
     return on_map(log.ranges[index], log.angles, log.poses[index], origin)
 
 
-def _held_out(log: ScanLog, index: int, origin: np.ndarray) -> Scans | None:
-    scan = log.held_out(index)
-    return on_map(*scan, log.poses[index : index + 1], origin) if scan else None
+def path_m(poses: np.ndarray) -> float:
+    """Return the length of a path [m], given its poses, (S, 3)."""
+    return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())

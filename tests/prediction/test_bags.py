@@ -1,0 +1,111 @@
+"""Bags of ROS 1 and ROS 2, written by rosbags."""
+
+import os
+import shutil
+import sqlite3
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from log_files import POSES, SCANS, STAMPS, bag, expect, npz, read
+from rosbags.rosbag2 import StoragePlugin
+
+
+@pytest.mark.parametrize(("poses", "topic"), [("tf", None), ("odometry", None), ("conflict", None), ("both", "/odom")])
+def test_ros1_bags(poses, topic, tmp_path):
+    """Named odometry replaces the transforms but not the mounting; one of `base_link` places `base_footprint`, too."""
+    expect(read(bag(tmp_path / "log.bag", 1, poses=poses), odometry_topic=topic), atol=2e-3)
+
+
+@pytest.mark.parametrize("poses", ["tf", "odometry"])
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_ros2_bags(poses, storage, tmp_path):
+    directory = bag(tmp_path / "log", 2, poses=poses, storage=storage)
+    expect(read(directory), atol=2e-3)
+    (file,) = (path for path in directory.iterdir() if path.suffix != ".yaml")
+    if storage is StoragePlugin.MCAP:
+        expect(read(file.rename(tmp_path / "recorded yesterday")), atol=2e-3)
+
+
+def test_a_lidar_whose_mounting_is_not_known_is_reported_once(tmp_path, caplog):
+    log = read(bag(tmp_path / "log.bag", 1, poses="odometry"))
+    assert log.poses[:, 0] == pytest.approx(POSES[:, 0], abs=1e-6)
+    assert caplog.text.count("no transform of laser") == 1
+    read(bag(tmp_path / "other.bag", 1, poses="tf"))
+    assert caplog.text.count("no transform") == 1
+
+
+def test_topics_are_named_when_they_are_missing(tmp_path):
+    path = bag(tmp_path / "log.bag", 1, poses="tf")
+    with pytest.raises(ValueError, match=r"no messages on /front .*there are /scan"):
+        read(path, scan_topic="/front")
+    with pytest.raises(ValueError, match=r"no messages on /odom .*there are none"):
+        read(path, odometry_topic="/odom")
+
+
+def test_a_lidar_that_stands_needs_no_poses(tmp_path):
+    pose = (1.0, 2.0, 0.5)
+    log = read(bag(tmp_path / "log.bag", 1, poses="none"), pose=pose)
+    assert log.stamps == pytest.approx(STAMPS, abs=1e-6)
+    assert log.poses == pytest.approx(np.tile(pose, (SCANS, 1)))
+    arrays = npz(tmp_path / "log.npz", poses=None)
+    with pytest.raises(ValueError, match=r"lacks poses: .* For a lidar that stands, set prediction.pose=fixed"):
+        read(arrays)
+    assert read(arrays, pose=pose).poses == pytest.approx(log.poses)
+
+
+def test_a_mounting_replaces_that_of_a_bag(tmp_path):
+    path = bag(tmp_path / "log.bag", 1, poses="tf")
+    expect(read(path, mounting=(0.2, 0.0, 0.0)), atol=2e-3)
+    turned = read(path, mounting=(0.2, 0.0, 1.0))
+    assert turned.poses == pytest.approx(POSES + np.array([0, 0, 1]), abs=2e-3)
+
+
+def test_a_bag_of_which_messages_are_lost_is_refused(tmp_path):
+    """As on a disk with a bad block; rosbags passes over zeros."""
+    (path,) = bag(tmp_path / "log", 2, poses="tf").glob("*.mcap")
+    data = path.read_bytes()
+    middle = len(data) // 2
+    path.write_bytes(data[:middle] + bytes(1000) + data[middle + 1000 :])
+    with pytest.raises(ValueError, match=r"the bag is damaged: \d+ of 30 messages on /scan can be read; repair it"):
+        read(path)
+
+
+def test_the_last_messages_of_a_database_that_was_not_closed_are_read(tmp_path):
+    """They are in its write-ahead log, as after a recorder was killed."""
+    directory = bag(tmp_path / "log", 2, poses="tf", storage=StoragePlugin.SQLITE3)
+    (path,) = directory.glob("*.db3")
+    recorder = sqlite3.connect(path)
+    recorder.execute("PRAGMA journal_mode=WAL")
+    recorder.execute("PRAGMA wal_autocheckpoint=0")
+    (topic,) = recorder.execute("SELECT id FROM topics WHERE name='/scan'").fetchone()
+    rows = recorder.execute("SELECT timestamp, data FROM messages WHERE topic_id=?", (topic,)).fetchall()
+    recorder.execute("DELETE FROM messages WHERE topic_id=? AND timestamp>?", (topic, rows[9][0]))
+    recorder.commit()
+    recorder.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    insert = "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)"
+    recorder.executemany(insert, [(topic, *row) for row in rows[10:]])
+    recorder.commit()
+    recording = shutil.copytree(directory, tmp_path / "killed")
+    recorder.close()
+    before = {file.name: file.read_bytes() for file in recording.iterdir()}
+    assert any(name.endswith("-wal") for name in before)
+    for given in (recording, recording / path.name):
+        expect(read(given), atol=2e-3)
+    assert {file.name: file.read_bytes() for file in recording.iterdir()} == before
+
+
+def test_the_parts_of_a_bag_in_a_directory_are_one_log(tmp_path):
+    """The second one has the same scans again, and no poses."""
+    for name, poses in (("a.bag", "tf"), ("b.bag", "none")):
+        bag(tmp_path / name, 1, poses=poses)
+    log = read(tmp_path)
+    assert log.skipped == {"not later than the one before": SCANS}
+    expect(replace(log, skipped={}), atol=2e-3)
+
+
+def test_a_directory_of_a_bag_has_regular_files_only(tmp_path):
+    directory = bag(tmp_path / "log", 2, poses="tf")
+    os.mkfifo(directory / "pipe")
+    with pytest.raises(ValueError, match="pipe: expected a regular file in the directory of a bag"):
+        read(directory)
