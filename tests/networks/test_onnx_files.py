@@ -14,8 +14,8 @@ from repro.maps.grid import Grid
 from repro.maps.series import Series
 from repro.maps.statistics import Statistics
 from repro.networks import onnx_files
+from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
-from repro.networks.light_convgru import LightConvGRU
 from repro.networks.onnx_files import DESCRIPTION, INPUT, OUTPUT, read_onnx, write_onnx
 from repro.networks.predictor import Predictor, load_predictor
 
@@ -63,7 +63,7 @@ def test_a_file_holds_the_whole_predictor(exported):
         again.save_onnx(path)
 
 
-@pytest.mark.parametrize(("network", "name"), [(LightConvGRU, "series4"), (ConvLSTM, "stack4")])
+@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (ConvLSTM, "stack4")])
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
     encoding = create_encoding(name, {"frames": 4})

@@ -13,8 +13,8 @@ from conftest import ROOT
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.networks.convgru import ConvGRU
 from repro.networks.create import create_network
-from repro.networks.light_convgru import LightConvGRU
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
@@ -152,7 +152,7 @@ def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(
 
 def test_the_stream_of_a_lidar_that_reaches_less_far_is_that_of_the_predictor_with_its_range(log):
     encoding = create_encoding("series10", {"frames": 10})
-    predictor = Predictor(LightConvGRU(20, 10, hidden=16).eval(), encoding, Grid(32, 50.0))
+    predictor = Predictor(ConvGRU(20, 10, hidden=16).eval(), encoding, Grid(32, 50.0))
     log = dataclasses.replace(log, ranges=np.where(log.ranges < 12, log.ranges, np.float32(np.inf)))
     stream = PredictionStream(predictor, log.angles, center=(25.0, 25.0), range_max_m=12.0)
     *_, predicted = (stream.update(*scan) for scan in zip(log.ranges[:100], log.poses, log.stamps, strict=False))

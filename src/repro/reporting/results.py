@@ -25,7 +25,7 @@ SIZES = {
     "test_pairs": "test pairs",
 }  # sizes of a run with their units
 OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22
-STUDIED = (*NETWORKS, "light_convgru", "convgru", "convlstm", "deeptracking")  # the networks of this study
+STUDIED = (*NETWORKS, "convgru", "convlstm")  # the networks of this study
 FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 
 
