@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from repro.baselines.laws import applies
-from repro.baselines.registry import PREDICTORS
+from repro.baselines.registry import PREDICTORS, applies
 from repro.cli.jobs import Job
 from repro.cli.notes import recording_seconds
 from repro.cli.settings import Runtime
