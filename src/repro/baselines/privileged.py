@@ -59,12 +59,6 @@ class Obstacles:
         return 2 * self.paths[:, 0] - self.paths[:, 1]
 
 
-def knows(spec: WorldSpec) -> bool:
-    """Return whether the laws of a world spec are those that the upper bound draws from, the paper's."""
-    drifts = all(behavior.name == "drift" for behavior in spec.behaviors)
-    return isinstance(spec.obstacles, Sized) and drifts and not (spec.is_drive or spec.fixed or spec.lidar.noise)
-
-
 def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     """Predict the test recordings in threads; nothing is tuned on the validation set.
 
@@ -72,7 +66,7 @@ def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
         ValueError: the worlds have other laws than the paper's.
     """
     assert test.truth, "the privileged predictor needs the true obstacles"
-    if not knows(test.truth.spec):
+    if not test.truth.spec.is_like_papers:
         raise InputError(
             "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
             "or square, without fixed obstacles or noise of the lidar"
@@ -144,7 +138,7 @@ def _ends(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Draw ends [m], (K, 2), of an obstacle that was last hit at a step, which agree with the later scans."""
-    assert isinstance(spec.obstacles, Sized), "see `knows`"
+    assert isinstance(spec.obstacles, Sized), "see `WorldSpec.is_like_papers`"
     place, behavior = path[last - 1], spec.obstacles.behavior
     if behavior is None or not len(later[0]):
         return place[None]

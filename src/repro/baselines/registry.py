@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.privileged import knows, privileged
+from repro.baselines.privileged import privileged
 from repro.baselines.tracker import Prior, clusters, distances, track
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
@@ -115,7 +115,7 @@ def applies(name: str, spec: WorldSpec) -> bool:
     """Return whether a baseline adds something in worlds of a spec."""
     if name == "mean_map":  # it predicts the fixed obstacles
         return bool(spec.fixed)
-    return name != "privileged" or knows(spec)
+    return name != "privileged" or spec.is_like_papers
 
 
 def tune(
