@@ -42,7 +42,7 @@ def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any])
     """
     specs = {name: world_spec(world, name) for name in world["experiments"]}
     for name, spec in specs.items():
-        if not spec.is_like_papers or getattr(spec.motion, "turned_rad", 0):
+        if not spec.is_like_papers or spec.motion.irsim().get("turned_rad"):
             raise InputError(f"the demo cannot simulate experiment {name}, with {spec.motion.name}: use world=paper")
     spec, steps = next(iter(specs.values())), networks[0].steps
     for network in networks:
