@@ -34,10 +34,10 @@ from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
 WEIGHTS = {  # by experiment, below reproduce/results
-    "1": "workstation/exp1-light_convgru",
-    "2": "workstation/exp2-light_convgru",
-    "3": "workstation-20000/exp3-light_convgru",
-    "4": "workstation-16000/exp4-light_convgru",
+    "1": "workstation/exp1-convgru",
+    "2": "workstation/exp2-convgru",
+    "3": "workstation-16000/exp3-convgru",
+    "4": "workstation-16000/exp4-convgru",
 }
 EVERY = 10  # steps between two planned paths
 

@@ -50,7 +50,7 @@ CELLS = [  # networks and their inputs
     *((name, "projection") for name in NETWORKS),
     ("unet", "stack10"),
     *((name, "series10") for name in NETWORKS),
-    *(("convlstm", "stack10"), ("convgru", "series10"), ("light_convgru", "series10")),
+    *(("convlstm", "stack10"), ("convgru", "series10")),
 ]
 DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
 LATENCIES = ("cpu_eager_ms", "cpu_onnx_ms", "cuda_eager_ms")

@@ -51,7 +51,7 @@ def test_the_processes_of_a_pool_end_with_it(fails):
         (128, 8, 3000, 1, 1.54),
         (256, 8, 3000, 1, 2.65),
         (256, 16, 10_000, 1, 5.28),
-        (64, 8, 2000, 200, 2.48),  # DeepTracking
+        (64, 8, 2000, 200, 2.48),  # a network with a series of 100 parts
         (128, 2, 20_000, 20, 3.40),  # ConvGRU
     ],
 )

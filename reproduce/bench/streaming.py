@@ -23,7 +23,6 @@ from repro.prediction.readers import read_log
 from repro.prediction.stream import PredictionStream
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import on_map
-from repro.reporting.names import predictor_title
 from repro.system.devices import one_thread
 
 ROOT = Path(__file__).parents[2]
@@ -36,10 +35,8 @@ def bench_streaming() -> None:
     log = read_log(ROOT / "examples" / "rooms.npz", WindowSettings())
     unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
-    predictors = {"U-Net, projection": unet}
-    for name in ("convgru", "light_convgru"):
-        network = create_network(Model(name), series.channels, series.frames).eval()  # not trained
-        predictors[predictor_title(name, series.name)] = Predictor(network, series, unet.grid)
+    network = create_network(Model("convgru"), series.channels, series.frames).eval()  # not trained
+    predictors = {"U-Net, projection": unet, "ConvGRU, series10": Predictor(network, series, unet.grid)}
     with one_thread():
         head(
             f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",

@@ -37,7 +37,7 @@ SIZES = {  # pixels, batch, pairs of an epoch
     "cpu": [(64, 8, 96), (128, 8, 32), (256, 8, 16)],
     "cuda": [(256, 16, 2048)],
 }
-RECURRENT = "light_convgru"
+RECURRENT = "convgru"
 WARM_UPS = 3  # epochs of a few steps, until a process keeps all the memory that a step needs
 ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
 Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches

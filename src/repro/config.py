@@ -43,7 +43,7 @@ class Encoding:
 
 NO_DECAY = "-no-decay"
 MOST_CHANNELS = 2  # of an encoding in each part of the window
-RECURRENT = ("convgru", "convlstm", "light_convgru")  # architectures that need a series of images
+RECURRENT = ("convgru", "convlstm")  # architectures that need a series of images
 PROJECTION = "projection"  # the paper's input
 PROJECTION_NO_DECAY = PROJECTION + NO_DECAY  # the input of its ablation
 

@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import shapely
 from omegaconf import DictConfig, OmegaConf
@@ -18,34 +18,28 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from repro.fields import STRICT, config_errors_of, ordered
 from repro.system.errors import InputError
 
+T = TypeVar("T")
+
 
 def _amount(value: Any) -> str:
     return "<several>" if isinstance(value, list | tuple) else "<one>"
 
 
-# Ranges in which IR-SIM, the recorder and float32 compute what the value says
+Range = Annotated[tuple[T, T], AfterValidator(ordered)]
+OneOrRange = Annotated[Annotated[T, Tag("<one>")] | Annotated[Range[T], Tag("<several>")], Discriminator(_amount)]
+# Limits within which IR-SIM, the recorder and float32 compute what the value says
 Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
-LengthRange = Annotated[tuple[Length, Length], AfterValidator(ordered)]
-Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
-Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
-SpeedRange = Annotated[tuple[Speed, Speed], AfterValidator(ordered)]
-SpeedOrRange = Annotated[
-    Annotated[Speed, Tag("<one>")] | Annotated[SpeedRange, Tag("<several>")], Discriminator(_amount)
-]
-Angle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi, allow_inf_nan=False)]  # [rad]
-AngleRange = Annotated[tuple[Angle, Angle], AfterValidator(ordered)]
-AngleOrRange = Annotated[
-    Annotated[Angle, Tag("<one>")] | Annotated[AngleRange, Tag("<several>")], Discriminator(_amount)
-]
-Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
-Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
-RatioRange = Annotated[tuple[Ratio, Ratio], AfterValidator(ordered)]
-Steps = Annotated[int, Field(ge=1, le=1_000_000)]
-StepsRange = Annotated[tuple[Steps, Steps], AfterValidator(ordered)]
 Coordinate = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]  # [m]
 Point = tuple[Coordinate, Coordinate]
+Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
+Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
+Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
+Angle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi, allow_inf_nan=False)]  # [rad]
+Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0, le=1)]
+Steps = Annotated[int, Field(ge=1, le=1_000_000)]
+WindowSteps = Annotated[int, Field(ge=2, le=1_000_000)]  # steps
 Number = Annotated[int, Field(ge=1, le=1000)]
-NumberRange = Annotated[tuple[Number, Number], AfterValidator(ordered)]
 MAX_VERTICES, MAX_FIXED = 100, 1000  # of a polygon or line string, of the fixed obstacles of a floor
 
 
@@ -150,10 +144,10 @@ FixedList = Annotated[list[Fixed], Field(max_length=MAX_FIXED)]
 class Rooms(Part):
     """Walls with doors and corridors that are sampled for every world."""
 
-    side_m: LengthRange
-    door_m: LengthRange
-    corridor_m: LengthRange
-    corridor_share: Annotated[float, Field(ge=0, le=1)]
+    side_m: Range[Length]
+    door_m: Range[Length]
+    corridor_m: Range[Length]
+    corridor_share: Probability
 
     @model_validator(mode="after")
     def _has_doors(self) -> "Rooms":
@@ -176,8 +170,8 @@ class Rotation(Part):
     """A full turn in place; `turned_rad` [rad] is its start heading, or the range of it."""
 
     name: Literal["rotate"]
-    steps: Annotated[int, Field(ge=2, le=1_000_000)]
-    turned_rad: AngleOrRange = 0.0
+    steps: WindowSteps
+    turned_rad: OneOrRange[Angle] = 0.0
 
 
 class Square(Part):
@@ -188,7 +182,7 @@ class Square(Part):
     drive_steps: Annotated[int, Field(ge=1, le=100_000)]
     turn_steps: Annotated[int, Field(ge=1, le=100_000)]
     first_steps: Annotated[int, Field(ge=0)]
-    turned_rad: AngleOrRange = 0.0
+    turned_rad: OneOrRange[Angle] = 0.0
 
     @property
     def steps(self) -> int:
@@ -202,16 +196,16 @@ class Waypoints(Part):
     points_m: Annotated[list[Point], Field(min_length=2, max_length=1000), AfterValidator(_distinct)]
     speed_m_s: Speed
     turn_rad_s: Speed
-    steps: Annotated[int, Field(ge=2, le=1_000_000)]
+    steps: WindowSteps
 
 
 class RandomGoals(Part):
     """Straight drives to random goals, with turns in place; a range of speeds is sampled once per world."""
 
     name: Literal["random_goals"]
-    speed_m_s: SpeedOrRange
-    turn_rad_s: SpeedOrRange
-    steps: Annotated[int, Field(ge=2, le=1_000_000)]
+    speed_m_s: OneOrRange[Speed]
+    turn_rad_s: OneOrRange[Speed]
+    steps: WindowSteps
 
 
 Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
@@ -219,8 +213,8 @@ Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discrimina
 
 class Drifting(Part):
     name: Literal["drift"]
-    speed_m_s: SpeedRange
-    turn_steps: StepsRange
+    speed_m_s: Range[Speed]
+    turn_steps: Range[Steps]
 
 
 Behavior = Drifting  # or a union of behaviors by their names
@@ -229,17 +223,17 @@ Behavior = Drifting  # or a union of behaviors by their names
 class Sized(Part):
     """Discs and rectangles of random size."""
 
-    count: NumberRange
-    radius_m: LengthRange
-    aspect: RatioRange
-    disc_share: Annotated[float, Field(ge=0, le=1)]
+    count: Range[Number]
+    radius_m: Range[Length]
+    aspect: Range[Ratio]
+    disc_share: Probability
     behavior: Behavior | None = None
 
 
 class Shaped(Part):
     """Obstacles of given shapes, each with the same probability."""
 
-    count: NumberRange
+    count: Range[Number]
     shapes: Annotated[list[AnyShape], Field(min_length=1, max_length=100)]
     behavior: Behavior | None = None
 
@@ -316,6 +310,15 @@ class WorldSpec(Experiment):
     @property
     def lidar(self) -> Lidar:
         return self.robot.sensors[0]
+
+    @property
+    def is_like_papers(self) -> bool:
+        """Whether one population of discs and rectangles stands or drifts around a rotating robot or its square.
+
+        There are neither fixed obstacles nor noise of the lidar.
+        """
+        drifts = all(behavior.name == "drift" for behavior in self.behaviors)
+        return isinstance(self.obstacles, Sized) and drifts and not (self.is_drive or self.fixed or self.lidar.noise)
 
     @property
     def steps(self) -> int:

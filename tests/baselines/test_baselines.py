@@ -10,7 +10,7 @@ from conftest import ROOT, prepared
 from shapely import affinity
 
 from repro.baselines import tracker
-from repro.baselines.names import BASELINES, OTHER_BOUNDS
+from repro.baselines.names import BASELINES
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.registry import PREDICTORS, TRACKER, climb, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
@@ -186,7 +186,7 @@ def test_climbing_stops_where_no_step_improves():
 
 
 def test_every_baseline_has_a_title_and_a_predictor():
-    assert set(PREDICTORS) == {*BASELINES, *OTHER_BOUNDS} - {"inference"}  # has published rows only
+    assert set(PREDICTORS) == set(BASELINES)
 
 
 FREE_ENDS = {  # an end of the candidates that has a meaning: no such effect, or one of unlimited length

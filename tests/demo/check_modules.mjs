@@ -7,7 +7,7 @@ const [assets, fixture] = process.argv.slice(2);
 const load = (name) => import(pathToFileURL(`${assets}/${name}`).href);
 const [{ outlineOf, place }, { beamAngles, scan }, { robotCommands, advance, startPose }] = await Promise.all(
   ["geometry.js", "raycasting.js", "motions.js"].map(load));
-const [{ createEncoding }, { rasterize }, { compare }] = await Promise.all(["encodings.js", "grid.js", "scores.js"].map(load));
+const [{ createEncoding }, { compare, rasterize }] = await Promise.all(["encodings.js", "maps.js"].map(load));
 
 const pose = ([x, y, heading]) => ({ x, y, heading });
 

@@ -17,6 +17,8 @@ from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.world_config import read_world
 
+PAGE_GRID = Grid(32, 50.0)
+
 
 def matrix_model(weights):
     """Return an ONNX model that multiplies its input (1, K) by weights (K, K)."""
@@ -79,7 +81,7 @@ def test_a_network_is_described_by_its_directory(saved, monkeypatch):
         assert (loaded.title, loaded.experiment) == expected
         assert loaded.grid.size_px == 32
         assert loaded.encoding == {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}}
-        assert loaded.note.startswith("5.5 million parameters")
+        assert loaded.note.startswith("Input projection, 32 px")
 
 
 def test_an_onnx_file_is_described_by_its_directory(saved, tmp_path):
@@ -87,12 +89,6 @@ def test_an_onnx_file_is_described_by_its_directory(saved, tmp_path):
     file.parent.mkdir()
     load_predictor(saved("first", "projection", decay=False)).save_onnx(file)
     assert networks._names(file, load_predictor(file)) == ("U-Net, no decay, experiment 4", "4")
-
-
-@pytest.mark.parametrize(("behavior", "kind"), [({"name": "drift"}, "moving"), (None, "static")])
-def test_an_experiment_is_described_by_its_motions(behavior, kind):
-    experiment = {"motion": {"name": "rotate"}, "obstacles": {"count": [1, 2], "behavior": behavior}}
-    assert page._experiment("5", experiment) == f"5: {kind}, robot rotates"
 
 
 def test_modules_come_after_those_they_import():
@@ -103,35 +99,27 @@ def test_modules_come_after_those_they_import():
         assert all(order.index(other) < order.index(name) for other in page.IMPORTS.findall(source))
 
 
+def world(name):
+    return read_world(ROOT / "conf" / "world" / f"{name}.yaml")
+
+
+def network(title="Net", grid=PAGE_GRID, steps=100, step_s=0.1, content=b""):
+    return networks.DemoNetwork(title, "", None, {}, grid, steps, step_s, content)
+
+
 def test_a_page_that_is_too_large_is_refused():
-    content = np.random.default_rng(0).bytes(20_000_000)
-    large = networks.DemoNetwork("Large", "", "4", {}, Grid(32, 50.0), 100, 0.1, content)
-    spec = {
-        "world": {"width": 50, "step_time": 0.1},
-        "robot": {"sensors": [{"number": 100, "range_max": 30}]},
-        "experiments": {},
-    }
-    spec["experiments"]["4"] = {"motion": {"name": "rotate"}, "obstacles": {"count": [1, 2]}}
+    large = network("Large", content=np.random.default_rng(0).bytes(20_000_000))
     with pytest.raises(ValueError, match=r"has 26.* MB, at most 25 are allowed.*Large 20.0 MB"):
-        page.render([large], Runtime("", b""), spec)
+        page.render([large], Runtime("", b""), world("paper"))
 
 
-@pytest.mark.parametrize(
-    ("world", "changes", "problem"),
-    [
-        ("drive", {}, "the motion random_goals"),
-        ("office", {"motion": {"name": "square"}}, "fixed obstacles"),
-        ("office", {"motion": {"name": "rotate"}, "fixed": []}, "several kinds of obstacles"),
-        ("paper", {"obstacles": {"shapes": [], "count": [1, 2]}}, "shapes other than discs"),
-    ],
-)
-def test_a_world_that_the_page_cannot_simulate_is_refused(world, changes, problem):
-    spec = read_world(ROOT / "conf" / "world" / f"{world}.yaml")
-    for experiment in spec["experiments"].values():
-        experiment.update(changes)
-    network = networks.DemoNetwork("Net", "", None, {}, Grid(32, 50.0), 100, 0.1, b"")
-    with pytest.raises(ValueError, match=f"cannot simulate experiment .*, which has {problem}.*: use world=paper"):
-        page.render([network], Runtime("", b""), spec)
+@pytest.mark.parametrize("name", ["drive", "office", "turned"])
+def test_a_world_that_the_page_cannot_simulate_is_refused(name):
+    content = world("paper" if name == "turned" else name)
+    if name == "turned":
+        content["experiments"]["1"]["motion"]["turned_rad"] = 1.0
+    with pytest.raises(ValueError, match=r"cannot simulate experiment .*: use world=paper"):
+        page.render([network()], Runtime("", b""), content)
 
 
 @pytest.mark.parametrize(
@@ -143,10 +131,8 @@ def test_a_world_that_the_page_cannot_simulate_is_refused(world, changes, proble
     ],
 )
 def test_a_network_of_other_maps_or_windows_is_refused(grid, steps, step_s, problem):
-    first = networks.DemoNetwork("First", "", None, {}, Grid(32, 50.0), 100, 0.1, b"")
-    other = networks.DemoNetwork("Other", "", None, {}, grid, steps, step_s, b"")
     with pytest.raises(ValueError, match=f"demo.networks: {problem}"):
-        page.render([first, other], Runtime("", b""), read_world(ROOT / "conf" / "world" / "paper.yaml"))
+        page.render([network(), network("Other", grid, steps, step_s)], Runtime("", b""), world("paper"))
 
 
 def test_a_network_of_fixed_obstacles_is_refused():

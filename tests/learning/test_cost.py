@@ -17,8 +17,8 @@ def test_a_recurrent_network_is_measured_with_its_series(monkeypatch):
     calls = []
     monkeypatch.setattr(cost, "seconds_per_image", lambda *given: calls.append(given) or 0.001)
     series = Encoding("series4", {"frames": 4, "range_max_m": 30.0})
-    config = replace(PAPER, model=Model("light_convgru"), encoding=series, train=replace(TRAINING, max_epochs=5))
+    config = replace(PAPER, model=Model("convgru"), encoding=series, train=replace(TRAINING, max_epochs=5))
     assert training_seconds(config, "32-true", "cpu") == pytest.approx(0.001 * 10000 * 5)
     ((model, encoding, *numbers, accelerator),) = calls
-    assert (model, encoding.channels, encoding.frames, accelerator) == (Model("light_convgru"), 8, 4, "cpu")
+    assert (model, encoding.channels, encoding.frames, accelerator) == (Model("convgru"), 8, 4, "cpu")
     assert numbers == [32, 2, "32-true", 8]

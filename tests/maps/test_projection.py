@@ -67,43 +67,6 @@ def test_the_newest_reading_wins():
     assert (image < 255).sum() == 2
 
 
-def test_gray_falls_linearly_from_the_oldest_to_the_newest():
-    scans = one_beam([2.0 * step for step in range(1, 11)])
-    shades = project(scans, Grid(50, 50.0), oldest_gray=0.9)[0, 24, 27::2][:10]
-    assert shades.tolist() == pytest.approx([255 * 0.9 * (1 - k / 9) for k in range(10)], abs=0.51)
-
-
-def test_the_newest_hit_is_black_in_a_window_of_any_length():
-    for steps in (1, 2, 7):
-        assert project(one_beam([10.0] * steps), Grid(50, 50.0), oldest_gray=0.8).min() == 0
-
-
-def test_without_decay_every_hit_is_black():
-    image = project(one_beam([5.0, 10.0, torch.inf, 20.0]), Grid(50, 50.0), decay=False)
-    assert sorted(image.unique().tolist()) == [0, 255]
-    assert (image == 0).sum() == 3
-
-
-def test_misses_and_hits_off_the_map_are_not_drawn():
-    assert (project(one_beam([torch.inf, 26.0, 40.0]), Grid(50, 50.0)) == 255).all()
-
-
-def test_rotating_the_poses_rotates_the_image(shard):
-    scans = shard.scans.tensors(dtype=torch.float64)
-    turned = scans.poses.clone()
-    centerd = scans.poses[..., :2] - 25
-    turned[..., 0], turned[..., 1] = 25 - centerd[..., 1], 25 + centerd[..., 0]
-    turned[..., 2] += math.pi / 2
-    image = project(scans, Grid(64, 50.0))
-    again = project(Scans(scans.ranges, scans.angles, turned), Grid(64, 50.0))
-    assert (again != torch.rot90(image, 1, dims=(1, 2))).float().mean() < 1e-3
-
-
-def test_invalid_grays_are_refused():
-    with pytest.raises(ValueError, match=r"oldest_gray\n.*less than or equal to 0.996"):
-        Projection(oldest_gray=1.0)
-
-
 def test_the_input_of_a_network_is_in_0_to_1():
     images = torch.tensor([[[[0, 51], [204, 255]]]], dtype=torch.uint8)
     assert Projection().to_input(images).flatten().tolist() == pytest.approx([0, 0.2, 0.8, 1])

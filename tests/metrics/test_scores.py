@@ -65,12 +65,6 @@ def test_eps_is_in_numerator_and_denominator():
     assert no_obstacle["specificity"].item() == 1  # eps / eps, as Segmentation-Metrics-PyTorch has it
 
 
-def test_dice_is_the_harmonic_mean_of_precision_and_recall(images):
-    found = scores(confusion(*images).sum(0))
-    precision, recall = found["precision"], found["recall"]
-    assert found["dice"].item() == pytest.approx((2 * precision * recall / (precision + recall)).item(), abs=1e-6)
-
-
 def test_ssim_agrees_with_torchmetrics_and_is_one_for_the_truth(images):
     probability, target = images
     _, reference = structural_similarity_index_measure(

@@ -14,8 +14,8 @@ from log_files import npz, read
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.networks.convgru import ConvGRU
 from repro.networks.create import create_network
-from repro.networks.light_convgru import LightConvGRU
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
@@ -111,7 +111,7 @@ def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(
 
 
 def test_the_stream_of_a_lidar_that_reaches_less_far_is_that_of_the_predictor_with_its_range():
-    predictor = Predictor(LightConvGRU(20, 10, hidden=16).eval(), SERIES, Grid(32, 50.0))
+    predictor = Predictor(ConvGRU(20, 10, hidden=16).eval(), SERIES, Grid(32, 50.0))
     ranges = np.where(LOG.ranges[:100] < 12, LOG.ranges[:100], np.float32(np.inf))
     *_, predicted = feed(PredictionStream(predictor, ANGLES, center=(25.0, 25.0), range_max_m=12.0), None, ranges)
     window = Scans(ranges, ANGLES, LOG.poses[:100])

@@ -46,12 +46,6 @@ def test_other_images_than_an_encoding_promises_are_refused(recorded, drawn, is_
         load_pairs(recorded, "train", Grid(64, 50.0), Own())
 
 
-def test_twins_share_the_map_and_not_the_image(recorded):
-    pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
-    assert torch.equal(pairs.maps[::2], pairs.maps[1::2])
-    assert (pairs.images[::2] != pairs.images[1::2]).flatten(1).any(1).all()
-
-
 def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
     """Hits of the last step, drawn black, touch an obstacle of the map at that step."""
     pairs = load_pairs(recorded, "test", Grid(128, 50.0), Projection())
@@ -59,14 +53,6 @@ def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
     newest = pairs.images == 0
     assert newest.any()
     assert near[newest].mean() > 0.99
-
-
-def test_decay_changes_grays_but_not_which_pixels_are_hit(recorded):
-    with_decay, without = (
-        load_pairs(recorded, "val", Grid(64, 50.0), Projection(decay)).images for decay in (True, False)
-    )
-    assert torch.equal(with_decay < 255, without < 255)
-    assert not torch.equal(with_decay, without)
 
 
 def test_a_series_is_stored_as_bits_and_given_as_drawn(recorded):

@@ -1,19 +1,14 @@
 import json
-import multiprocessing
-import os
 import shutil
-import signal
-import subprocess
-import sys
 import threading
 import time
 
 import numpy as np
 import pytest
-from conftest import ROOT, world_spec
+from conftest import world_spec
 
 from repro.recordings import format
-from repro.recordings.format import SPLITS, read_shard, spec_fingerprint
+from repro.recordings.format import SPLITS, spec_fingerprint
 from repro.recordings.reader import read_manifest, read_scans, read_shards, recordings_hash
 from repro.simulation import recorder
 from repro.simulation.recorder import record_experiment, record_part, write_shard
@@ -93,13 +88,6 @@ def test_recording_again_changes_nothing(copy):
     (copy / "manifest.json").unlink()
     record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
     assert {path.name: path.stat().st_mtime_ns for path in copy.glob("*.npz")} == before
-
-
-def test_a_missing_shard_is_recorded_again_to_the_same_bytes(copy):
-    manifest = read_manifest(copy)
-    (copy / "manifest.json").unlink()
-    (copy / "val-0000.npz").unlink()
-    assert record_experiment(copy, world_spec("3"), manifest.pairs, workers=1) == manifest
 
 
 @pytest.mark.parametrize("damage", ["truncated", "altered", "missing"])
@@ -268,53 +256,6 @@ def test_a_full_disk_leaves_complete_shards_only(tmp_path, monkeypatch):
     monkeypatch.setattr(np, "savez_compressed", save)
     record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
     assert sum(len(shard.scans) for shard in read_shards(tmp_path, "train")) == 8
-
-
-def _record(directory, results):
-    results.put(record_experiment(directory, world_spec("1"), PAIRS, workers=1))
-
-
-@pytest.mark.slow
-def test_two_processes_record_one_experiment_together(tmp_path):
-    context = multiprocessing.get_context("spawn")
-    results = context.Queue()
-    processes = [context.Process(target=_record, args=(tmp_path, results)) for _ in range(2)]
-    for process in processes:
-        process.start()
-    first, second = results.get(timeout=120), results.get(timeout=120)
-    for process in processes:
-        process.join()
-    assert first == second
-    assert len(list(tmp_path.glob("*.npz"))) == 3
-    assert not list(tmp_path.glob("*.tmp"))
-
-
-@pytest.mark.slow
-def test_a_killed_recording_leaves_complete_shards_and_the_next_call_resumes(tmp_path, monkeypatch):
-    directory = tmp_path / "rec"
-    code = (
-        "import sys; sys.path.insert(0, 'tests')\n"
-        "from pathlib import Path; from conftest import world_spec\n"
-        "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
-        "format.SHARD_WORLDS = 2\n"
-        f"record_experiment(Path({str(directory)!r}), world_spec('2'), {{'train': 400}}, workers=1)\n"
-    )
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True)
-    deadline = time.monotonic() + 60
-    while len(list(directory.glob("train-*.npz"))) < 3 and time.monotonic() < deadline:
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    written = sorted(directory.glob("train-*.npz"))
-    assert 3 <= len(written) < 100
-    assert not (directory / "manifest.json").exists()
-    for path in written:
-        read_shard(path, spec_fingerprint(world_spec("2")))
-    monkeypatch.setattr(format, "SHARD_WORLDS", 2)
-    (directory / f"half.{'0' * 32}.tmp").write_bytes(b"half of a shard")
-    record_experiment(directory, world_spec("2"), {"train": 400}, workers=2)
-    assert sum(len(shard.scans) for shard in read_shards(directory, "train")) == 400
-    assert not list(directory.glob("*.tmp"))
 
 
 def test_every_second_world_is_compared_with_its_replay(tmp_path, replayed):

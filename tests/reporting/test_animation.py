@@ -6,7 +6,7 @@ from PIL import Image
 
 from repro.maps.encodings import create_encoding
 from repro.maps.ground_truth import rasterize
-from repro.networks.light_convgru import LightConvGRU
+from repro.networks.convgru import ConvGRU
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting import animation
 from repro.reporting.animation import make_frames, write_animation
@@ -43,7 +43,7 @@ def test_the_image_fills_as_the_robot_turns(recording, predictor):
 
 def test_a_series_is_shown_as_one_image(recording, predictor):
     series = Predictor(
-        LightConvGRU(8, 4, hidden=16), create_encoding("series4", {"frames": 4, "range_max_m": 10.0}), predictor.grid
+        ConvGRU(8, 4, hidden=16), create_encoding("series4", {"frames": 4, "range_max_m": 10.0}), predictor.grid
     )
     frames = make_frames(recording, series, every=50)
     assert np.array_equal(frames.images[-1], make_frames(recording, predictor, every=50).images[-1])

@@ -123,12 +123,6 @@ def test_a_map_with_noise_is_refused(tmp_path):
         read_floor(write(tmp_path, cells))
 
 
-def test_a_deeply_nested_map_file_is_refused(tmp_path):
-    (tmp_path / "map.yaml").write_text("[" * 3000 + "]" * 3000)
-    with pytest.raises(ValueError, match=r"map.yaml cannot be read \(it is nested too deeply\): floor_map= takes"):
-        read_floor(tmp_path / "map.yaml")
-
-
 @pytest.mark.parametrize(
     ("name", "kind", "mode"),
     [("map.png", "uint16", "I;16"), ("map.pgm", "uint16", "I"), ("map.tif", "int32", "I"), ("map.tif", "float32", "F")],

@@ -26,11 +26,6 @@ def walls_of(seed: int, **changes: object) -> shapely.Geometry:
     return shapely.union_all([shapely.LineString(wall["shape"]["vertices"]) for wall in walls])
 
 
-def test_the_same_seed_has_the_same_rooms_and_another_seed_others():
-    assert walls_of(1).equals(walls_of(1))
-    assert not walls_of(1).equals(walls_of(2))
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_robot_that_fits_the_doors_reaches_every_room(seed):
     """All places of the floor that are 0.3 m from the walls are connected, also those that are not on the map."""

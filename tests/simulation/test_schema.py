@@ -45,7 +45,6 @@ REFUSED = {
         "must be one of circle, rectangle, polygon, linestring",
     ),
     "unknown key": ({f"{FIXED}.0.color": "red"}, "fixed.0.color=red", "not a known key"),
-    "shape of another": ({f"{FIXED}.0.shape": {**WALL, "radius": 1}}, "fixed.0.shape.radius=1", "not a known key"),
     "crossing polygon": ({f"{FIXED}.12.shape.vertices": BOW}, "fixed.12.shape.vertices", "Self-intersection[1 1]"),
     "polygon without area": (
         {f"{FIXED}.12.shape.vertices": [[0, 0], [1, 1], [2, 2]]},
@@ -53,12 +52,9 @@ REFUSED = {
         "does not cross or touch itself",
     ),
     "thin polygon": ({f"{FIXED}.12.shape.vertices": [[0, 0], [9, 0], [9, 1e-6]]}, "vertices", "use a linestring"),
-    "two corners": ({f"{FIXED}.12.shape.vertices": [[0, 0], [9, 0]]}, "vertices", "at least 3 items"),
     "101 corners": ({f"{FIXED}.0.shape.vertices": [[k, k] for k in range(101)]}, "vertices", "at most 100 items"),
     "point twice": ({f"{FIXED}.0.shape.vertices": [[0, 0], [0, 0]]}, "vertices", "the same point twice in a row"),
-    "no number": ({f"{FIXED}.0.shape.vertices": [[0, "a"], [0, 0]]}, "vertices.0.1=a", "must be a valid number"),
     "off the map": ({f"{FIXED}.13.state": [40, 3, 0]}, "experiments.people", "fixed obstacle 14 is outside the map"),
-    "absurd count": ({f"{PEOPLE}.count": [9, 10**9]}, "obstacles.people.count.1=1000000000", "less than or equal to"),
     "too many": ({"experiments.people.obstacles.1.count": [900, 900]}, "experiments.people", "no room for"),
     "no shapes": ({PEOPLE: {"count": [1, 2], "shapes": []}}, "obstacles.people.shapes=[]", "at least 1 item"),
     "two kinds": ({f"{PEOPLE}.shapes": [WALL]}, "obstacles.people.radius_m", "not a known key"),
@@ -74,9 +70,7 @@ REFUSED = {
     ),
     "no speed": ({f"{MOTION}.speed_m_s": 0}, "motion.speed_m_s=0", "greater than or equal to"),
     "too fast": ({f"{MOTION}.speed_m_s": 5}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
-    "range too fast": ({f"{MOTION}.speed_m_s": [1, 5]}, "experiments.people", "the robot needs [5.0, 1.5] m/s"),
     "reversed range": ({f"{MOTION}.speed_m_s": [2, 1]}, "motion.speed_m_s=[2, 1]", "must be ordered, low to high"),
-    "range from zero": ({f"{MOTION}.turn_rad_s": [0, 1]}, "motion.turn_rad_s.0=0", "greater than or equal to"),
     "waypoint in an obstacle": (
         {MOTION: {**DRIVE, "points_m": [[2, 10], [8.5, 4.0]]}},
         "experiments.people",
@@ -92,7 +86,6 @@ REFUSED = {
         "experiments.people",
         "touches a fixed obstacle near [2.00, 11.50]",
     ),
-    "one waypoint": ({MOTION: {**DRIVE, "points_m": [[2, 10]]}}, "motion.points_m", "at least 2 items"),
     "turning on a wall": (
         {MOTION: {"name": "rotate", "steps": 60}, f"{FIXED}.13.state": [10.4, 10, 0]},
         "experiments.people",
@@ -108,7 +101,6 @@ REFUSED = {
     "long": ({f"{MOTION}.steps": 40_000, f"{LIDAR}.number": 4}, "experiments.people", "longer than 30000"),
     "noise without std": ({f"{LIDAR}.std": None}, "robot.sensors.0", "noise: true needs std"),
     "std without noise": ({f"{LIDAR}.noise": False}, "robot.sensors.0", "std and angle_std need noise: true"),
-    "negative noise": ({f"{LIDAR}.std": -1}, "robot.sensors.0.std=-1", "greater than or equal to 0"),
     "beams too far apart": (
         {f"{LIDAR}.angle_range": 6.28, f"{LIDAR}.number": 2},
         "robot.sensors.0",
@@ -123,16 +115,6 @@ REFUSED = {
         {f"{MOVING}.radius_m": [0.15, 0.35], f"{MOVING}.behavior.speed_m_s": [0.3, 5.0], **BRIEF},
         "experiments.people",
         "move 0.5 m in a step and may pass through walls: expected less than 0.3 m, twice their smallest radius",
-    ),
-    "steps through furniture": (
-        {FIXED: None, f"{MOVING}.radius_m": [0.15, 0.35], f"{MOVING}.behavior.speed_m_s": [0.3, 3.0], **BRIEF},
-        "experiments.people",
-        "obstacles of 3 m/s and a radius of 0.15 m move 0.3 m in a step and may pass through walls",
-    ),
-    "shapes through walls": (
-        {**SHAPES, f"{MOVING}.behavior.speed_m_s": [8.0, 8.0], **BRIEF},
-        "experiments.people",
-        "move 0.8 m in a step and may pass through walls: expected less than 0.72111 m",
     ),
     "no free place": (
         {"robot.shape.radius": 4.3, "experiments.people.clear_radius_m": 5.0},

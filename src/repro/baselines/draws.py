@@ -11,20 +11,20 @@ TOLERANCE_M = 0.02  # a beam that enters an obstacle by less than this may have 
 
 @compiled
 def draw_ends(
-    outlines: np.ndarray,
-    starts: np.ndarray,
-    motion: tuple[float, float, float, float, int, int],
+    outline: np.ndarray,
+    start: np.ndarray,
+    law: tuple[float, float, float, float, int, int],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray],
     wanted: int,
     most: int,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, int]:
+) -> tuple[np.ndarray, int]:
     """Draw where an obstacle is after the last step, as `drift.Drift` moves it, given that no scan hits it.
 
     Args:
-        outlines: candidates for its outline at its heading around its origin [m], (D, V, 2); draw d takes d modulo D.
-        starts: candidates for x, y [m], velocity x, y [m/s] and steps since the last random turn, (S, 5).
-        motion: duration of a step [s], x and y of the center [m], distance that the outline keeps from it [m], and the
+        outline: its outline at its heading around its origin [m], (V, 2).
+        start: its x, y [m], velocity x, y [m/s] and steps since the last random turn, (5,).
+        law: duration of a step [s], x and y of the center [m], distance that the outline keeps from it [m], and the
             minimum and maximum number of steps between two random turns.
         scans: ranges of the later steps [m], (T, N), with the maximum range for a miss; beam angles [rad], (N,); poses,
             (T, 3).
@@ -33,31 +33,30 @@ def draw_ends(
         rng: random generator.
 
     Returns:
-        the positions of the kept draws [m], (K, 2), the indices of their outlines, (K,), and the number of tried draws.
+        the positions of the kept draws [m], (K, 2), and the number of tried draws.
     """
-    ends, which = np.empty((wanted, 2)), np.empty(wanted, dtype=np.int64)
+    ends = np.empty((wanted, 2))
     kept = tried = 0
     while kept < wanted and tried < most:
-        number = tried % len(outlines)
-        x, y, is_hit = _move(outlines[number], starts[tried % len(starts)], motion, scans, rng)
+        x, y, is_hit = _move(outline, start, law, scans, rng)
         tried += 1
         if not is_hit:
-            ends[kept, 0], ends[kept, 1], which[kept] = x, y, number
+            ends[kept, 0], ends[kept, 1] = x, y
             kept += 1
-    return ends[:kept], which[:kept], tried
+    return ends[:kept], tried
 
 
 @compiled
 def _move(
     outline: np.ndarray,
     start: np.ndarray,
-    motion: tuple[float, float, float, float, int, int],
+    law: tuple[float, float, float, float, int, int],
     scans: tuple[np.ndarray, np.ndarray, np.ndarray],
     rng: np.random.Generator,
 ) -> tuple[float, float, bool]:
     """Move an obstacle from a start to the last step or its first hit; return x, y [m] and whether a scan hits it."""
     ranges, angles, poses = scans
-    step_s, center_x, center_y, clear_m, least, longest = motion
+    step_s, center_x, center_y, clear_m, least, longest = law
     x, y, vx, vy, passed = start
     radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
     speed, since = math.hypot(vx, vy), int(passed)
@@ -94,24 +93,23 @@ def unseen(
     Returns:
         indices of the draws, (K,).
     """
-    ranges, angles, poses = scans
     kept = np.empty(wanted, dtype=np.int64)
     count = 0
     for draw in range(len(corners)):
-        radius = math.sqrt((corners[draw, :, 0] ** 2 + corners[draw, :, 1] ** 2).max())
-        hit = False
-        for step in range(len(ranges)):
-            if _is_hit(
-                corners[draw], radius, paths[draw, step, 0], paths[draw, step, 1], ranges[step], angles, poses[step]
-            ):
-                hit = True
-                break
-        if not hit:
+        if count < wanted and not _is_ever_hit(corners[draw], paths[draw], scans):
             kept[count] = draw
             count += 1
-            if count == wanted:
-                break
     return kept[:count]
+
+
+@compiled
+def _is_ever_hit(outline: np.ndarray, path: np.ndarray, scans: tuple[np.ndarray, np.ndarray, np.ndarray]) -> bool:
+    ranges, angles, poses = scans
+    radius = math.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
+    for step in range(len(ranges)):
+        if _is_hit(outline, radius, path[step, 0], path[step, 1], ranges[step], angles, poses[step]):
+            return True
+    return False
 
 
 @compiled

@@ -11,12 +11,12 @@ BASELINES = {
     "tracker": "Tracker",
     "privileged": "Upper bound",
 }
-OTHER_BOUNDS = {  # with more or less knowledge, see `baselines.privileged`; not in the tables of the paper's form
+OTHER_BOUNDS = {  # published rows only, their code is in older versions (docs/analysis.md, DEVIATIONS D25)
     "with_unseen": "Upper bound, with unseen obstacles",
     "without_shapes": "Upper bound, without shapes",
     "without_velocities": "Upper bound, without velocities",
     "positions": "Upper bound, positions only",
-    "inference": "Inference from scans",  # published rows only, see DEVIATIONS D25
+    "inference": "Inference from scans",
 }
 BOUNDS = ("privileged", *OTHER_BOUNDS)
 LIMITS = ("privileged", "inference")  # the best prediction from scans lies between them

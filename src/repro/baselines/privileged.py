@@ -1,4 +1,4 @@
-"""An upper bound, and how it falls with less knowledge: predictors that know the true laws and some of the true states.
+"""An upper bound: a predictor that knows the true laws of the worlds and some of their true states.
 
 The scans tell less than the upper bound knows: of every obstacle that a beam has hit, its shape and its past up to the
 last hit; of the others, their number. The rest it draws: the motion after the last hit from the law of `drift.Drift`,
@@ -7,97 +7,118 @@ would have hit the obstacle, and of the obstacles without a hit those that start
 this the obstacles are independent of one another, so that a pixel is free with the product of their probabilities. Up
 to the number of draws, no predictor from the scans has a lower expected log loss or Brier score.
 
-`Knowledge` takes parts of this away, or adds the obstacles without a hit, to measure what each part is worth. A variant
-that lacks a part can be worse than a network, since the scans tell something about every part. An obstacle of which no
-draw agrees with the scans then stays where it was hit; the upper bound itself refuses such a case.
-
 Not modeled: obstacles without a hit start apart from one another, and an obstacle may turn at its second step.
 """
 
+import json
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
+import shapely
+import torch
 from torch import Tensor
 
-from repro.baselines.draws import draw_ends, newest_hit, unseen
-from repro.baselines.laws import (
-    DRAWS,
-    Obstacles,
-    Scanned,
-    check_laws,
-    predict_each,
-    sampled_obstacles,
-    scans_of,
-    share_covered,
-    turned,
-)
+from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
+from repro.outlines import padded, placed
+from repro.parallel import count_cores
+from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.recordings.recorded import Recorded, Truth
 from repro.scans import wrapped
+from repro.simulation.obstacle_motions import obstacle_states
+from repro.simulation.shapes import geometry
+from repro.simulation.worlds import sample_world
 from repro.system.errors import InputError
-from repro.world_config import WorldSpec
+from repro.system.progress import progress
+from repro.world_config import Sized, WorldSpec
 
+DRAWS = 512  # of each obstacle
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
+WORLDS = 2000  # sampled for the obstacles without a hit
+FIRST_SEED = max(SPLITS.values()) + SPLIT_SEEDS  # no split has these worlds
 LEAST_TURN_RAD = 0.01  # the stored positions are float32
-CANDIDATES = 4096  # velocities of an obstacle whose velocity is not known
 
 
 @dataclass(frozen=True)
-class Knowledge:
-    """What a predictor knows besides the laws, the number of obstacles, and where each was at its last hit.
+class Obstacles:
+    """Obstacles with constant headings: outlines around their origins [m], (K, V, 2), and positions [m], (K, T, 2)."""
 
-    Args:
-        shapes: the shapes of the obstacles that were hit; without, they are drawn from those of other worlds.
-        velocities: their paths up to the last hit; without, their velocities are drawn from the law.
-        unseen: the obstacles that no beam has hit.
-    """
+    corners: np.ndarray
+    paths: np.ndarray
 
-    shapes: bool = True
-    velocities: bool = True
-    unseen: bool = False
+    @cached_property
+    def radii(self) -> np.ndarray:
+        """Radii of the circles around the outlines [m], (K,)."""
+        return np.linalg.norm(self.corners, axis=-1).max(1)
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """Positions before the first step [m], (K, 2), extrapolated from the first two steps."""
+        return 2 * self.paths[:, 0] - self.paths[:, 1]
 
 
-UPPER_BOUND = Knowledge()
-
-
-def privileged(val: Recorded, test: Recorded, knowledge: Knowledge = UPPER_BOUND) -> tuple[Tensor, dict[str, Any]]:
-    """Predict the test recordings; nothing is tuned on the validation set.
+def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
+    """Predict the test recordings in threads; nothing is tuned on the validation set.
 
     Raises:
         ValueError: the worlds have other laws than the paper's.
     """
     assert test.truth, "the privileged predictor needs the true obstacles"
-    check_laws(test.truth.spec)
-    others = sampled_obstacles(test.truth.spec)
-    predict = partial(_predict, test, test.truth, others, knowledge)
-    return predict_each(predict, len(test), "drawing motions"), {"draws": DRAWS}
+    if not test.truth.spec.is_like_papers:
+        raise InputError(
+            "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
+            "or square, without fixed obstacles or noise of the lidar"
+        )
+    predict = partial(_predict, test, test.truth, _sampled(json.dumps(test.truth.spec.raw)))
+    with ThreadPoolExecutor(count_cores()) as pool:  # compiled loops release the interpreter
+        free = list(progress(pool.map(predict, range(len(test))), "drawing motions", total=len(test)))
+    return torch.from_numpy(np.stack(free)).float()[:, None], {"draws": DRAWS}
 
 
-def _predict(test: Recorded, truth: Truth, others: Obstacles, knowledge: Knowledge, index: int) -> np.ndarray:
+@cache
+def _sampled(content: str) -> Obstacles:
+    """Sample obstacles with their motions from other worlds of an experiment, given the JSON of its spec."""
+    spec = WorldSpec.parse(json.loads(content))
+    drawn = [each for number in range(WORLDS) for each in sample_world(spec, FIRST_SEED + number)["obstacle"]]
+    outlines = [shapely.get_coordinates(geometry(each["shape"]))[None, :-1] for each in drawn]
+    most = max(outline.shape[1] for outline in outlines)
+    states = np.stack([obstacle_states(each, spec.steps, spec.world.step_time) for each in drawn])
+    return _turned(np.concatenate([padded(outline, most) for outline in outlines]), states)
+
+
+def _turned(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
+    """Turn outlines (K, V, 2) to the constant headings of their states (K, T, 3)."""
+    at_origin = states[:, 0].astype(np.float64) * [0, 0, 1]
+    corners = placed(outlines.astype(np.float64), at_origin)
+    return Obstacles(corners, np.ascontiguousarray(states[..., :2], dtype=np.float64))
+
+
+def _predict(test: Recorded, truth: Truth, others: Obstacles, index: int) -> np.ndarray:
     """Compute the probability of free of one recording, (H, W)."""
-    known = turned(*truth.of_recording(index))
-    ranges, angles, poses = scans_of(test, index)
+    known, grid, scans = _turned(*truth.of_recording(index)), test.grid, test.scans
+    ranges, angles, poses = (
+        np.ascontiguousarray(part, dtype=np.float64) for part in (scans.ranges[index], scans.angles, scans.poses[index])
+    )
     obstacles = zip(known.corners, known.paths, strict=True)
     newest = np.array([newest_hit(*each, ranges, angles, poses) for each in obstacles])
     reached = np.where(np.isfinite(ranges), ranges, test.range_max_m)
-    free = np.ones((test.grid.size_px, test.grid.size_px))
+
+    def covered(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Compute the share of draws, outlines (K, V, 2) at ends (K, 2) [m], that cover each pixel, (H, W)."""
+        return count_cover(corners, ends, grid.size_px, grid.size_m) / max(len(ends), 1)
+
+    free = np.ones((grid.size_px, grid.size_px))
     rng = np.random.default_rng(index)
     for corners, path, last in zip(known.corners, known.paths, newest, strict=True):
         if last:
-            outlines = corners[None] if knowledge.shapes else others.corners
-            starts = _starts(corners, path, last, truth.spec, rng, knowledge)
-            shapes, ends = _draw(outlines, starts, (reached[last:], angles, poses[last:]), truth.spec, rng, knowledge)
-            free *= 1 - share_covered(shapes, ends, test.grid)
-        elif knowledge.unseen:
-            free *= 1 - share_covered(corners[None], path[-1:], test.grid)
-    if 0 in newest and not knowledge.unseen:
-        drawn = others
-        if knowledge == UPPER_BOUND:
-            drawn = _apart(others, Obstacles(known.corners[newest > 0], known.paths[newest > 0]))
+            ends = _ends(corners, path, last, (reached[last:], angles, poses[last:]), truth.spec, rng)
+            free *= 1 - covered(corners[None], ends)
+    if 0 in newest:
+        drawn = _apart(others, Obstacles(known.corners[newest > 0], known.paths[newest > 0]))
         chosen = unseen(drawn.corners, drawn.paths, (reached, angles, poses), DRAWS)
-        covered = share_covered(drawn.corners[chosen], drawn.paths[chosen, -1], test.grid)
-        free *= (1 - covered) ** (newest == 0).sum()
+        free *= (1 - covered(drawn.corners[chosen], drawn.paths[chosen, -1])) ** (newest == 0).sum()
     return free
 
 
@@ -108,52 +129,28 @@ def _apart(others: Obstacles, known: Obstacles) -> Obstacles:
     return Obstacles(others.corners[is_apart], others.paths[is_apart])
 
 
-def _starts(
+def _ends(
     corners: np.ndarray,
     path: np.ndarray,
     last: int,
+    later: tuple[np.ndarray, np.ndarray, np.ndarray],
     spec: WorldSpec,
     rng: np.random.Generator,
-    knowledge: Knowledge,
 ) -> np.ndarray:
-    """Return how an obstacle may move when it is last hit, see `draws.draw_ends`, (S, 5)."""
-    behavior = check_laws(spec).behavior
-    if behavior is None:
-        return np.array([[*path[last - 1], 0.0, 0.0, 0.0]])
-    least, longest = behavior.turn_steps
-    if knowledge.velocities:
-        keep_out_m = spec.clear_radius_m + np.linalg.norm(corners, axis=-1).max()
-        velocity, straight = _motion(path[: max(last, 2)], spec.world.width / 2, keep_out_m, spec.world.step_time)
-        return np.array([[*path[last - 1], *velocity, min(straight, longest)]])
-    slowest, fastest = behavior.speed_m_s
-    speed, bearing = rng.uniform(slowest, fastest, CANDIDATES), rng.uniform(-np.pi, np.pi, CANDIDATES)
-    turns = rng.integers(least, longest + 1, (CANDIDATES, last // least + 1)).cumsum(1)
-    since = last - np.where(turns <= last, turns, 0).max(1)
-    place = np.tile(path[last - 1], (CANDIDATES, 1))
-    return np.column_stack([place, speed * np.cos(bearing), speed * np.sin(bearing), since])
-
-
-def _draw(
-    outlines: np.ndarray,
-    starts: np.ndarray,
-    later: Scanned,
-    spec: WorldSpec,
-    rng: np.random.Generator,
-    knowledge: Knowledge,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Draw outlines (K, V, 2) and ends [m], (K, 2), of an obstacle that agree with the scans after its last hit."""
-    stands_still = not starts[:, 2:4].any()
-    if len(outlines) == 1 and (stands_still or not len(later[0])):
-        return outlines, starts[:1, :2]
-    center_m, behavior = spec.world.width / 2, check_laws(spec).behavior
-    turn_steps = behavior.turn_steps if behavior else (1, 1)
-    motion = (spec.world.step_time, center_m, center_m, spec.clear_radius_m, *turn_steps)
-    ends, which, tried = draw_ends(outlines, starts, motion, later, DRAWS, MOST_DRAWS, rng)
+    """Draw ends [m], (K, 2), of an obstacle that was last hit at a step, which agree with the later scans."""
+    assert isinstance(spec.obstacles, Sized), "see `WorldSpec.is_like_papers`"
+    place, behavior = path[last - 1], spec.obstacles.behavior
+    if behavior is None or not len(later[0]):
+        return place[None]
+    center_m, step_s, clear_m = spec.world.width / 2, spec.world.step_time, spec.clear_radius_m
+    keep_out_m = clear_m + np.linalg.norm(corners, axis=-1).max()
+    velocity, straight = _motion(path[: max(last, 2)], center_m, keep_out_m, step_s)
+    start = np.array([*place, *velocity, min(straight, behavior.turn_steps[1])])
+    law = (step_s, center_m, center_m, clear_m, *behavior.turn_steps)
+    ends, tried = draw_ends(corners, start, law, later, DRAWS, MOST_DRAWS, rng)
     if not len(ends):
-        if knowledge == UPPER_BOUND:
-            raise InputError(f"none of {tried} drawn motions of an obstacle agrees with the scans")
-        return outlines[:DRAWS], np.repeat(starts[:1, :2], len(outlines[:DRAWS]), axis=0)  # it stays where it was hit
-    return outlines[which], ends
+        raise InputError(f"none of {tried} drawn motions of an obstacle agrees with the scans")
+    return ends
 
 
 def _motion(path: np.ndarray, center_m: float, keep_out_m: float, step_s: float) -> tuple[np.ndarray, int]:

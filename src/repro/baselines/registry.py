@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.privileged import Knowledge, privileged
+from repro.baselines.privileged import privileged
 from repro.baselines.tracker import Prior, clusters, distances, track
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
@@ -29,6 +29,7 @@ from repro.recordings.recorded import Recorded
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.progress import progress
+from repro.world_config import WorldSpec
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
@@ -107,11 +108,14 @@ PREDICTORS: dict[str, Baseline] = {
     "transitional": transitional,
     "tracker": tracker,
     "privileged": privileged,
-    "with_unseen": partial(privileged, knowledge=Knowledge(unseen=True)),
-    "without_shapes": partial(privileged, knowledge=Knowledge(shapes=False)),
-    "without_velocities": partial(privileged, knowledge=Knowledge(velocities=False)),
-    "positions": partial(privileged, knowledge=Knowledge(shapes=False, velocities=False)),
 }
+
+
+def applies(name: str, spec: WorldSpec) -> bool:
+    """Return whether a baseline adds something in worlds of a spec."""
+    if name == "mean_map":  # it predicts the fixed obstacles
+        return bool(spec.fixed)
+    return name != "privileged" or spec.is_like_papers
 
 
 def tune(

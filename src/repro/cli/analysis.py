@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.laws import applies
 from repro.baselines.names import OTHER_BOUNDS
-from repro.baselines.registry import PREDICTORS
+from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.evaluation.samples import load_samples

@@ -3,8 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 
-from repro.baselines.laws import applies
-from repro.baselines.registry import PREDICTORS
+from repro.baselines.registry import PREDICTORS, applies
 from repro.cli.jobs import Job
 from repro.cli.notes import recording_seconds
 from repro.learning.cost import training_seconds

@@ -31,7 +31,7 @@ class DemoNetwork:
 
     Args:
         title: name of the network, encoding and experiment.
-        note: size and training in one sentence.
+        note: input and training in one sentence.
         experiment: the experiment in which it was trained; None if that is unknown.
         encoding: name and parameters of its encoding, as in predictor.json.
         grid: grid of its maps.
@@ -64,14 +64,11 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     if kind_of(name) not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
         raise InputError(f"{directory} has the encoding {name}, expected {expected}: the page draws no other")
-    whole = _onnx_of(directory, predictor)
-    content = with_float16_weights(whole)
+    content = with_float16_weights(_onnx_of(directory, predictor))
     _check(content, predictor, directory)
     title, experiment = _names(directory, predictor)
-    trained = f"trained in experiment {experiment}, " if experiment else ""
-    count = _count(onnx.load_from_string(whole))
-    note = f"{count} parameters, {trained}input {name}, {predictor.grid.size_px} px."
-    note = note[0].upper() + note[1:]
+    trained = f", trained in experiment {experiment}" if experiment else ""
+    note = f"Input {name}, {predictor.grid.size_px} px{trained}."
     encoding = {"name": name, "parameters": predictor.encoding.parameters}
     return DemoNetwork(title, note, experiment, encoding, predictor.grid, *predictor.window(), content)
 
@@ -106,12 +103,6 @@ def _onnx_of(path: Path, predictor: Predictor) -> bytes:
         file = Path(folder) / ONNX
         predictor.save_onnx(file)
         return file.read_bytes()
-
-
-def _count(model: onnx.ModelProto) -> str:
-    """Return the number of weights of a network in words."""
-    number = sum(int(np.prod(each.dims)) for each in model.graph.initializer if each.data_type == TensorProto.FLOAT)
-    return f"{number / 1e6:.1f} million" if number >= 1e6 else f"{number / 1000:.0f} thousand"
 
 
 def _check(content: bytes, predictor: Predictor, directory: Path) -> None:

@@ -1,6 +1,6 @@
 """Windows of the log of a wide lidar through a narrow view, whose maps the beams outside of the view label.
 
-The labels are partial, as those of DeepTracking (Ondruska and Posner, AAAI 2016): pixels that the other beams hit or
+The labels are partial, as those of Ondruska and Posner (AAAI 2016): pixels that the other beams hit or
 passed over at the end of a window, unknown elsewhere. A lidar that drives looks through a view in a fixed direction.
 One that stands looks through a view that swings, since a view at rest would show nothing that it has left.
 """

@@ -76,8 +76,8 @@ class Stack:
 class Series(Stack):
     """Two series of images: the hits of each part of the window, then the pixels observed to be free in each part.
 
-    A pixel is observed to be free in a part if a beam passes over it at any step of the part. DeepTracking (Ondruska
-    and Posner, AAAI 2016) receives the same two images at every step.
+    A pixel is observed to be free in a part if a beam passes over it at any step of the part. The two images are those
+    of Ondruska and Posner (AAAI 2016).
 
     Args:
         frames: number of parts of the window; twice as many images.

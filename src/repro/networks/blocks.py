@@ -7,14 +7,11 @@ from torch import Tensor, nn
 from repro.system.errors import InputError
 
 
-def conv_block(
-    channels: int, new_channels: int, stride: int = 1, dilation: int = 1, *, batch_norm: bool = False
-) -> tuple[nn.Module, ...]:
-    """Return a convolution of 3 x 3, group normalization in eight groups or batch normalization, and a rectifier."""
-    padding, bias = dilation, not batch_norm
+def conv_block(channels: int, new_channels: int, stride: int = 1, dilation: int = 1) -> tuple[nn.Module, ...]:
+    """Return a convolution of 3 x 3, group normalization in eight groups, and a rectifier."""
     return (
-        nn.Conv2d(channels, new_channels, 3, stride=stride, padding=padding, dilation=dilation, bias=bias),
-        nn.BatchNorm2d(new_channels) if batch_norm else nn.GroupNorm(8, new_channels),
+        nn.Conv2d(channels, new_channels, 3, stride=stride, padding=dilation, dilation=dilation),
+        nn.GroupNorm(8, new_channels),
         nn.ReLU(inplace=True),
     )
 
@@ -22,9 +19,9 @@ def conv_block(
 class Residual(nn.Module):
     """Two convolutions, the first dilated, added to their input."""
 
-    def __init__(self, channels: int, dilation: int, *, batch_norm: bool = False) -> None:
+    def __init__(self, channels: int, dilation: int) -> None:
         super().__init__()
-        first = conv_block(channels, channels, dilation=dilation, batch_norm=batch_norm)
+        first = conv_block(channels, channels, dilation=dilation)
         self.block = nn.Sequential(*first, nn.Conv2d(channels, channels, 1))
 
     def forward(self, images: Tensor) -> Tensor:

@@ -1,7 +1,4 @@
-"""A recurrent network for series of images: a convolutional GRU over the parts of the window, and a decoder.
-
-Its input, hits and pixels observed to be free, is that of DeepTracking (Ondruska and Posner, AAAI 2016).
-"""
+"""A recurrent network for series of images: a convolutional GRU over the parts of the window, and a decoder."""
 
 from typing import Literal
 

@@ -19,14 +19,12 @@ from torch import Tensor, nn
 from repro.fields import STRICT, ConfigError, config_errors_of
 from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
-from repro.networks.light_convgru import LightConvGRU
 from repro.networks.model import Model
 from repro.system.errors import InputError
 
 OWN_ARCHITECTURES: dict[str, Any] = {
     "convgru": ConvGRU,
     "convlstm": ConvLSTM,
-    "light_convgru": LightConvGRU,
 }
 SERIES = ("in_channels", "frames")  # parameters that follow from the encoding
 

@@ -17,7 +17,7 @@ from repro.runs.keys import CELL
 from repro.system.files import write_text
 
 OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22
-STUDIED = (*NETWORKS, "light_convgru", "convgru", "convlstm", "deeptracking")  # the networks of this study
+STUDIED = (*NETWORKS, "convgru", "convlstm")  # the networks of this study
 HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}
 TABLES = {  # titles, and encoding of the networks
     "main": ("Prediction metrics", PROJECTION),

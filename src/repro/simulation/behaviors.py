@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from repro.simulation.motions import robot_commands
+from repro.simulation.motions import ROBOT_MOTIONS, robot_commands
 from repro.simulation.obstacle_motions import OBSTACLE_MOTIONS, obstacle_motion
 
 with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM prints the backends that it tried
@@ -17,8 +17,11 @@ with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM pri
     from irsim.util.util import vel_world2omni
 
 
-class _CommandBehavior:
-    """IR-SIM behavior of a robot that executes a fixed list of commands and then stands still."""
+class CommandBehavior:
+    """IR-SIM behavior of a robot that executes the commands of a motion, see `motions`, and then stands still.
+
+    Such as `{name: rotate, steps: 100, direction: 1}`.
+    """
 
     def __init__(self, object_info: Any, **behavior: Any) -> None:
         self.behavior = behavior
@@ -34,21 +37,6 @@ class _CommandBehavior:
         return self.commands[self.step - 1][:, None]
 
 
-@register_behavior_class("diff", "rotate")
-class RotateBehavior(_CommandBehavior):
-    """A full turn in place: `{name: rotate, steps: 100, direction: 1}`."""
-
-
-@register_behavior_class("diff", "square")
-class SquareBehavior(_CommandBehavior):
-    """A square: `{name: square, side_m: 10, drive_steps: 20, turn_steps: 5, first_steps: 5, direction: 1}`."""
-
-
-@register_behavior_class("diff", "waypoints")
-class WaypointsBehavior(_CommandBehavior):
-    """A drive: `{name: waypoints, points_m: [[1, 1], ...], speed_m_s: 1, turn_rad_s: 1, steps: 100, direction: 1}`."""
-
-
 class ObstacleBehavior:
     """IR-SIM behavior of an obstacle: `{name: drift, seed: 7, speed_m_s: 0.5, ...}`, see `obstacle_motions`."""
 
@@ -61,5 +49,7 @@ class ObstacleBehavior:
         return vel_world2omni(heading, np.array(velocity)[:, None])
 
 
+for _name in ROBOT_MOTIONS:
+    register_behavior_class("diff", _name)(CommandBehavior)
 for _name in OBSTACLE_MOTIONS:
     register_behavior_class("omni", _name)(ObstacleBehavior)

@@ -103,6 +103,13 @@ def _evenly(amount: float, rate: float, step_time: float, column: int) -> np.nda
     return commands
 
 
+ROBOT_MOTIONS: dict[str, Callable[..., np.ndarray]] = {
+    "rotate": rotate_commands,
+    "square": square_commands,
+    "waypoints": waypoint_commands,
+}
+
+
 def recorded_steps(behavior: dict[str, Any]) -> int:
     """Return the number of time steps of a recording of a world with this robot behavior, T."""
     return len(robot_commands(behavior, step_time=1.0))
@@ -133,14 +140,9 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
         ValueError: the behavior is none of these.
     """
     parameters = {key: value for key, value in behavior.items() if key not in ("name", "turned_rad")}
-    makers: dict[str, Callable[..., np.ndarray]] = {
-        "rotate": rotate_commands,
-        "square": square_commands,
-        "waypoints": waypoint_commands,
-    }
-    if behavior["name"] not in makers:
-        raise InputError(f"robot behavior must be one of {sorted(makers)}, got {behavior['name']!r}")
-    return makers[behavior["name"]](**parameters, step_time=step_time)
+    if behavior["name"] not in ROBOT_MOTIONS:
+        raise InputError(f"robot behavior must be one of {sorted(ROBOT_MOTIONS)}, got {behavior['name']!r}")
+    return ROBOT_MOTIONS[behavior["name"]](**parameters, step_time=step_time)
 
 
 def robot_path(behavior: dict[str, Any], start: list[float], step_time: float) -> np.ndarray:

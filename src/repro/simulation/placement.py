@@ -92,6 +92,8 @@ def _place(
     """Draw a shape and a place for it without overlap, inside the map and outside the zone; None without a place."""
     shape = _shape(rng, population)
     radius = shape_radius(shape)
+    if (2 * radius > site.size_m).any():
+        return None
     for _ in islice(attempts.places, _PLACEMENTS):
         x, y = rng.uniform(radius, site.size_m - radius)
         apart = all(math.hypot(x - u, y - v) >= radius + shape_radius(other) for u, v, other, _ in placed)

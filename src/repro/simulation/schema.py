@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from repro.fields import ConfigError, Name, config_errors_of
 from repro.simulation.motions import top_speeds
 from repro.simulation.shapes import geometry
-from repro.simulation.worlds import check_spec, fixed_obstacles, radii_of, sample_world
+from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.system.errors import InputError
 from repro.world_config import (
     Experiment,
@@ -139,7 +139,7 @@ def _error_of_steps(spec: WorldSpec) -> str | None:
         return None
     for population in spec.populations:
         if population.behavior:
-            fastest, (smallest_m, _) = population.behavior.speed_m_s[1], radii_of(population)
+            fastest, smallest_m = population.behavior.speed_m_s[1], smallest_radius(population)
             step_m = fastest * spec.world.step_time
             if step_m >= 2 * smallest_m:
                 return (

@@ -50,7 +50,10 @@ def sample_world(spec: WorldSpec, seed: int) -> World:
         ValueError: the obstacles do not fit, or the robot would leave its zone or touch a fixed obstacle.
     """
     check_spec(spec)
-    _check_room(spec)
+    width = spec.world.width
+    least_area = sum(each.count[0] * math.pi * smallest_radius(each) ** 2 for each in spec.populations)
+    if least_area > width**2 - math.pi * min(spec.clear_radius_m, width / 2) ** 2:
+        raise InputError(_no_room(spec))  # the attempts below would take seconds
     rng = np.random.default_rng([experiment_number(spec.experiment), seed])
     attempts = Attempts()
     for _ in range(_RESTARTS):
@@ -131,32 +134,11 @@ def check_spec(spec: WorldSpec) -> None:
         )
 
 
-def _check_room(spec: WorldSpec) -> None:
-    """Check that the largest obstacles fit on the map, and that all of the smallest fit by their area.
-
-    Raises:
-        ValueError: they do not.
-    """
-    width, area = spec.world.width, 0.0
-    for population in spec.populations:
-        smallest, largest = radii_of(population)
-        area += population.count[0] * math.pi * smallest**2
-        if 2 * largest > width:
-            raise InputError(_no_room(spec))
-    if area > width**2 - math.pi * min(spec.clear_radius_m, width / 2) ** 2:
-        raise InputError(_no_room(spec))
-
-
-def radii_of(population: Sized | Shaped) -> tuple[float, float]:
-    """Return the least and the largest radius of the obstacles of a population [m], for rectangles to their corners.
-
-    The least of discs and rectangles is that of a disc with the same area.
-    """
+def smallest_radius(population: Sized | Shaped) -> float:
+    """Return the least radius of the obstacles of a population [m]; of discs and rectangles, that of the disc."""
     if isinstance(population, Shaped):
-        radii = [shape_radius(shape.irsim()) for shape in population.shapes]
-        return min(radii), max(radii)
-    stretch = max(math.sqrt(math.pi * (ratio + 1 / ratio)) / 2 for ratio in population.aspect)  # of rectangles
-    return population.radius_m[0], population.radius_m[1] * (stretch if population.disc_share < 1 else 1)
+        return min(shape_radius(shape.irsim()) for shape in population.shapes)
+    return population.radius_m[0]
 
 
 def _no_room(spec: WorldSpec) -> str:

@@ -2,8 +2,7 @@
 
 import { at } from "./controls.js";
 import { drawMaps } from "./panels.js";
-import { changed, say, settings, state, step } from "./state.js";
-import { emptyWindow } from "./window.js";
+import { changed, emptyWindow, say, settings, state, step } from "./state.js";
 import * as worlds from "./world.js";
 
 const DECAY_NOTE = "Without decay, this network gets an input it was not trained with. The paper's ablation trains a second network without decay.";
@@ -25,8 +24,7 @@ export const actions = {
     state.world = worlds.sampleWorld(settings.spec, at("experiment").value, seed);
     at("motion").value = state.world.motion.name;
     at("direction").value = String(state.world.direction);
-    state.window = emptyWindow(state.world, settings.steps);
-    state.scores = [];
+    emptyWindow();
     state.behind = 0;
     for (let i = 0; i < settings.steps; i++) step();
     listObstacles(state.world.obstacles[0]);
@@ -52,7 +50,7 @@ export const actions = {
     state.isUndrawn = true;
     at("obstacle").value = state.selected ? String(name) : "";
     at("speed").valueAsNumber = state.selected?.speed ?? 0;
-    for (const id of ["obstacle", "speed", "remove", "same-speed"]) at(id).disabled = !state.selected;
+    for (const id of ["obstacle", "speed", "remove"]) at(id).disabled = !state.selected;
     showSpeed();
   },
 
@@ -62,7 +60,7 @@ export const actions = {
   },
 
   setSpeed(speed) {
-    for (const obstacle of at("same-speed").checked ? state.world.obstacles : [state.selected]) obstacle.speed = speed;
+    state.selected.speed = speed;
     state.isUndrawn = true;
     showSpeed();
   },

@@ -3,12 +3,10 @@
 import { actions } from "./actions.js";
 import { themeColors } from "./canvas.js";
 import { at, connectForm, connectKeys, connectPointer } from "./controls.js";
-import { rasterize } from "./grid.js";
 import { connect } from "./inference.js";
-import { CHART_S, drawMaps, redraw, showScores, showWorld } from "./panels.js";
-import { compare } from "./scores.js";
+import { compare, rasterize } from "./maps.js";
+import { drawMaps, redraw, showScores, showWorld } from "./panels.js";
 import { fail, say, settings, state, step } from "./state.js";
-import { copyOf } from "./window.js";
 
 const MOST_STEPS_PER_FRAME = 8;
 const STOPPED = "Something is in the robot's way: drag it aside, or drive around it.";
@@ -55,16 +53,13 @@ function frame(now) {
 /** Ask for the map of the present moment, and show it with its errors. */
 async function predict() {
   const { world } = state, network = Number(at("network").value), { grid } = settings.networks[network];
-  const asked = { network, grid, robot: world.robot, outlines: world.obstacles.map(({ placed }) => placed), time: world.step * world.stepTime };
+  const asked = { network, grid, robot: world.robot, outlines: world.obstacles.map(({ placed }) => placed) };
   state.isAsking = true;
   state.isStale = false;
   try {
-    const answer = await state.ask("predict", { network, scans: copyOf(state.window), decay: at("decay").checked });
+    const answer = await state.ask("predict", { network, scans: state.window, decay: at("decay").checked });
     if (world !== state.world) return;
-    const scores = compare(answer.free, rasterize(asked.outlines, grid));
-    state.shown = { ...asked, ...answer, ...scores };
-    if (state.scores.at(-1)?.time === asked.time) state.scores.pop();
-    state.scores = [...state.scores.filter(({ time }) => asked.time - time <= CHART_S), { time: asked.time, value: scores.iou }];
+    state.shown = { ...asked, ...answer, ...compare(answer.free, rasterize(asked.outlines, grid)) };
     showScores();
     drawMaps();
   } catch (error) {

@@ -1,13 +1,13 @@
-// The panels of the page, drawn from its state.
+// The panels of the page: the world, and the images of the network input, the prediction and the errors.
 
-import { drawChart } from "./chart.js";
+import { prepare, rgb, trace, useMeters } from "./canvas.js";
 import { at } from "./controls.js";
-import { drawMap, errorPixels, inputPixels, mapPixels } from "./map_view.js";
+import { FALSE, FOUND, FREE, MISSED } from "./maps.js";
 import { settings, state } from "./state.js";
 import { between } from "./world.js";
 import { drawWorld } from "./world_view.js";
 
-export const CHART_S = 30; // seconds in the chart
+const OBSERVED = [11, 110, 153]; // tint of pixels observed to be free in a series of images
 
 /** Draw the world at a fraction of the way from the last step to this one. */
 export function showWorld(fraction) {
@@ -41,5 +41,87 @@ export function drawMaps() {
   drawMap(at("input"), inputPixels(images, grid.size_px, frames), grid, { ...overlay, outlines: [] });
   drawMap(at("prediction"), mapPixels(free), grid, overlay);
   drawMap(at("errors"), errorPixels(classes, colors), grid, { ...overlay, outlines: [] });
-  drawChart(at("chart"), state.scores, CHART_S, colors);
+}
+
+/**
+ * Return the pixels of the network input: the gray image itself, or a series of images drawn as one, in which recent
+ * hits are dark and recently observed free pixels are tinted.
+ *
+ * @param {Uint8Array} images C * H * W
+ * @param {number} size H = W
+ * @param {number} frames parts of the window in a series, 1 without
+ */
+function inputPixels(images, size, frames) {
+  if (frames === 1) return (i) => [images[i], images[i], images[i]];
+  const pixels = size * size, isWithFree = images.length > frames * pixels;
+  const newest = (i, first) => {
+    for (let part = frames - 1; part >= 0; part--) if (images[(first + part) * pixels + i] === 0) return part;
+    return -1;
+  };
+  return (i) => {
+    const hit = newest(i, 0), passed = isWithFree ? newest(i, frames) : -1;
+    if (hit >= passed && hit >= 0) return Array(3).fill((204 * (frames - 1 - hit)) / Math.max(frames - 1, 1));
+    if (passed < 0) return [255, 255, 255];
+    const share = 0.08 + (0.3 * (passed + 1)) / frames;
+    return OBSERVED.map((part) => 255 + (part - 255) * share);
+  };
+}
+
+/** Return the pixels of a predicted map: white is certainly free, black certainly an obstacle. */
+function mapPixels(free) {
+  return (i) => Array(3).fill(255 * free[i]);
+}
+
+/** Return the pixels of the errors. */
+function errorPixels(classes, colors) {
+  const palette = { [FREE]: rgb(colors.ground), [FOUND]: rgb(colors.found), [MISSED]: rgb(colors.missed), [FALSE]: rgb(colors.false) };
+  return (i) => palette[classes[i]];
+}
+
+/**
+ * Draw an image of a map.
+ *
+ * @param {HTMLCanvasElement} canvas
+ * @param {(i: number) => number[]} pixels red, green and blue of each pixel, row-major
+ * @param {{size_px: number, size_m: number}} grid
+ * @param {{outlines: Float64Array[], robot: object, color: string}} overlay
+ */
+function drawMap(canvas, pixels, grid, overlay) {
+  const { context, width } = prepare(canvas), size = grid.size_px;
+  const image = new ImageData(size, size);
+  for (let i = 0; i < size * size; i++) {
+    const [red, green, blue] = pixels(i);
+    image.data[4 * i] = red; image.data[4 * i + 1] = green; image.data[4 * i + 2] = blue; image.data[4 * i + 3] = 255;
+  }
+  context.imageSmoothingEnabled = false;
+  context.drawImage(asCanvas(canvas, image), 0, 0, width, width);
+  const pixel = useMeters(context, width, grid.size_m);
+  context.strokeStyle = overlay.color;
+  context.lineWidth = 1.2 * pixel;
+  for (const outline of overlay.outlines) {
+    trace(context, outline);
+    context.stroke();
+  }
+  drawRobot(context, overlay.robot, pixel, overlay.color);
+}
+
+const buffers = new WeakMap(); // one off-screen canvas per panel
+
+function asCanvas(canvas, image) {
+  if (!buffers.has(canvas)) buffers.set(canvas, document.createElement("canvas"));
+  const buffer = buffers.get(canvas);
+  [buffer.width, buffer.height] = [image.width, image.height];
+  buffer.getContext("2d").putImageData(image, 0, 0);
+  return buffer;
+}
+
+function drawRobot(context, { x, y, heading }, pixel, color) {
+  const tip = 6 * pixel;
+  context.beginPath();
+  for (const [angle, length] of [[0, 1.5], [2.5, 1], [-2.5, 1]]) {
+    context.lineTo(x + length * tip * Math.cos(heading + angle), y + length * tip * Math.sin(heading + angle));
+  }
+  context.closePath();
+  context.fillStyle = color;
+  context.fill();
 }

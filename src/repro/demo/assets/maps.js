@@ -1,4 +1,8 @@
-// Conversion between meters and pixels, and true maps; row 0 is the top, as in repro.maps.grid and ground_truth.
+// True maps, and scores of predicted ones, as in repro.maps.ground_truth and repro.metrics.scores; row 0 is the top.
+
+export const FREE = 0, FOUND = 1, MISSED = 2, FALSE = 3; // pixels: free in both, obstacle in both, in truth, predicted
+
+const EPS = 1e-5, THRESHOLD = 0.5; // a pixel at or above the threshold is predicted free
 
 /**
  * Draw the true map: a pixel is an obstacle if its center lies in one.
@@ -26,4 +30,26 @@ export function rasterize(outlines, grid) {
     }
   }
   return map;
+}
+
+/**
+ * Compare a predicted map with the true one.
+ *
+ * @param {Float32Array} probability of free
+ * @param {Uint8Array} truth 1 is free
+ * @returns {{classes: Uint8Array, iou: number, accuracy: number}} the class of each pixel, obstacle IoU and accuracy
+ */
+export function compare(probability, truth) {
+  const counts = [0, 0, 0, 0], classes = new Uint8Array(truth.length);
+  for (let i = 0; i < truth.length; i++) {
+    const free = probability[i] >= THRESHOLD;
+    classes[i] = truth[i] ? (free ? FREE : FALSE) : free ? MISSED : FOUND;
+    counts[classes[i]]++;
+  }
+  const [free, found, missed, invented] = counts;
+  return {
+    classes,
+    iou: (found + EPS) / (found + missed + invented + EPS),
+    accuracy: (free + found + EPS) / (truth.length + EPS),
+  };
 }

@@ -1,16 +1,18 @@
+"""The recurrent networks: a map from a series of images, whose every image, time and order counts."""
+
 import pytest
 import torch
 
 from repro.networks.convgru import ConvGRU
+from repro.networks.convlstm import ConvLSTM
 from repro.networks.create import architecture_of, create_network, load_network
-from repro.networks.light_convgru import LightConvGRU
 from repro.networks.model import Model
 
-both = pytest.mark.parametrize("network_class", [ConvGRU, LightConvGRU])
+both = pytest.mark.parametrize("network_class", [ConvGRU, ConvLSTM])
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters"), [("convgru", {"stride": 2}), ("convgru", {"stride": 4}), ("light_convgru", {})]
+    ("name", "parameters"), [("convgru", {"stride": 2}), ("convgru", {"stride": 4}), ("convlstm", {})]
 )
 @pytest.mark.parametrize(("channels", "frames"), [(4, 4), (8, 4), (20, 10)])
 def test_a_series_of_images_is_mapped_to_one_map_of_logits(channels, frames, name, parameters):
@@ -22,7 +24,7 @@ def test_a_series_of_images_is_mapped_to_one_map_of_logits(channels, frames, nam
 @both
 def test_every_image_affects_the_prediction(network_class):
     torch.manual_seed(0)
-    network, images = network_class(8, 4, hidden=16).eval(), torch.zeros(9, 8, 32, 32)
+    network, images = network_class(8, 4).eval(), torch.zeros(9, 8, 32, 32)
     images[range(1, 9), range(8), 10:20, 10:20] = 1
     with torch.inference_mode():
         empty, *shown = network(images)
@@ -36,8 +38,9 @@ def test_the_prediction_depends_on_the_order_of_the_parts(network_class):
     network, images = network_class(8, 4, hidden=16).eval(), torch.rand(1, 8, 32, 32)
     backward = images.unflatten(1, (2, 4)).flip(2).flatten(1, 2)
     with torch.inference_mode():
-        network.detail.weight.zero_()
-        network.detail.bias.zero_()
+        if network_class is ConvGRU:
+            network.detail.weight.zero_()
+            network.detail.bias.zero_()
         assert not torch.allclose(network(images), network(backward))
 
 
@@ -55,16 +58,23 @@ def test_a_part_consists_of_the_images_of_the_same_time(network_class):
 
 
 @both
+def test_a_longer_series_needs_no_more_recurrent_parameters(network_class):
+    networks = [network_class(frames, frames) for frames in (2, 4, 10)]
+    counts = [
+        sum(weights.numel() for name, weights in network.named_parameters() if not name.startswith("detail"))
+        for network in networks
+    ]
+    assert len({*counts}) == 1
+
+
+@both
 @pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"in_channels": 4, "frames": 1}, "at least 2 parts, got 4 images in 1 parts"),
-        ({"in_channels": 9, "frames": 4}, "got 9 images in 4 parts"),
-    ],
+    ("channels", "frames", "message"),
+    [(4, 1, "at least 2 parts, got 4 images in 1 parts"), (9, 4, "got 9 images in 4 parts")],
 )
-def test_parameters_that_are_not_allowed_are_refused(parameters, message, network_class):
+def test_a_series_that_is_none_is_refused(channels, frames, message, network_class):
     with pytest.raises(ValueError, match=message):
-        network_class(**parameters)
+        network_class(channels, frames)
 
 
 @pytest.mark.parametrize("parameters", [{"hidden": 24}, {"stride": 8}])
@@ -78,8 +88,8 @@ def test_an_unknown_parameter_is_refused():
         create_network(Model("convgru", parameters={"depth": 3}), 8, 4)
 
 
-@pytest.mark.parametrize("network", [ConvGRU(8, 4, hidden=16, stride=2), LightConvGRU(8, 4, hidden=16)])
-def test_a_convgru_is_saved_and_loaded(network, tmp_path):
+@pytest.mark.parametrize("network", [ConvGRU(8, 4, hidden=16, stride=2), ConvLSTM(8, 4, hidden=16)])
+def test_a_network_is_saved_and_loaded(network, tmp_path):
     network, images = network.eval(), torch.rand(1, 8, 32, 32)
     network.save_pretrained(tmp_path)
     with torch.inference_mode():
