@@ -74,24 +74,20 @@ def compare(test: pd.DataFrame) -> pd.DataFrame:
     """Return one row per experiment and arm, and one for all experiments: how the robots fared.
 
     Intervals are over the courses. Differences are those to the classical arm with the most successes in all
-    experiments, of the same courses; that of the time is over the courses where both succeed.
+    experiments, on the courses that both have; that of the time is over the courses where both succeed.
     """
-    shared = test.groupby("arm")["seed"].nunique().min()
-    test = test[test["seed"] < test["seed"].min() + shared].assign(
-        success=lambda rows: (rows["outcome"] == "goal").astype(float), spl=spl, barn=barn
-    )
+    test = test.assign(success=(test["outcome"] == "goal").astype(float), spl=spl, barn=barn)
     best = best_classical(test)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
         by_arm = of_experiment.pivot(index=["experiment", "seed"], columns="arm", values=["success", "time_s"])
         success, time_s = by_arm["success"], by_arm["time_s"].where(by_arm["success"] == 1)
-        weights = draw_weights(len(success))
         for arm in arms_of(success):
             own = of_experiment[of_experiment["arm"] == arm]
             row: dict[str, Any] = {"experiment": experiment, "arm": arm, "title": title_of(arm), "episodes": len(own)}
-            row |= _interval("success", "", success[arm].to_numpy(), weights)
+            row |= _interval("success", "", success[arm])
             if best is not None:
-                row |= _interval("difference", "difference_", (success[arm] - success[best]).to_numpy(), weights)
+                row |= _interval("difference", "difference_", success[arm] - success[best])
                 row["time_difference_s"] = float((time_s[arm] - time_s[best]).mean())
             if {"scan", "truth"} <= set(success):
                 gap = success["truth"].mean() - success["scan"].mean()
@@ -167,8 +163,10 @@ def _measures(own: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _interval(name: str, prefix: str, values: np.ndarray, weights: np.ndarray) -> dict[str, float]:
-    drawn = weights @ values / len(values)
+def _interval(name: str, prefix: str, values: pd.Series) -> dict[str, float]:
+    """Return the mean of values and its interval; courses that were not driven have none."""
+    known = values.dropna().to_numpy()
+    drawn = draw_weights(len(known)) @ known / len(known)
     low, high = bounds(drawn)
     return {name: float(drawn[0]), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
