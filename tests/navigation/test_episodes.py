@@ -331,6 +331,7 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert pd.read_csv(tmp_path / "truth" / "test.csv")["inflation_m"].unique() == [0.8]
     assert len(pd.read_csv(tmp_path / "truth" / "curve.csv")) == 2 * 2
+    assert own.tested() == {"inflation_m": 0.8, "weight": 20.0, "threshold": None}
     before = len(driven)
     own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert len(driven) == before

@@ -94,13 +94,22 @@ class Study:
             steps.append({"seeds": dataclasses.asdict(seeds), "episodes": self.driven, **origin})
         write_json(path, {"steps": steps})
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the settings."""
+        return ("inflation_m", "weight", "threshold", *self.arm.candidates)
+
+    def tested(self) -> Settings:
+        """Return the settings with which the courses of the test were driven."""
+        row = pd.read_csv(self.directory / TEST).iloc[0]
+        return {name: None if pd.isna(row[name]) else float(row[name]) for name in self.names}
+
     def tuned(self, count: int) -> Settings:
         """Return the settings with the best score on the validation courses of all experiments, and write all tried."""
-        names = ("inflation_m", "weight", "threshold", *self.arm.candidates)
 
         @cache
         def score(*values: Any) -> float:
-            settings = dict(zip(names, values, strict=True))
+            settings = dict(zip(self.names, values, strict=True))
             tried.append({**settings, "score": score_of(self.episodes("validation", settings, count))})
             return tried[-1]["score"]
 
@@ -114,7 +123,7 @@ class Study:
             climb(lambda values: score(*values), candidates, start)
         write_text(self.directory / TRIED, pd.DataFrame(tried).to_csv(index=False, float_format="%.4f"))
         best = max(tried, key=lambda each: each["score"])
-        return {name: best[name] for name in names}
+        return {name: best[name] for name in self.names}
 
     def episodes(self, split: str, settings: Settings, count: int) -> pd.DataFrame:
         """Drive the first courses of a split in every experiment, those of earlier calls excepted."""

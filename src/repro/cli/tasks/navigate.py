@@ -10,7 +10,7 @@ from repro.system.errors import InputError
 if TYPE_CHECKING:
     from repro.maps.grid import Grid
     from repro.navigation.arms import Arm
-    from repro.navigation.study import Seeds, Study
+    from repro.navigation.study import Study
 
 
 def run(job: Job) -> None:
@@ -37,10 +37,10 @@ def run(job: Job) -> None:
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
     if settings.arm in NETWORK_ARMS:
-        _draw_replay(job, study, seeds)
+        _draw_replay(job, study)
 
 
-def _draw_replay(job: Job, study: "Study", seeds: "Seeds") -> None:
+def _draw_replay(job: Job, study: "Study") -> None:
     """Draw a course that this arm masters and the best classical one does not."""
     import pandas as pd
 
@@ -57,7 +57,7 @@ def _draw_replay(job: Job, study: "Study", seeds: "Seeds") -> None:
         return
     options: dict[str, Any] = {"inflations_m": study.inflations_m, "people": study.people}
     other = Study(directory, *_arm(job, study.grid, best), study.specs, study.grid, **options)
-    fleets = [each.fleet([course], each.tuned(seeds.validation)) for each in (other, study)]
+    fleets = [each.fleet([course], each.tested()) for each in (other, study)]
     drives = [watch(fleet, title_of(each.name)) for fleet, each in zip(fleets, (other, study), strict=True)]
     lidar, path = fleets[0].range_max_m, job.outputs.analysis / "navigation_replay.gif"
     write_replay(drives, fleets[0].courses[0].goals, path, size_m=study.grid.size_m, range_max_m=lidar)
