@@ -96,7 +96,7 @@ def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
     status, text = call(*COMMAND, *tiny(copy))
     assert status != 0
     (failed,) = text.split("failed:")[1].strip().splitlines()
-    assert failed.startswith("model=unet exp=3: ")
+    assert failed.startswith("model=fpn exp=3: ")
     assert "holds a run of another configuration (train.batch_size is 4, requested 16" in failed
     assert "Traceback" not in text
     table = pd.read_csv(copy / "tables" / "ablation.csv")
