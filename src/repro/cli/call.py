@@ -151,6 +151,8 @@ def _encoding_error(encoding: Encoding) -> str | None:
     """Return why an encoding cannot be created, None if it can."""
     from repro.maps.encodings import ENCODINGS, create_encoding, kind_of
 
+    if missing := [key for key, value in encoding.parameters.items() if value is None]:
+        return f"encoding.parameters.{missing[0]}=null: expected a value"
     try:
         create_encoding(encoding.name, encoding.parameters)
     except (TypeError, ValueError) as error:
