@@ -79,8 +79,8 @@ CALLS = {
     "task=predict scans=README.md model=fpn": "model=fpn: has no effect with task=predict, prediction.weights chooses",
     "task=predict scans=README.md train.batch_size=2": "train.batch_size=2: has no effect with task=predict",
     "task=demo seed=1": "seed=1: has no effect with task=demo, demo.networks chooses the network",
-    "task=world prediction.fov_deg=60": "prediction.fov_deg=60: is for task=adapt and task=navigate and task=predict only",
-    "task=world publish.force=true": "publish.force=true: is for task=export and task=publish only",
+    "task=world prediction.fov_deg=60": "prediction.fov_deg=60: is for task=adapt, navigate, predict only",
+    "task=world publish.force=true": "publish.force=true: is for task=export, publish only",
     "runtime.parts=2": "runtime.parts=2: is for task=record only",
     # predictions
     "task=predict scans=README.md prediction.center=here": "prediction.center=here: must be robot, start, or [x,y]",

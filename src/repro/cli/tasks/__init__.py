@@ -57,8 +57,8 @@ def keys_without_effect(task: str, overrides: list[str]) -> list[str]:
     facts = tasks()[task]
     reasons = {key: f"has no effect with task={task}, {facts.instead}" for key in facts.ignores}
     for key in sorted({key for each in tasks().values() for key in each.own} - set(facts.own)):
-        users = [f"task={name}" for name, each in tasks().items() if key in each.own]
-        reasons[key] = f"is for {' and '.join(users)} only"
+        users = [name for name, each in tasks().items() if key in each.own]
+        reasons[key] = f"is for task={', '.join(users)} only"
     written = {each: each.lstrip("+~").partition("=")[0] for each in overrides}
     return [
         f"{each}: {reason}"
