@@ -47,7 +47,7 @@ def _errors_of_world(text: str) -> list[ConfigError]:
 
 @dataclass(frozen=True)
 class Call:
-    """The whole configuration of a call; conf/config.yaml says what each value means.
+    """The configuration of a call; conf/config.yaml explains its values.
 
     `_errors` has the rules on several of its values.
     """

@@ -1,6 +1,6 @@
 """Settings of a call that do not decide the result of a run: how it is computed, and what single tasks take.
 
-conf/config.yaml says what each one means, with its unit and default.
+conf/config.yaml explains them, with units and defaults.
 """
 
 import os

@@ -83,11 +83,8 @@ class Fleet:
         is_visible: bool = False,
     ) -> None:
         robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
-        self.step_s, self.radius_m, self.range_max_m = (
-            spec.world.step_time,
-            robot["shape"]["radius"],
-            spec.lidar.range_max,
-        )
+        self.step_s, self.range_max_m = spec.world.step_time, spec.lidar.range_max
+        self.radius_m = robot["shape"]["radius"]
         self.half_view = lidar["angle_range"] / 2
         if arm.lidar == "circle":  # the same spacing of the beams
             number = round(2 * math.pi / lidar["angle_range"] * (lidar["number"] - 1))
@@ -96,16 +93,9 @@ class Fleet:
         self.crowds, self.is_visible = [each.crowd() if each.crowd else None for each in courses], is_visible
         self.courses, self.settings = courses, {key: settings[key] for key in arm.candidates}
         self.arm = arm
-        self.planner = Planner(
-            grid,
-            Settings(**{key: value for key, value in settings.items() if key not in arm.candidates}),
-            self.radius_m,
-            *map(float, robot["vel_max"]),
-        )
-        most = max(len(each.outlines) for each in courses)
-        longest = max(each.outlines.shape[1] for each in courses)
-        self.outlines = np.stack([_filled(padded(each.outlines, longest), most) for each in courses], axis=1)
-        self.obstacles = np.stack([_filled(each.states, most, FAR_AWAY_M) for each in courses], axis=1)  # (O, E, S, 3)
+        planned = Settings(**{key: value for key, value in settings.items() if key not in arm.candidates})
+        self.planner = Planner(grid, planned, self.radius_m, *map(float, robot["vel_max"]))
+        self.outlines, self.obstacles = _stacked(courses)
         forgetting = self.settings.get("forgetting")
         self.seen = Seen(courses, self.obstacles, grid, self.angles, self.range_max_m, self.step_s, forgetting)
         self.radii = np.linalg.norm(self.outlines, axis=-1).max(-1)  # (O, E)
@@ -231,6 +221,15 @@ def nearest(
         if gap < distance[index]:
             distance[index], foot[index] = gap, point
     return distance, foot
+
+
+def _stacked(courses: Sequence[Course]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the outlines (O, E, V, 2) and the states (O, E, S + 1, 3) of the obstacles of E courses."""
+    most = max(len(course.outlines) for course in courses)
+    longest = max(course.outlines.shape[1] for course in courses)
+    outlines = [_filled(padded(course.outlines, longest), most) for course in courses]
+    states = [_filled(course.states, most, FAR_AWAY_M) for course in courses]
+    return np.stack(outlines, axis=1), np.stack(states, axis=1)
 
 
 def _filled(values: np.ndarray, count: int, value: float = 0.0) -> np.ndarray:

@@ -31,19 +31,21 @@ class Drive:
         title: that of the arm.
         recording: what the robot saw and where the obstacles were, T steps.
         maps: the maps on which it planned, probability of an obstacle, (M, H, W).
+        step_s: duration of a step [s].
         end: how it ended.
     """
 
     title: str
     recording: Recording
     maps: np.ndarray
+    step_s: float
     end: str
 
 
 def telling_course(rows: pd.DataFrame, other: pd.DataFrame) -> tuple[str, int] | None:
     """Return experiment and seed of the first course that ends at the goal in `rows` and in a collision in `other`.
 
-    The experiments are asked from the last one, which has the fastest obstacles.
+    The last experiment, which has the fastest obstacles, comes first.
     """
     both = rows.merge(other, on=["experiment", "seed"], suffixes=("", "_other"))
     found = both[(both["outcome"] == "goal") & (both["outcome_other"] == "collision")]
@@ -57,19 +59,20 @@ def watch(fleet: Fleet, title: str) -> Drive:
     """Drive the only course of a fleet, and return what happened after the first turn."""
     ranges: list[np.ndarray] = []
     poses: list[np.ndarray] = []
-    maps: list[np.ndarray] = []
+    maps = [fleet.occupied]  # before the first one
     for step in fleet.steps():
         has_scan = fleet.seen.step == step  # not where a collision ends the drive
         ranges.append(fleet.seen.ranges[0, (step - 1) % TURN_STEPS].copy() if has_scan else ranges[-1])
         poses.append(fleet.poses[0].copy())
-        if step > TURN_STEPS and (step - TURN_STEPS - 1) % EVERY == 0:
-            maps.append(fleet.occupied[0, 0].copy())
+        if fleet.occupied is not maps[-1]:
+            maps.append(fleet.occupied)
     after = slice(TURN_STEPS, len(poses))
     scans = Scans(np.array(ranges)[after], fleet.angles, np.array(poses)[after])
     states = fleet.obstacles[: len(fleet.courses[0].outlines), 0, TURN_STEPS + 1 : len(poses) + 1]
     episode = fleet.episodes[0]
     end = f"{episode.outcome} after {episode.time_s:.1f} s" + f" ({episode.contact})" * bool(episode.contact)
-    return Drive(title, Recording(scans, fleet.courses[0].outlines, states, seen=None), np.array(maps), end)
+    recording = Recording(scans, fleet.courses[0].outlines, states, seen=None)
+    return Drive(title, recording, np.array([planned[0, 0] for planned in maps[1:]]), fleet.step_s, end)
 
 
 def write_replay(drives: Sequence[Drive], goals: np.ndarray, path: Path, *, size_m: float, range_max_m: float) -> None:
@@ -101,7 +104,9 @@ def write_replay(drives: Sequence[Drive], goals: np.ndarray, path: Path, *, size
                 axes[1, column].plot(*drive.recording.scans.poses[: step + 1, :2].T, color=ACCENT, linewidth=1)
                 for ax in axes[:, column]:
                     ax.plot(*goals.T, "*", color=GOAL, markersize=9)
-                axes[0, column].set_title(f"{drive.title}\n{drive.end if step == last else f'{step / 10:.1f} s'}")
+                axes[0, column].set_title(
+                    f"{drive.title}\n{drive.end if step == last else f'{step * drive.step_s:.1f} s'}"
+                )
             return panels
 
         animation = FuncAnimation(figure, show, frames=frames)

@@ -100,41 +100,46 @@ def _cast(
                 and rings[index, step, corners - 1, 1] == rings[index, step, corners - 2, 1]
             ):
                 corners -= 1  # without those that pad the outline
-            if square <= radius * radius and _contains(rings, index, step, corners, poses):
+            ring = rings[index, step, :corners]
+            if square <= radius * radius and _contains(ring, poses[step]):
                 return index
             for beam in range(ranges.shape[1]):
-                dx, dy = directions[step, beam, 0], directions[step, beam, 1]
+                dx, dy = directions[step, beam]
                 along = across * dx + up * dy
-                if square > radius * radius and (along <= 0 or square - along * along > radius * radius):
-                    continue
-                start = corners - 1
-                x, y = poses[step, 0] - rings[index, step, start, 0], poses[step, 1] - rings[index, step, start, 1]
-                side = y * dx - x * dy  # signed distance of the corner to the beam [m]
-                for end in range(corners):
-                    end_x = poses[step, 0] - rings[index, step, end, 0]
-                    end_y = poses[step, 1] - rings[index, step, end, 1]
-                    end_side = end_y * dx - end_x * dy
-                    if min(side, end_side) <= 1e-6 and max(side, end_side) >= -1e-6:
-                        edge_x = rings[index, step, end, 0] - rings[index, step, start, 0]
-                        edge_y = rings[index, step, end, 1] - rings[index, step, start, 1]
-                        denominator = edge_y * dx - edge_x * dy
-                        if denominator != 0:
-                            u = (y * dx - x * dy) / denominator
-                            distance = (edge_x * y - edge_y * x) / denominator
-                            if 0 <= u <= 1 and 1e-9 < distance <= range_max_m and distance < ranges[step, beam]:
-                                ranges[step, beam], nearest[step, beam] = distance, index
-                    start, x, y, side = end, end_x, end_y, end_side
+                if square <= radius * radius or (along > 0 and square - along * along <= radius * radius):
+                    distance = _crossing(ring, poses[step], dx, dy)
+                    if distance <= range_max_m and distance < ranges[step, beam]:
+                        ranges[step, beam], nearest[step, beam] = distance, index
     return -1
 
 
 @compiled
-def _contains(rings: np.ndarray, index: int, step: int, corners: int, poses: np.ndarray) -> bool:
-    """Check whether a ring contains the robot, by counting crossings."""
-    is_inside, start = False, corners - 1
-    for end in range(corners):
-        x0, y0 = rings[index, step, start, 0], rings[index, step, start, 1]
-        x1, y1 = rings[index, step, end, 0], rings[index, step, end, 1]
-        if (y0 <= poses[step, 1]) != (y1 <= poses[step, 1]):
-            is_inside ^= x0 + (poses[step, 1] - y0) * (x1 - x0) / (y1 - y0) > poses[step, 0]
+def _contains(ring: np.ndarray, pose: np.ndarray) -> bool:
+    """Check whether a ring (V, 2) contains the robot, by counting crossings."""
+    is_inside, start = False, len(ring) - 1
+    for end in range(len(ring)):
+        x0, y0, x1, y1 = ring[start, 0], ring[start, 1], ring[end, 0], ring[end, 1]
+        if (y0 <= pose[1]) != (y1 <= pose[1]):
+            is_inside ^= x0 + (pose[1] - y0) * (x1 - x0) / (y1 - y0) > pose[0]
         start = end
     return is_inside
+
+
+@compiled
+def _crossing(ring: np.ndarray, pose: np.ndarray, dx: float, dy: float) -> float:
+    """Return the distance from the robot along a direction to a ring (V, 2) [m], inf without a crossing."""
+    shortest, start = math.inf, len(ring) - 1
+    x, y = pose[0] - ring[start, 0], pose[1] - ring[start, 1]
+    side = y * dx - x * dy  # signed distance of the corner to the beam [m]
+    for end in range(len(ring)):
+        end_x, end_y = pose[0] - ring[end, 0], pose[1] - ring[end, 1]
+        end_side = end_y * dx - end_x * dy
+        if min(side, end_side) <= 1e-6 and max(side, end_side) >= -1e-6:
+            edge_x, edge_y = ring[end, 0] - ring[start, 0], ring[end, 1] - ring[start, 1]
+            denominator = edge_y * dx - edge_x * dy
+            if denominator != 0:
+                u, distance = (y * dx - x * dy) / denominator, (edge_x * y - edge_y * x) / denominator
+                if 0 <= u <= 1 and 1e-9 < distance < shortest:
+                    shortest = distance
+        start, x, y, side = end, end_x, end_y, end_side
+    return shortest

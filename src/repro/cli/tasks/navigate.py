@@ -1,5 +1,7 @@
 """task=navigate: drive a robot to goals by the maps of one arm, tuned alone, and compare the arms."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repro.cli.jobs import Job
@@ -31,20 +33,24 @@ def run(job: Job) -> None:
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
     options: dict[str, Any] = {"inflations_m": settings.inflations_m, "people": settings.people}
-    study = Study(directory, *_arm(job, grid, settings.arm), specs, grid, **options)
+
+    def study_of(arm: str) -> Study:
+        return Study(directory, *_arm(job, grid, arm), specs, grid, **options)
+
+    study = study_of(settings.arm)
     with few_threads():
         study.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
     if settings.arm in NETWORK_ARMS:
-        _draw_replay(job, study)
+        _draw_replay(study, study_of, job.outputs.analysis / "navigation_replay.gif")
 
 
-def _draw_replay(job: Job, study: "Study") -> None:
-    """Draw a course that this arm masters and the best classical one does not."""
+def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], path: Path) -> None:
+    """Draw a course in which the robot reaches its goals by this arm, and collides by the best classical one."""
     import pandas as pd
 
-    from repro.navigation.study import TEST, Study
+    from repro.navigation.study import TEST
     from repro.reporting.navigation import BEST_OF, best_classical, title_of
     from repro.reporting.replay import telling_course, watch, write_replay
 
@@ -55,12 +61,11 @@ def _draw_replay(job: Job, study: "Study") -> None:
     course = telling_course(tests[study.name], tests[best]) if best else None
     if not best or not course:
         return
-    options: dict[str, Any] = {"inflations_m": study.inflations_m, "people": study.people}
-    other = Study(directory, *_arm(job, study.grid, best), study.specs, study.grid, **options)
-    fleets = [each.fleet([course], each.tested()) for each in (other, study)]
-    drives = [watch(fleet, title_of(each.name)) for fleet, each in zip(fleets, (other, study), strict=True)]
-    lidar, path = fleets[0].range_max_m, job.outputs.analysis / "navigation_replay.gif"
-    write_replay(drives, fleets[0].courses[0].goals, path, size_m=study.grid.size_m, range_max_m=lidar)
+    studies = (study_of(best), study)
+    fleets = [one.fleet([course], one.tested()) for one in studies]
+    drives = [watch(fleet, title_of(one.name)) for fleet, one in zip(fleets, studies, strict=True)]
+    goals, range_max_m = fleets[0].courses[0].goals, fleets[0].range_max_m
+    write_replay(drives, goals, path, size_m=study.grid.size_m, range_max_m=range_max_m)
     print(f"{path}: experiment {course[0]}, course {course[1]}")
 
 
