@@ -1,6 +1,6 @@
 """A classical tracker: discs and rectangles with constant velocity, fitted to clusters of hits in space and time.
 
-DBSCAN (scikit-learn) clusters the hits. To each cluster a disc and a rectangle are fitted (`shapes`), and the one that
+Hits that are close belong to one cluster. To each cluster a disc and a rectangle are fitted (`shapes`), and the one that
 costs less is kept; two clusters are joined where one shape explains both. The cost is the mean squared distance of the
 hits to the outline, that of the lines of sight just past them to the silhouette, and a prior of size, aspect and speed.
 """
@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from sklearn.cluster import DBSCAN
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from repro.baselines import shapes
 from repro.maps.grid import Grid
@@ -72,8 +74,10 @@ def clusters(scans: Scans, step_s: float, near_m: float) -> list[Cluster]:
     time = step_s * EVERY * (step - len(scans.ranges) + 1)
     bearing = scans.poses[step, 2] + scans.angles[beam]
     hits = np.column_stack([points[hit], time, np.cos(bearing), np.sin(bearing)])
-    labels = DBSCAN(eps=near_m, min_samples=2).fit_predict(hits[:, :3] * [1, 1, CLUSTER_M_S])
-    members = (np.flatnonzero(labels == label) for label in range(labels.max() + 1))
+    pairs = KDTree(hits[:, :3] * [1, 1, CLUSTER_M_S]).query_pairs(near_m, output_type="ndarray")
+    close = coo_array((np.ones(len(pairs), dtype=bool), pairs.T), (len(hits), len(hits)))
+    number, labels = connected_components(close, directed=False)
+    members = (np.flatnonzero(labels == label) for label in range(number))
     return [Cluster(hits[own], _edges(scans, step[own], beam[own], time[own])) for own in members if len(own) >= FEWEST]
 
 
