@@ -1,7 +1,7 @@
 """A classical tracker: discs and rectangles with constant velocity, fitted to clusters of hits in space and time.
 
-Hits that are close belong to one cluster. To each cluster a disc and a rectangle are fitted (`shapes`), and the one that
-costs less is kept; two clusters are joined where one shape explains both. The cost is the mean squared distance of the
+Close hits belong to one cluster. To each cluster a disc and a rectangle are fitted (`shapes`), and the one that costs
+less is kept; two clusters are joined where one shape explains both. The cost is the mean squared distance of the
 hits to the outline, that of the lines of sight just past them to the silhouette, and a prior of size, aspect and speed.
 """
 
