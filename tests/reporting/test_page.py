@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT, read_calls
 
-from repro.baselines.names import BASELINES
+from repro.baselines.registry import PREDICTORS
 from repro.cli import main
 from repro.evaluation.samples import load_samples
 from repro.reporting.page import samples_json
@@ -74,7 +74,7 @@ def test_the_analysis_writes_all_frames_and_figures(outputs):
     assert claims["id"].tolist() == [claim.id for claim in CLAIMS]
     assert claims["verdict"].notna().all()
     table = pd.read_csv(outputs / "tables" / "main.csv")
-    assert table["model"].tolist() == ["unet", *(name for name in BASELINES if name != "mean_map")]
+    assert table["model"].tolist() == ["unet", *(name for name in PREDICTORS if name != "mean_map")]
 
 
 class Outline(HTMLParser):
