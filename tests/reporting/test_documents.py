@@ -1,8 +1,8 @@
 import pandas as pd
 import pytest
 
-from repro.reporting.analysis_tables import across, bounds, claims, costs, methods, networks
-from repro.reporting.documents import with_results
+from repro.reporting.documents import bounds, claims, costs, methods, networks, with_results
+from repro.reporting.page import across
 
 
 def markdown_of(make, intervals, **frames):

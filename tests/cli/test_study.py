@@ -4,12 +4,12 @@ import pytest
 from conftest import ROOT, fake_run, run_config
 
 import repro.world_config
+from repro.cli.study import Study, describe_outputs
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.networks.model import NETWORKS
 from repro.recordings.format import shards_of
 from repro.recordings.reader import Manifest, ShardEntry
 from repro.reporting.names import duration
-from repro.reporting.study import Study, describe_outputs
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
