@@ -16,7 +16,6 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.recordings import format
 from repro.reporting.figures import (
-    data_collection,
     data_representation,
     irsim_drawing,
     method_overview,
@@ -54,12 +53,6 @@ def test_irsim_draws_the_given_world():
     for obstacle in world["obstacle"]:
         x, y = obstacle["state"][:2]
         assert gray[499 - int(10 * y), int(10 * x)] < 30
-
-
-def test_all_setups_are_drawn():
-    worlds = {experiment: sample_world(world_spec(experiment), 1) for experiment in "1234"}
-    figure = data_collection(worlds, step=3)
-    assert [ax.get_title().split("\n")[0] for ax in figure.axes] == [f"Experiment {e}" for e in "1234"]
 
 
 def test_results_show_input_prediction_and_truth(example):
