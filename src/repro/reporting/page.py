@@ -52,6 +52,7 @@ class Report:
         figures: PNG files by name.
         samples: see `samples.samples_json`; empty without samples.
         origins: provenance of each run by its path.
+        replay: page that replays a course of task=navigate; empty without one.
     """
 
     outputs: Path
@@ -60,6 +61,7 @@ class Report:
     figures: dict[str, Path]
     samples: str
     origins: dict[str, Provenance]
+    replay: str = ""
 
 
 def render(report: Report) -> str:
@@ -88,6 +90,7 @@ def render(report: Report) -> str:
         claims=report.frames["claims"].to_dict("records"),
         browser=report.samples,
         figures=report.figures,
+        replay=report.replay,
         tables_of=tables_of_sections(report.frames, report.origins),
     )
 
