@@ -13,7 +13,7 @@ from repro.metrics.bootstrap import bounds, draw_weights
 from repro.navigation.arms import HITS
 from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
 from repro.reporting.names import predictor_title
-from repro.reporting.plots import MARKERS, STYLE, DataFrames, columns, one_legend, save
+from repro.reporting.plots import INK, MARKERS, STYLE, DataFrames, columns, one_legend, save
 from repro.reporting.render import Cells, number, with_interval
 from repro.system.files import read_mapping, write_json, write_text
 
@@ -29,6 +29,7 @@ TITLES = {
 }  # networks stand before the lidar of 360 degrees
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical arms with the robot's lidar
 ALL = "all"  # experiments together
+COLORS = (*(f"C{number}" for number in range(10)), INK)
 
 
 def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
@@ -188,7 +189,7 @@ def _draw(points: pd.DataFrame, stem: Path) -> None:
         for ax, (experiment, rows) in zip(axes[0], points.groupby("experiment", sort=False), strict=True):
             for number, arm in enumerate(arms_of(points["arm"].unique())):
                 own = rows[rows["arm"] == arm].sort_values("inflation_m")
-                look: Any = {"color": f"C{number % 10}", "marker": MARKERS[number % 8], "ms": 4, "lw": 1}
+                look: Any = {"color": COLORS[number % len(COLORS)], "marker": MARKERS[number % 8], "ms": 4, "lw": 1}
                 ax.plot(own["time_s"], own["success"], label=title_of(arm), **look)
             ax.set(title=experiment, xlabel="time to the goals [s]")
         axes[0, 0].set_ylabel("success without collision")
