@@ -113,7 +113,6 @@ class Prediction:
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None
-    mcap: bool
     inspect: bool
 
 
