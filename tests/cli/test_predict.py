@@ -120,7 +120,7 @@ def test_windows_unlike_those_of_the_training_are_named(tmp_path):
     [
         (b"", 1, "is empty"),
         (bytes(999), 1, "of no known kind"),
-        (b"#ROSBAG V2.0\n", 1, "cannot be read"),
+        (b"#ROSBAG V2.0\n", 1, "expected a name that ends with"),
         (None, 2, "No such file"),
     ],
 )

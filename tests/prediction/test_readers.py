@@ -224,8 +224,8 @@ def test_a_crop_is_within_the_view_of_the_lidar():
     assert log.crop(math.radians(90)).held_out(0) is None, "all beams are kept"
 
 
-def content(data: bytes):
-    return lambda path: (path.write_bytes(data), path)[1]
+def content(data: bytes, suffix: str = ""):
+    return lambda path: (path.with_suffix(suffix).write_bytes(data), path.with_suffix(suffix))[1]
 
 
 def truncated(path: Path, count: int = 0) -> Path:
@@ -257,9 +257,10 @@ NO_LOGS = {
     "gzip with other bytes": (content(PACKED[:12] + b"\xff" * 40 + PACKED[52:]), "is damaged"),
     "gzip of a bag": (content(gzip.compress(b"#ROSBAG V2.0")), "is packed with gzip: unpack it"),
     "zstd": (content(b"\x28\xb5\x2f\xfd" + bytes(99)), "packed with zstd: unpack it"),
-    "bag header only": (content(b"#ROSBAG V2.0\n"), "the bag cannot be read"),
-    "mcap header only": (content(b"\x89MCAP0\r\n"), "the bag cannot be read"),
-    "sqlite header only": (content(b"SQLite format 3\0"), "the bag cannot be read"),
+    "bag of another name": (content(b"#ROSBAG V2.0\n"), "is a bag: expected a name that ends with .bag, .db3, .mcap"),
+    "bag header only": (content(b"#ROSBAG V2.0\n", ".bag"), "the bag cannot be read"),
+    "mcap header only": (content(b"\x89MCAP0\r\n", ".mcap"), "the bag cannot be read"),
+    "sqlite header only": (content(b"SQLite format 3\0", ".db3"), "the bag cannot be read"),
     "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
     "truncated mcap": (lambda path: truncated(mcap(path)), r"the bag cannot be read .*mcap recover"),
     "truncated database": (
