@@ -167,3 +167,11 @@ def test_report_rebuilds_tables_and_figures(study):
     assert (outputs / "tables" / "ablation.md").is_file()
     assert (outputs / "figures" / "data_collection.png").is_file()
     assert "| Exp. |" not in text  # only paths are printed
+
+
+def test_a_reader_that_goes_away_stops_the_call_with_one_line(tmp_path):
+    script = f"{sys.executable} run.py -m exp=3,4 {' '.join(tiny(tmp_path))} | head -1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert "stopped; the same command resumes" in done.stderr
+    assert "Traceback" not in done.stderr

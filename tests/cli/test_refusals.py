@@ -4,13 +4,11 @@ import itertools
 import os
 import re
 import shutil
-import subprocess
-import sys
 from typing import Any
 
 import hydra
 import pytest
-from conftest import ROOT, cpu_seconds, read_calls, refuse, run_py
+from conftest import cpu_seconds, read_calls, refuse, run_py
 
 from repro.cli.notes import warnings_of
 from repro.system.places import conf_directory
@@ -62,9 +60,6 @@ CALLS = {
     "exp=1 exp=2": "exp=1 and exp=2: exp is given twice",
     "--exp=3": "overrides have no dashes",
     "--config-dir=nowhere": "is not a directory",
-    "--config-name=config": "--config-name and --config-path are not supported",
-    "--resolve": "--resolve is for --cfg only",
-    "-m exp=1,2 --cfg job": "leave out -m",
     # types
     "outputs=2024_05_13": "outputs=20240513: must be a valid string; for a name, quote it",
     "outputs=[a]": "must be a valid string",
@@ -339,13 +334,6 @@ def test_information_about_a_call_that_cannot_be_composed_is_refused(arguments):
     done = run_py(*arguments)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("error: this cannot be run")
-
-
-def test_a_deleted_working_directory_is_named(tmp_path):
-    script = f"mkdir {tmp_path}/gone && cd {tmp_path}/gone && rmdir {tmp_path}/gone && {sys.executable} {ROOT}/run.py"
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert done.stderr == "error: the working directory has been deleted: change to another one\n"
 
 
 def test_a_traceback_can_be_requested(tmp_path):

@@ -112,9 +112,12 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
     Raises:
         Refused: a job cannot be composed.
     """
-    _check_options(arguments)
+    if flag := arguments.experimental_rerun:  # what argparse makes of --exp
+        raise Refused(f"--exp={flag}: overrides have no dashes: exp={flag}")
     overrides = list(arguments.overrides)
     if arguments.config_dir:
+        if not os.path.isdir(arguments.config_dir):
+            raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
     with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
         try:
@@ -126,24 +129,6 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
                 raise
             raise Refused(_reason(error)) from error
         yield found
-
-
-def _check_options(arguments: argparse.Namespace) -> None:
-    """Check the options of Hydra that would choose another configuration, or have no effect."""
-    flag = arguments.experimental_rerun  # what argparse makes of --exp
-    refused = {
-        "--config-name and --config-path are not supported: use overrides, or --config-dir for groups": (
-            arguments.config_name or arguments.config_path
-        ),
-        f"--exp={flag}: overrides have no dashes: exp={flag}": flag,
-        f"--config-dir={arguments.config_dir}: is not a directory": (
-            arguments.config_dir and not os.path.isdir(arguments.config_dir)
-        ),
-        "--resolve is for --cfg only: run.py --cfg job --resolve": arguments.resolve and not arguments.cfg,
-        "--cfg prints the configuration of one job: leave out -m": arguments.multirun and arguments.cfg,
-    }
-    if reasons := [reason for reason, is_wrong in refused.items() if is_wrong]:
-        raise Refused(*reasons)
 
 
 def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:

@@ -8,10 +8,9 @@ from omegaconf import OmegaConf
 from repro.cli.call import Call
 from repro.parallel import has_gpu
 from repro.system.places import conf_directory
-from repro.world_config import WorldSpec, world_spec
+from repro.world_config import WorldSpec
 
 SECONDS_PER_READING = 2e-6  # of the recorder on one core
-LONG_RECORDING_MINUTES = 30
 
 
 def print_notes(calls: list[Call], overrides: list[str]) -> None:
@@ -31,10 +30,6 @@ def warnings_of(call: Call) -> Iterator[str]:
     """Yield warnings of values that are allowed and may surprise."""
     if call.facts.trains and call.scale.name == "paper" and not has_gpu():
         yield "scale=paper takes days without a GPU, see task=plan; scale=laptop takes an hour or two"
-    pairs = call.scale.pairs
-    minutes = recording_seconds(world_spec(call.world, call.exp), pairs.train + pairs.val + pairs.test) / 60
-    if call.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
-        yield f"recording exp {call.exp} takes about {minutes:.0f} min per core"
     if not call.experiment["clear_radius_m"]:
         yield f"exp {call.exp} has no clear zone: recording stops where an obstacle reaches the robot"
     is_one_way = call.experiment.get("fixed") or call.experiment["motion"]["name"] == "waypoints"

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.cli.inputs import find
+from repro.cli.inputs import find, name_of
 from repro.cli.jobs import Job
-from repro.cli.logs import name_of
 from repro.cli.prediction_report import describe, percent, printed_messages, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
