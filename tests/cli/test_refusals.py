@@ -67,7 +67,7 @@ CALLS = {
     "seed=1e30": "must be a valid integer",
     "seed=true": "must be a valid integer",
     "decay=foo": "decay=foo: must be a valid boolean",
-    "train.loss=bce": "must be one of map",
+    "train.loss=bce": "must be 'map'",
     # tasks: what they need, and what has no effect; README.md stands for any file
     "task=fly": "task=fly: must be one of adapt, all, analysis",
     "task=predict": "scans: is needed with task=predict",

@@ -7,7 +7,7 @@ import numpy as np
 from repro.evaluation.evaluate import read_predictions
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import read_recording
-from repro.recordings.truth import true_maps
+from repro.recordings.recorded import true_maps
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.scans import Scans

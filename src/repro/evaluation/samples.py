@@ -12,7 +12,7 @@ from repro.evaluation.evaluate import read_quantized
 from repro.maps.projection import Projection
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import read_shards
-from repro.recordings.truth import true_maps
+from repro.recordings.recorded import true_maps
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 
