@@ -306,7 +306,7 @@ def test_maps_go_on_after_the_clock_was_set_back():
         assert predicted.free == pytest.approx(batch.free, abs=1e-5)
 
 
-@pytest.mark.parametrize("wrong", [-9000, 200, 1_000_000])  # steps
+@pytest.mark.parametrize("wrong", [-9000, 200])  # steps
 @pytest.mark.parametrize("kind", ["scan", "pose"])
 def test_maps_go_on_after_one_wrong_time(kind, wrong):
     robot = Robot()
