@@ -48,22 +48,10 @@ def test_the_sweep_ends_with_a_complete_table(study):
     assert "Scale first: 32 x 32 px, 16 training and 4 test pairs" in text
     origin = (outputs / "runs/exp3/fpn/projection-no-decay/seed0/provenance.json").read_text()
     assert '"command": "python run.py model=fpn exp=3 decay=False scale=first' in origin
-
-
-def test_the_quick_baselines_are_in_the_main_table(study):
-    outputs, _ = study
-    table = pd.read_csv(outputs / "tables" / "main.csv")
-    assert table["model"].tolist() == [*QUICK_BASELINES] * 2
-
-
-def test_run_directories_are_complete(study):
-    outputs, _ = study
-    run = outputs / "runs" / "exp4" / "upernet" / "projection-no-decay" / "seed0"
-    names = {path.name for path in run.iterdir()}
-    assert names >= {
-        "config.yaml", "history.csv", "metrics.csv", "per_image.csv", "provenance.json", "model",
-        "predictions.npz", ".hydra",
-    }  # fmt: skip
+    assert pd.read_csv(outputs / "tables" / "main.csv")["model"].tolist() == [*QUICK_BASELINES] * 2
+    names = {path.name for path in (outputs / "runs/exp4/upernet/projection-no-decay/seed0").iterdir()}
+    kept = {"config.yaml", "history.csv", "metrics.csv", "per_image.csv", "provenance.json", "predictions.npz"}
+    assert names >= kept | {"model", ".hydra"}
 
 
 def test_the_same_command_again_does_nothing(study):
@@ -75,13 +63,6 @@ def test_the_same_command_again_does_nothing(study):
     assert status == 0, text[-4000:]
     assert text.count("done already") == 8
     assert {path: path.stat().st_mtime_ns for path in files} == before
-
-
-def test_another_configuration_in_the_same_directory_is_refused(study):
-    outputs, _ = study
-    status, text = call("exp=3", "decay=false", *tiny(outputs), "train.batch_size=4")
-    assert status != 0
-    assert "train.batch_size is 16, requested 4" in text
 
 
 def test_the_table_of_a_sweep_is_written_without_a_failed_job(study, tmp_path):
