@@ -8,9 +8,6 @@ from omegaconf import OmegaConf
 from repro.cli.call import Call
 from repro.parallel import has_gpu
 from repro.system.places import conf_directory
-from repro.world_config import WorldSpec
-
-SECONDS_PER_READING = 2e-6  # of the recorder on one core
 
 
 def print_notes(calls: list[Call], overrides: list[str]) -> None:
@@ -35,13 +32,3 @@ def warnings_of(call: Call) -> Iterator[str]:
     is_one_way = call.experiment.get("fixed") or call.experiment["motion"]["name"] == "waypoints"
     if call.facts.trains and call.train.flip_augmentation and is_one_way:
         yield "train.flip_augmentation=true also shows the network the fixed obstacles or the path upside down"
-
-
-def recording_seconds(spec: WorldSpec, recordings: int) -> float:
-    """Estimate the time to record an experiment on one core [s].
-
-    Args:
-        spec: what decides the worlds.
-        recordings: number of recordings.
-    """
-    return recordings * spec.steps * spec.lidar.number * SECONDS_PER_READING
