@@ -1,12 +1,12 @@
 """Evaluate classical baselines on the recordings of a published scale, and compare them with a published network there.
 
     python run.py -m task=record exp=1,2,3,4 scale=workstation
-    python -m reproduce.baselines tracker,transitional exp=1,2,3,4 scale=workstation
+    python -m reproduce.baselines tracker,transitional,privileged exp=1,2,3,4 scale=workstation
     python run.py task=publish scale=workstation
 
-The other arguments are those of run.py. Where reproduce/results/<scale> has the weights of the paper's U-Net in an
-experiment, its paired differences to the baselines are written to analysis/differences.csv. The other tables of the
-analysis have the intervals of the baselines.
+`privileged` is the upper bound of upper_bound.py. The other arguments are those of run.py. Where
+reproduce/results/<scale> has the weights of the paper's U-Net in an experiment, its paired differences to the baselines
+are written to analysis/differences.csv. The other tables of the analysis have the intervals of the baselines.
 """
 
 import itertools
@@ -15,6 +15,7 @@ import sys
 import pandas as pd
 from hydra._internal.utils import get_args_parser
 
+from repro.baselines.registry import PREDICTORS
 from repro.cli import compose, main
 from repro.cli.jobs import RESULTS, Job, resolve
 from repro.config import PROJECTION
@@ -26,6 +27,7 @@ from repro.recordings.datasets import grid_of
 from repro.recordings.recorded import load_recorded
 from repro.system.devices import one_thread
 from repro.system.files import write_text
+from reproduce.upper_bound import privileged
 
 NETWORK = "unet"
 COLUMNS = ["experiment", "comparison", "one", "other", "model", "encoding"]
@@ -51,6 +53,7 @@ def differences(job: Job, names: list[str]) -> pd.DataFrame:
 
 def run(names: list[str], arguments: list[str]) -> None:
     """Evaluate the named baselines in every job of the call, and write the differences."""
+    PREDICTORS["privileged"] = privileged
     parsed = get_args_parser().parse_args(["-m", *arguments])
     with compose.composed(parsed) as composed:
         jobs = [resolve(call) for call in main.read_calls(parsed, composed)]

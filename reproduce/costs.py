@@ -30,7 +30,7 @@ from repro.maps.projection import Projection
 from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
-from repro.reporting import analysis_tables
+from repro.reporting import documents
 from repro.reporting.analysis_figures import titled
 from repro.reporting.names import experiment_title, model_title
 from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
@@ -175,7 +175,7 @@ def main() -> None:
     if intervals.is_file():
         with plt.rc_context(STYLE):
             efficiency(read_rows(intervals), table).savefig(options.results / "costs.png", bbox_inches="tight", dpi=130)
-    print(analysis_tables.costs(table, note(runs)).to_markdown())
+    print(documents.costs(table, note(runs)).to_markdown())
 
 
 if __name__ == "__main__":

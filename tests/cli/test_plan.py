@@ -4,8 +4,8 @@ from conftest import read_calls
 from repro.cli import plan
 from repro.cli.jobs import Job, resolve
 from repro.cli.plan import seconds_left
+from repro.cli.study import Study
 from repro.learning import cost
-from repro.reporting.study import Study
 
 RECORDINGS = 4 * 10628 * 100 * 100 * 2e-6  # of four experiments, 100 steps and 100 beams
 

@@ -26,7 +26,14 @@ from repro.reporting.results import read_frames, read_published
 from repro.reporting.tables import audits
 
 KEYS = {"of": "tables", "encoding": "projection", "recency": "all", "low": np.nan, "high": np.nan}
-NO_QUALITY = ("square-sees-more", "square-delays-more", "stack-is-larger", "eight-variations")  # of data, size, count
+DRIVEN = "reliability-of-autonomous-systems"
+NO_QUALITY = (
+    "square-sees-more",
+    "square-delays-more",
+    "stack-is-larger",
+    "eight-variations",
+    DRIVEN,
+)  # of data, size, count
 SCALES = ("workstation", "laptop")
 
 
@@ -127,7 +134,7 @@ def analysis(scale):
 
 @pytest.mark.parametrize("scale", SCALES)
 def test_the_published_verdicts_follow_from_the_published_tables(scale):
-    frames = analysis(scale)
+    frames = {**analysis(scale), "navigation": analysis("navigation")["navigation"]}
     found = verdicts(frames, read_published(ROOT / "reproduce" / "results" / scale))
     assert found[["quote", "place"]].notna().all(axis=None)
     assert found["verdict"].tolist() == frames["claims"]["verdict"].tolist()
@@ -171,6 +178,20 @@ def test_every_claim_of_quality_fails_for_a_trivial_prediction(constant, scale):
     if not constant:  # never uncertain
         assert found.pop("probabilities-are-learned") in (Verdict.not_reproduced, Verdict.untested)
     assert found[found != Verdict.not_reproduced].empty
+
+
+@pytest.mark.parametrize(
+    ("low", "expected"), [(0.01, Verdict.reproduced), (-0.01, Verdict.in_direction), (None, Verdict.untested)]
+)
+def test_robots_are_more_reliable_if_the_interval_of_their_gain_is_above_zero(low, expected):
+    frames = analysis("laptop")
+    frames.pop("navigation", None)
+    if low is not None:
+        arms = {"arm": ["keep", "unet-projection", "unet-projection-hits"], "difference": [0.0, 0.05, -0.2]}
+        others = {"experiment": "all", "difference_low": [0, low, -0.3], "difference_high": [0, 0.1 - low, -0.1]}
+        frames["navigation"] = pd.DataFrame({**arms, **others})
+    found = verdicts(frames, read_published(ROOT / "reproduce" / "results" / "laptop")).set_index("id")
+    assert found.loc[DRIVEN, "verdict"] == expected
 
 
 def test_a_loss_cannot_agree_with_both_numbers_of_the_paper():

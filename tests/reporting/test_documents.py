@@ -1,8 +1,8 @@
 import pandas as pd
 import pytest
 
-from repro.reporting.analysis_tables import across, bounds, claims, costs, methods, networks
-from repro.reporting.documents import with_results
+from repro.reporting.documents import claims, methods, with_results
+from repro.reporting.page import across
 
 
 def markdown_of(make, intervals, **frames):
@@ -54,53 +54,6 @@ def test_methods_are_in_the_order_of_the_tables_with_intervals():
     assert [line.split(" | ")[-1] for line in lines[4:]] == ["0.62 |", "0.75 |", *["0.50 |"] * 2, "0.37 |", "1.00 |"]
 
 
-def test_networks_are_shown_with_their_share_of_the_bound_and_costs():
-    intervals = pd.DataFrame(
-        [
-            ("3", "unet", "projection", "obstacle_iou", 0.4),
-            ("3", "convgru", "series10", "obstacle_iou", 0.6),
-            ("3", "privileged", "", "obstacle_iou", 0.8),
-            ("4", "unet", "projection", "obstacle_iou", 0.5),
-        ],
-        columns=["experiment", "model", "encoding", "metric", "value"],
-    )
-    calibration = pd.DataFrame(
-        [
-            ("3", "unet", "projection", "all", 0.15),
-            ("3", "unet", "projection", "1-10", 0.1),
-        ],
-        columns=["experiment", "model", "encoding", "recency", "log_loss"],
-    )
-    measured = pd.DataFrame(
-        [("unet", "projection", 64, 5.55, 3.4, 6.2), ("convgru", "series10", 64, 0.155, 5.2, 8.8)],
-        columns=["model", "encoding", "size_px", "parameters_m", "training_min", "cpu_onnx_ms"],
-    )
-    lines = markdown_of(networks, intervals, calibration=calibration, costs=measured)
-    assert lines[4] == "| U-Net | 0.400 | 0.50 | 0.150 | 0.500 |  |  | 5.55 | 3.4 | 6 |"
-    assert lines[5] == "| ConvGRU, series10 | 0.600 | 0.75 |  |  |  |  | 0.15 | 5.2 | 9 |"
-
-
-def test_bounds_are_shown_by_experiment_with_their_probabilistic_measures():
-    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high"]
-    scored = [
-        (experiment, name, "", metric, value, value - 0.01, value + 0.01)
-        for experiment in ("3", "4")
-        for name, value in (("privileged", 0.8), ("positions", 0.5), ("tracker", 0.3))
-        for metric in ("accuracy", "specificity", "obstacle_iou")
-    ]
-    measured = [
-        ("4", "privileged", "", recency, "log_loss", value, value, value)
-        for recency, value in (("all", 0.04), ("1-10", 0.01))
-    ]
-    recency = pd.DataFrame(measured, columns=[*columns[:3], "recency", *columns[3:]])
-    lines = markdown_of(bounds, pd.DataFrame(scored, columns=columns), recency=recency)
-    titles = [line.split(" | ")[:2] for line in lines[4:]]
-    names = ["Upper bound", "Upper bound, positions only"]
-    assert titles == [[f"| {experiment}", name] for experiment in ("3", "4") for name in names]
-    assert "0.040 [0.040, 0.040]" in lines[6]
-    assert lines[4].count("0.800 [0.790, 0.810]") == 3
-
-
 def test_a_published_table_without_a_column_is_named(tmp_path):
     (path := tmp_path / "laptop" / "analysis").mkdir(parents=True)
     (path / "claims.csv").write_text("id,quote\na,b\n")
@@ -116,19 +69,3 @@ def test_a_network_may_be_tested_on_more_experiments_than_another():
     (table,) = across(frame)
     assert table.heads == ["Trained on", "tested on 1", "tested on 3"]
     assert table.rows == [["1", "0.500 / 0.500", "0.500 / 0.500"], ["3", "", "0.500 / 0.500"]]
-
-
-def test_the_costs_table_leaves_out_unmeasured_columns():
-    table = pd.DataFrame(
-        {
-            "model": ["unet", "fpn"],
-            "size_px": [64, 64],
-            "parameters_m": [5.5512, 5.07],
-            "cuda_eager_ms": [None, None],
-            "cpu_onnx_ms": [12.34, None],
-        }
-    )
-    page = costs(table, "Costs of the networks.").to_markdown().splitlines()
-    assert page[0] == "**Costs of the networks.**"
-    assert page[2:4] == ["| Model | Image [px] | Parameters [M] | CPU, ONNX Runtime [ms] |", "|---|---|---|---|"]
-    assert page[4:] == ["| U-Net | 64 | 5.55 | 12.3 |", "| FPN | 64 | 5.07 |  |"]

@@ -20,7 +20,7 @@ from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.datasets import training_statistics
 from repro.recordings.format import spec_fingerprint
-from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, make_card, with_front_matter
+from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, hub_metadata, make_card
 from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
@@ -111,7 +111,8 @@ def test_weights_of_other_recordings_and_files_beside_are_not_replaced(run, tmp_
 
 def test_text_that_breaks_the_metadata_is_quoted():
     title, dataset = "a: [b\n---\n# c", "{d: 'e"
-    card = ModelCard(with_front_matter("# A\n", title, dataset, {"ssim": 0.5}, "repro"), ignore_metadata_errors=False)
+    head = hub_metadata(title, dataset, {"ssim": 0.5}, "repro")
+    card = ModelCard(f"---\n{head}\n---\n\n# A\n", ignore_metadata_errors=False)
     assert (card.data.model_name, card.data.eval_results[0].dataset_name) == (title, dataset)
 
 

@@ -1,4 +1,3 @@
-import json
 import re
 import subprocess
 import sys
@@ -8,11 +7,10 @@ import pandas as pd
 import pytest
 from conftest import ROOT, read_calls
 
-from repro.baselines.names import BASELINES
+from repro.baselines.registry import PREDICTORS
 from repro.cli import main
-from repro.evaluation.samples import load_samples
-from repro.reporting.page import samples_json
 from repro.reporting.papers_claims import CLAIMS
+from repro.reporting.samples import load_samples
 from repro.runs.outputs import Outputs
 
 pytestmark = pytest.mark.slow
@@ -53,8 +51,8 @@ def test_an_input_of_several_images_is_shown_as_the_projection(outputs):
 def test_baselines_alone_are_shown_beside_the_projection(outputs):
     runs = [run for run in Outputs(outputs).runs() if not run.config().encoding]
     samples = load_samples(Outputs(outputs), runs[0].config().experiment, runs)
-    shown = json.loads(samples_json({"3": samples}))["experiments"][0]["samples"][0]["predictions"]
-    assert {prediction["input"] for prediction in shown.values()} == {"projection"} == set(samples[0]["inputs"])
+    shown = samples[0]["predictions"].values()
+    assert {prediction["input"] for prediction in shown} == {"projection"} == set(samples[0]["inputs"])
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +72,7 @@ def test_the_analysis_writes_all_frames_and_figures(outputs):
     assert claims["id"].tolist() == [claim.id for claim in CLAIMS]
     assert claims["verdict"].notna().all()
     table = pd.read_csv(outputs / "tables" / "main.csv")
-    assert table["model"].tolist() == ["unet", *(name for name in BASELINES if name != "mean_map")]
+    assert table["model"].tolist() == ["unet", *(name for name in PREDICTORS if name != "mean_map")]
 
 
 class Outline(HTMLParser):

@@ -12,7 +12,6 @@ from repro.reporting.paper import dice_by_precision, read_paper, targets
 from repro.reporting.results import read_results
 from repro.reporting.tables import Table, audits, caption, compare, make_tables, missing, not_shown, write_tables
 from repro.runs.outputs import Outputs
-from repro.runs.provenance import Status
 
 SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
 
@@ -52,18 +51,6 @@ def test_the_audit_averages_the_seeds_that_all_four_networks_have(tmp_path):
     audited = audits(results).query("source == 'ours' and model == 'average' and encoding == @PROJECTION")
     average = compare(results, PROJECTION).query("model == 'average'")
     assert audited["dice_by_precision"].item() == pytest.approx(dice_by_precision(average).item())
-
-
-def test_main_table_and_ablation_have_the_finished_runs_of_their_encoding(tmp_path):
-    fake_run(tmp_path, "3", "unet", 0.5)
-    fake_run(tmp_path, "3", "fpn", 0.5, status=Status.failed)
-    fake_run(tmp_path, "3", "unet", 0.4, decay=False)
-    results = read_results(Outputs(tmp_path))
-    main, ablation = (compare(results, encoding) for encoding in (PROJECTION, PROJECTION_NO_DECAY))
-    assert main["model"].tolist() == ["unet"], "no average while a network is missing"
-    assert main["ssim"].tolist() == [0.5]
-    assert ablation["ssim"].tolist() == [0.4]
-    assert ablation["paper_ssim"].tolist() == [0.6493]
 
 
 def test_resolutions_do_not_mix(tmp_path):
@@ -146,14 +133,6 @@ def test_runs_of_altered_worlds_are_not_compared_with_the_paper(tmp_path):
     shutil.rmtree(run.path)
     table = audits(read_results(Outputs(tmp_path)).query("model == 'convgru'"))
     assert {"experiment", "model", "free", "obstacle_iou", "gain", "source"} <= set(table)
-
-
-def test_the_ablation_shows_the_quick_baselines_of_its_experiments(tmp_path):
-    fake_run(tmp_path, "3", "unet", 0.5, decay=False)
-    for experiment in ("1", "3"):
-        fake_run(tmp_path, experiment, "all_free", 0.9)
-    ablation = compare(read_results(Outputs(tmp_path)), PROJECTION_NO_DECAY)
-    assert ablation[["experiment", "model"]].to_numpy().tolist() == [["3", "unet"], ["3", "all_free"]]
 
 
 def test_a_network_of_the_user_has_a_row_for_every_input_but_those_without_decay(tmp_path):

@@ -9,7 +9,7 @@ BASELINES = {
     "occupancy": "Occupancy grid",
     "transitional": "Transitional grid",
     "tracker": "Tracker",
-    "privileged": "Upper bound",
+    "privileged": "Upper bound",  # of reproduce/upper_bound.py; no task evaluates it
 }
 OTHER_BOUNDS = {  # published rows only, their code is in older versions (docs/analysis.md, DEVIATIONS D25)
     "with_unseen": "Upper bound, with unseen obstacles",

@@ -1,4 +1,4 @@
-"""Classical baselines to compare the networks with, each tuned on the validation set, and an upper bound.
+"""Classical baselines to compare the networks with, each tuned on the validation set.
 
 The tuned baselines keep a pixel free for some steps after a beam has passed over it. Otherwise a disc around an old hit
 covers pixels that later scans observed to be free. `tune` chooses the number of steps.
@@ -20,7 +20,6 @@ from scipy.ndimage import distance_transform_edt, grey_dilation
 from torch import Tensor
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
-from repro.baselines.privileged import privileged
 from repro.baselines.tracker import Prior, clusters, distances, track
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
@@ -107,15 +106,12 @@ PREDICTORS: dict[str, Baseline] = {
     "occupancy": occupancy,
     "transitional": transitional,
     "tracker": tracker,
-    "privileged": privileged,
 }
 
 
 def applies(name: str, spec: WorldSpec) -> bool:
     """Return whether a baseline adds something in worlds of a spec."""
-    if name == "mean_map":  # it predicts the fixed obstacles
-        return bool(spec.fixed)
-    return name != "privileged" or spec.is_like_papers
+    return name != "mean_map" or bool(spec.fixed)  # it predicts the fixed obstacles
 
 
 def tune(

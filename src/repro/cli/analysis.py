@@ -11,13 +11,14 @@ from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
-from repro.evaluation.samples import load_samples
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
-from repro.reporting.page import Report, render, samples_json
+from repro.reporting.page import Report, render
 from repro.reporting.papers_claims import verdicts
+from repro.reporting.replay import REPLAY
 from repro.reporting.results import keys_of, read_results, read_rows
+from repro.reporting.samples import samples_json
 from repro.reporting.tables import audits, write_tables
 from repro.runs.directories import Run
 from repro.runs.keys import lowest_seeds
@@ -101,8 +102,9 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
         results=results,
         frames=frames,
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
-        samples=samples_json({name: load_samples(outputs, name, mine) for name, mine in shown.items()}),
+        samples=samples_json(outputs, shown),
         origins={str(key.path): run.provenance() for key, run in runs.items()},
+        replay=replay.read_text(encoding="utf-8") if (replay := outputs.analysis / REPLAY).is_file() else "",
     )
     write_text(outputs.path / "report.html", render(report))
     print(f"Page: {outputs.path / 'report.html'}", flush=True)

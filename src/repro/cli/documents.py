@@ -14,7 +14,8 @@ def update_docs() -> None:
     """Write the verdicts of the published analyses, the tables between the markers of documents, and the reports."""
     for path in sorted(RESULTS.glob("*/analysis/claims.csv")):
         published = path.parents[1]
-        judged = verdicts(read_frames(published), read_published(published))
+        frames = {**read_frames(published), "navigation": read_frames(RESULTS / "navigation")["navigation"]}
+        judged = verdicts(frames, read_published(published))
         _update(path, judged.to_csv(index=False, float_format="%.6g"))
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(RESULTS.glob("*/tables.md"))):
         _update(path, with_results(path.read_text(encoding="utf-8"), RESULTS))

@@ -4,10 +4,10 @@ import itertools
 from collections.abc import Iterator
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
-from repro.evaluation.examples import load_example
 from repro.recordings.format import SPLITS
 from repro.recordings.reader import read_manifest
 from repro.reporting.figures import write_figures
+from repro.reporting.samples import load_example
 from repro.runs.keys import RunKey, lowest_seeds
 from repro.runs.outputs import Outputs
 from repro.simulation.worlds import sample_world

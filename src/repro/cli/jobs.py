@@ -14,7 +14,7 @@ from repro.system.places import project_directory
 from repro.world_config import WorldSpec, world_spec
 
 if TYPE_CHECKING:
-    from repro.reporting.study import Study
+    from repro.cli.study import Study
 
 ROOT = project_directory()
 RESULTS = ROOT / "reproduce" / "results"
@@ -46,7 +46,7 @@ class Job:
 
     @property
     def study(self) -> "Study":
-        from repro.reporting.study import Study  # imports pandas
+        from repro.cli.study import Study  # imports pandas
 
         experiments = self.call.world["experiments"]
         worlds = {name: spec_fingerprint(world_spec(self.call.world, name)) for name in experiments}

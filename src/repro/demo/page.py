@@ -25,7 +25,6 @@ ASSETS = Path(str(files("repro.demo"))) / "assets"
 RUNTIME_MODULE = "ort.mjs"
 IMPORTS = re.compile(r'from "\./([\w.]+)"')
 MAX_BYTES = 25_000_000
-MOTIONS = {"square": "Square", "rotate": "Rotation in place"}
 
 
 def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any]) -> str:
@@ -47,27 +46,18 @@ def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any])
     spec, steps = next(iter(specs.values())), networks[0].steps
     for network in networks:
         _check_network(network, spec, steps)
-    motions = {each.motion.name: each.raw["motion"] for each in specs.values()}
-    settings = {
-        "spec": world | {"motions": motions},
-        "steps": steps,
-        "networks": [
-            {"title": each.title, "note": each.note, "encoding": each.encoding, "grid": asdict(each.grid)}
-            for each in networks
-        ],
-    }
+    described = [{"note": each.note, "encoding": each.encoding, "grid": asdict(each.grid)} for each in networks]
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
     page: str = environment.get_template("index.html").render(
         style=(ASSETS / "style.css").read_text(encoding="utf-8"),
         loader=(ASSETS / "loader.js").read_text(encoding="utf-8"),
         modules=htmlsafe_json_dumps(link_modules(runtime)),
-        settings=htmlsafe_json_dumps(settings),
+        settings=htmlsafe_json_dumps({"spec": world, "steps": steps, "networks": described}),
         wasm=_pack(runtime.wasm),
         weights=[_pack(network.onnx) for network in networks],
         networks=networks,
         experiments={name: _title(name, each) for name, each in specs.items()},
         experiment=networks[0].experiment if networks[0].experiment in specs else [*specs][-1],
-        motions={name: MOTIONS[name] for name in motions},
         spec=spec,
         steps=steps,
         seconds=f"{steps * spec.world.step_time:g}",

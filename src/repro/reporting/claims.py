@@ -64,7 +64,8 @@ class Numbers:
         """Return a number of U-Net.
 
         Args:
-            of: `recency` of pixels, `obstacles` by the time since their last hit, `uncertain` predictions, or `cost`.
+            of: `recency` of pixels, `obstacles` by the time since their last hit, `uncertain` predictions, `cost`, or
+                `navigation`.
             metric: the measure, of uncertain predictions `error` or `skill`, see `metrics.calibration`.
             exp: the experiment.
             group: the recency of the pixels, or the last hit of the obstacles.
@@ -258,6 +259,18 @@ def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
     rows = pd.concat(parts, ignore_index=True)
     columns = [*CELL, "of", "recency", "metric", "value", "low", "high"]
     return rows.assign(experiment=rows["experiment"].astype(str))[columns]
+
+
+def navigation_rows(results: pd.DataFrame) -> pd.DataFrame:
+    """Return the difference of every network to the best classical map in success, see `reporting.navigation.compare`.
+
+    Returns:
+        rows as of `analysis_rows`, of `navigation`.
+    """
+    parts = results["arm"].str.extract(r"^(?P<model>[a-z]+)-(?P<encoding>[a-z0-9]+)$")
+    values = {"value": results["difference"], "low": results["difference_low"], "high": results["difference_high"]}
+    rows = parts.assign(of="navigation", recency="all", metric="difference", experiment=results["experiment"], **values)
+    return rows.dropna(subset=["model"])
 
 
 def _uncertain(diagrams: pd.DataFrame) -> pd.DataFrame:

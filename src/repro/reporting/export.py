@@ -1,12 +1,13 @@
 """Export of a trained network: its weights, or an ONNX file, with a model card for the Hugging Face Hub."""
 
 from pathlib import Path
+from typing import Any
 
 import torch
-from huggingface_hub import EvalResult, ModelCard, ModelCardData
+from huggingface_hub import EvalResult, ModelCardData
 
 from repro.metrics.names import METRICS
-from repro.networks.predictor import ONNX, load_predictor
+from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.networks.torch_files import CARD, OWN_FILES
 from repro.reporting.names import SETUPS, model_title
 from repro.reporting.paper import are_papers, world_files
@@ -29,8 +30,7 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
         ValueError: the run is not evaluated, the directory has other files, or without force, the existing weights have
             a higher resolution, another input, or were trained on other recordings.
     """
-    _check_evaluated(run)
-    predictor = load_predictor(run.model)
+    predictor = _evaluated_predictor(run)
     if (target / "predictor.json").is_file() and not force:
         existing, used = load_predictor(target), _recordings_of(run)
         is_coarser, card = existing.grid.size_px > predictor.grid.size_px, target / CARD
@@ -68,8 +68,7 @@ def export_onnx(run: Run, target: Path) -> float:
     Raises:
         ValueError: the run is not evaluated, or ONNX Runtime gives other maps than torch.
     """
-    _check_evaluated(run)
-    predictor = load_predictor(run.model)
+    predictor = _evaluated_predictor(run)
     card = make_card(run, str(target / ONNX), "float32 weights in ONNX; the batch is dynamic")
     target.parent.mkdir(parents=True, exist_ok=True)
     with lock(target.parent), replacing_directory(target, (ONNX, CARD)) as new:
@@ -79,6 +78,14 @@ def export_onnx(run: Run, target: Path) -> float:
     return difference
 
 
+def _evaluated_predictor(run: Run) -> Predictor:
+    if not run.is_evaluated:
+        raise InputError(
+            f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
+        )
+    return load_predictor(run.model)
+
+
 def make_card(run: Run, path: str, form: str) -> str:
     """Return the model card: metadata of the Hugging Face Hub, use, input, output, data, metrics, limits.
 
@@ -86,9 +93,6 @@ def make_card(run: Run, path: str, form: str) -> str:
         run: an evaluated run directory.
         path: what `load_predictor` is given in the example.
         form: form of the weights.
-
-    Raises:
-        ValueError: huggingface_hub cannot read the card.
     """
     config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
     trained = origin.last("trained")
@@ -103,7 +107,12 @@ def make_card(run: Run, path: str, form: str) -> str:
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
-    text = f"""# {title}
+    library = "segmentation-models-pytorch" if encoder else "pytorch"
+    return f"""---
+{hub_metadata(title, setup, measured, library)}
+---
+
+# {title}
 
 ```python
 from repro.networks.predictor import load_predictor
@@ -127,32 +136,20 @@ commit {trained["commit"]}.
 
 **Limits**: trained on simulated scans of {source}{limits}; {form}.
 """
-    library = "segmentation-models-pytorch" if encoder else "pytorch"
-    return with_front_matter(text, title, setup, measured, library)
 
 
-def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, float], library: str) -> str:
-    """Return a model card with the metadata of the Hugging Face Hub before its text.
+def hub_metadata(title: str, dataset: str, metrics: dict[str, float], library: str) -> str:
+    """Return the metadata of a model card for the Hugging Face Hub as YAML.
 
     Args:
-        body: the text, Markdown.
         title: name of the model.
         dataset: name of the worlds of the test set.
         metrics: the metrics on the test set by name.
         library: the library of the network.
-
-    Raises:
-        ValueError: huggingface_hub reads other metadata from the card.
     """
+    task: dict[str, Any] = {"task_type": "image-segmentation", "dataset_type": "simulated", "dataset_name": dataset}
     results = [
-        EvalResult(
-            task_type="image-segmentation",
-            dataset_type="simulated",
-            dataset_name=dataset,
-            dataset_split="test",
-            metric_type=name,
-            metric_value=round(value, 4),
-        )
+        EvalResult(**task, dataset_split="test", metric_type=name, metric_value=round(value, 4))
         for name, value in metrics.items()
     ]
     data = ModelCardData(
@@ -164,15 +161,4 @@ def with_front_matter(body: str, title: str, dataset: str, metrics: dict[str, fl
         model_name=title,
         eval_results=results,
     )
-    card = f"---\n{data.to_yaml()}\n---\n\n{body}"
-    read = ModelCard(card, ignore_metadata_errors=False)  # raises ValueError if it cannot be parsed
-    if read.data.to_dict() != data.to_dict():
-        raise InputError(f"the metadata of the model card of {title} are not those that huggingface_hub reads")
-    return card
-
-
-def _check_evaluated(run: Run) -> None:
-    if not run.is_evaluated:
-        raise InputError(
-            f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
-        )
+    return data.to_yaml()

@@ -8,12 +8,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from repro.config import PROJECTION
-from repro.evaluation.examples import Example
 from repro.reporting.names import experiment_title
-from repro.reporting.plots import ACCENT, INK, STYLE, save, save_or_delete
+from repro.reporting.plots import ACCENT, STYLE, save, save_or_delete
+from repro.reporting.samples import Example
 from repro.simulation.motions import recorded_steps
 from repro.simulation.simulator import make
 from repro.simulation.worlds import World, reverse_direction, write_world
@@ -110,49 +109,32 @@ def results(examples: list[Example]) -> Figure:
 
 
 def method_overview(example: Example) -> Figure:
-    """Plot the pipeline for one recording: scans and poses, projection, network, prediction, ground truth."""
-    figure, width = plt.figure(figsize=(12, 3)), 0.15
-    _show_scans(figure.add_axes((0.05, 0.56, width, 0.36)), example)
-    _show_poses(figure.add_axes((0.05, 0.02, width, 0.3)), example)
-    panels = {
-        0.29: (example.projection, "Cumulative dynamic\nsensor projection"),
-        0.62: (255 * example.prediction, "Predicted map"),
-        0.85: (255 * example.truth, "Ground truth"),
-    }
-    for left, (image, title) in panels.items():
-        _image(figure.add_axes((left, 0.16, width, 0.6)), image, title)
-    network = figure.add_axes((0.478, 0.3, 0.105, 0.32))
-    network.axis("off")
-    network.add_patch(
-        FancyBboxPatch((0.05, 0.05), 0.9, 0.9, boxstyle="round,pad=0.02", facecolor="#dbeaf1", edgecolor=ACCENT)
-    )
-    network.text(0.5, 0.5, "image-to-image\nnetwork\n(U-Net, mit_b0)", ha="center", va="center", color=INK)
-    for start, end in ((0.21, 0.285), (0.445, 0.48), (0.582, 0.618)):
-        figure.add_artist(FancyArrowPatch((start, 0.46), (end, 0.46), arrowstyle="-|>", mutation_scale=14, color=INK))
-    compare = FancyArrowPatch((0.775, 0.46), (0.845, 0.46), arrowstyle="<|-|>", mutation_scale=14, color=ACCENT)
-    figure.add_artist(compare)
-    figure.text(0.81, 0.5, "loss,\nmetrics", ha="center", va="bottom", color=ACCENT)
+    """Plot the pipeline for one recording: scans and poses, projection, prediction, ground truth."""
+    figure, axes = plt.subplots(1, 5, figsize=(12, 2.7), layout="constrained")
+    _show_scans(axes[0], example)
+    _show_poses(axes[1], example)
+    _image(axes[2], example.projection, "Cumulative dynamic\nsensor projection")
+    _image(axes[3], 255 * example.prediction, "Map predicted by an image-\nto-image network (U-Net)")
+    _image(axes[4], 255 * example.truth, "Ground truth: loss,\nmetrics")
+    for ax, form in zip(axes[2:], ("-|>", "-|>", "<|-|>"), strict=True):
+        arrow = {"arrowstyle": form, "color": ACCENT}
+        ax.annotate("", (-0.02, 0.5), (-0.2, 0.5), "axes fraction", arrowprops=arrow)
     return figure
 
 
 def _show_scans(ax: Axes, example: Example) -> None:
     """Plot all scans of a recording as one image, one row per step; misses are white."""
-    steps, beams = example.scans.ranges.shape
-    ax.imshow(
-        np.where(np.isfinite(example.scans.ranges), example.scans.ranges, np.nan), aspect="auto", cmap="viridis_r"
-    )
-    ax.set(title="Lidar ranges", ylabel="step", xlabel="beam", xticks=(0, beams - 1), yticks=(0, steps - 1))
+    ranges = example.scans.ranges
+    ax.imshow(np.where(np.isfinite(ranges), ranges, np.nan), aspect="auto", cmap="viridis_r")
+    ax.set(title="Lidar ranges", ylabel="step", xlabel="beam")
 
 
 def _show_poses(ax: Axes, example: Example) -> None:
     """Plot every fourth pose of the robot as an arrow, the newest darkest."""
-    half_m = 9.0  # of the area that is shown
     x, y, heading = example.scans.poses[::4].T
-    arrows: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 0.5, "width": 0.015}
-    ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), **arrows)
-    middle_x, middle_y = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
-    ax.set(xlim=(middle_x - half_m, middle_x + half_m), ylim=(middle_y - half_m, middle_y + half_m))
+    ax.quiver(x, y, np.cos(heading), np.sin(heading), np.arange(len(x)), cmap="Greys", clim=(-10, 25), angles="xy")
     ax.set(title="Robot poses", aspect="equal", xticks=(), yticks=())
+    ax.margins(0.3)
 
 
 def _title(example: Example) -> str:

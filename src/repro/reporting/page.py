@@ -2,41 +2,43 @@
 
 import base64
 import re
-from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from jinja2.utils import htmlsafe_json_dumps
 from PIL import Image
 
 from repro.baselines.names import rank
-from repro.config import NO_DECAY
-from repro.evaluation.samples import Sample
-from repro.metrics.names import TABLE_METRICS
-from repro.reporting.analysis_tables import tables_of_sections
-from repro.reporting.claims import Verdict, on_paper
-from repro.reporting.names import experiment_title, predictor_title
+from repro.config import NO_DECAY, PROJECTION
+from repro.networks.model import NETWORKS
+from repro.reporting.claims import on_paper
+from repro.reporting.names import machine_title, short_commit, tested_titles
 from repro.reporting.plots import DataFrames
-from repro.reporting.render import interval, with_interval
+from repro.reporting.render import Cells, cells_of, interval, number, with_interval
 from repro.reporting.results import read_frames, read_origins, read_published
-from repro.reporting.tables import HEADS, Table, audits, caption, make_tables, row_title
-from repro.runs.keys import CELL, RunKey
+from repro.reporting.tables import HEADS, audits, caption, make_tables, row_title
+from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
 SAMPLES = re.compile(r'<script id="data" type="application/json">(.*?)</script>', re.DOTALL)
 PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
-VERDICT_CLASSES = {
-    Verdict.reproduced: "reproduced",
-    Verdict.in_direction: "direction",
-    Verdict.undecided: "undecided",
-    Verdict.not_reproduced: "not",
-    Verdict.fails_in_paper: "fails",
-    Verdict.untested: "cannot",
+CALIBRATION = {
+    "brier": ("Brier", 4),
+    "reliability": ("reliability", 4),
+    "resolution": ("resolution", 4),
+    "log_loss": ("log-loss", 4),
+    "calibration_error": ("calibration error", 4),
+    "uncertain_error": ("where uncertain", 4),
 }
+COST = {
+    "channels": ("channels", 0),
+    "parameters": ("parameters", 0),
+    "training_seconds": ("training [s]", 0),
+    "peak_memory_gb": ("memory [GB]", 1),
+}
+DIFFERENCE = {"value": ("difference", 4), "low": ("low", 4), "high": ("high", 4)}
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,9 @@ class Report:
         results: tidy rows of its runs, see `results.read_results`.
         frames: the frames of `evaluation.analysis.gather`, `claims`, and `audit`.
         figures: PNG files by name.
-        samples: see `samples_json`; empty without samples.
+        samples: see `samples.samples_json`; empty without samples.
         origins: provenance of each run by its path.
+        replay: page that replays a course of task=navigate; empty without one.
     """
 
     outputs: Path
@@ -58,40 +61,36 @@ class Report:
     figures: dict[str, Path]
     samples: str
     origins: dict[str, Provenance]
+    replay: str = ""
 
 
 def render(report: Report) -> str:
     """Return the report as one string of HTML; worlds that are not the paper's have no claims."""
-    claims, intervals = report.frames["claims"], report.frames["intervals"]
-    scale = str(report.results["scale"].iloc[0])
-    elsewhere = "" if report.outputs == Path("outputs", scale) else f" outputs={report.outputs}"
-    has_claims = not claims.empty
-    navigation = [("summary", "Summary"), ("tables", "Tables")]
-    navigation += [("claims", "Claims of the paper")] if has_claims else []
-    navigation += [("samples", "Test recordings")] if report.samples else []
-    audit = report.frames["audit"].query("model == 'average'")
+    intervals, audit = report.frames["intervals"], report.frames["audit"].query("model == 'average'")
     of_cells = intervals.set_index([*CELL, "metric"])
-    counted = Counter(claims["verdict"])
+
+    def interval_of(row: dict[str, Any], metric: str) -> str:
+        """Return the interval of a cell; empty for one of other seeds than those of the row."""
+        key = (*(row[name] for name in CELL), metric)
+        is_known = key in of_cells.index and of_cells.loc[key, "seeds"] == row["seeds"]
+        return interval(*of_cells.loc[key, ["low", "high"]]) if is_known else ""
+
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
+    functions = (interval_of, with_interval, on_paper, row_title, _embedded)
+    environment.globals |= {each.__name__.lstrip("_"): each for each in functions} | {"is_known": pd.notna}
     return environment.get_template("report.html").render(
-        title="Predicting dynamic map states from limited field-of-view sensor data"
-        + (", reproduced" if has_claims else ""),
-        scale=scale,
-        outputs=report.outputs.name,
-        has_claims=has_claims,
-        command=f"python run.py task=analysis scale={scale}{elsewhere}",
+        scale=str(report.results["scale"].iloc[0]),
+        outputs=report.outputs,
         caption=caption(report.results),
-        sections=navigation,
-        verdicts=[{"name": str(v), "count": counted[v], "look": look} for v, look in VERDICT_CLASSES.items()],
         all_free=_all_free(intervals),
         seeds=int(intervals["seeds"].max()),
-        heads=list(HEADS.values()),
-        tables=[_table(table, of_cells) for table in make_tables(report.results).values() if len(table.frame)],
+        heads=HEADS,
+        tables=[table for table in make_tables(report.results).values() if len(table.frame)],
         audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
-        claims=[_claim(row) for row in claims.to_dict("records")],
+        claims=report.frames["claims"].to_dict("records"),
         browser=report.samples,
         figures=report.figures,
-        embedded=_embedded,
+        replay=report.replay,
         tables_of=tables_of_sections(report.frames, report.origins),
     )
 
@@ -103,96 +102,75 @@ def _embedded(path: Path) -> dict[str, Any]:
     return {"width": round(PX_PER_INCH * inches), "data": base64.b64encode(path.read_bytes()).decode()}
 
 
-def _table(table: Table, intervals: pd.DataFrame) -> dict[str, Any]:
-    """Return the rows of a table; each cell has our value, its interval, the paper's value and a tint.
-
-    An interval of other seeds than those of the row is left out.
-    """
-    rows: list[dict[str, Any]] = []
-    for _, row in table.frame.iterrows():
-        cells = []
-        for metric in TABLE_METRICS:
-            cell = {"value": f"{row[metric]:.3f}", "interval": "", "paper": "", "tint": 0, "side": "above"}
-            key = (*row[CELL], metric)
-            if key in intervals.index and intervals.loc[key, "seeds"] == row["seeds"]:
-                cell["interval"] = interval(*intervals.loc[key, ["low", "high"]])
-            delta = row[f"delta_{metric}"]
-            if pd.notna(delta):
-                cell |= {"paper": f"{row[f'paper_{metric}']:.3f}", "side": "above" if delta > 0 else "below"}
-                cell["tint"] = round(min(abs(delta) / 0.1, 1) * 0.45, 3)
-            cells.append(cell)
-        experiment, strong = row["experiment"], "strong" if row["model"] == "average" else ""
-        look = "first" if rows and rows[-1]["experiment"] != experiment else strong
-        rows.append({"experiment": experiment, "model": row_title(row), "look": look, "cells": cells})
-    return {"caption": table.caption, "has_paper": table.has_paper, "rows": rows}
-
-
 def _all_free(intervals: pd.DataFrame) -> str:
     """Return a sentence with the scores of the all-free baseline, empty if it is not evaluated."""
-    rows = intervals[intervals["model"] == "all_free"]
-    if rows.empty:
+    found = intervals[intervals["model"] == "all_free"].groupby("metric")["value"].agg(["min", "max"])
+    if found.empty:
         return ""
-    low, high = (rows.groupby("metric")["value"].agg(each) for each in ("min", "max"))
-    scored = [
-        f"{name} {low[key]:.3f} to {high[key]:.3f}" for key, name in {"accuracy": "accuracy", "dice": "Dice"}.items()
-    ]
-    return f"A prediction of free space everywhere has {' and '.join(scored)}."
+    accuracy, dice = ("{:.3f} to {:.3f}".format(*found.loc[metric]) for metric in ("accuracy", "dice"))
+    return f"A prediction of free space everywhere has accuracy {accuracy} and Dice {dice}."
 
 
-def _claim(row: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return a claim: quote, verdict, CSS class of the verdict, and its details as pairs of name and text."""
-    facts = [("Section", row["place"]), ("Test", row["means"])]
-    if pd.notna(row["value"]):
-        ours = with_interval(row["value"], row["low"], row["high"], ".4g")
-        bound = f"required {row['claimed']:.4g}, tolerance {row['tolerance']:.4g}"
-        held = f"in {row['held']:.0f} of {row['combinations']:.0f} combinations; on our numbers alone: {row['ours']}"
-        at_others = f"half the tolerance: {row['at_half']}, double: {row['at_double']}"
-        facts.append(("Ours", f"{ours} in the decisive combination; {bound}"))
-        facts += [("Holds", held), ("Tolerance", f"{row['tolerance_from']}; {at_others}")]
-    else:
-        unmeasured = "a number that the test needs is not measured at this scale"
-        facts.append(("Not tested", row["reason"] if pd.notna(row["reason"]) else unmeasured))
-    if paper := on_paper(row, ".4g"):
-        facts.append(("The paper's tables", paper))
-    look = VERDICT_CLASSES[row["verdict"]]
-    return {"quote": row["quote"], "verdict": str(row["verdict"]), "look": look, "facts": facts}
-
-
-def samples_json(samples: dict[str, list[Sample]]) -> str:
-    """Return samples as JSON for a script element, with `</` escaped so that it cannot close the element.
+def tables_of_sections(frames: DataFrames, origins: dict[str, Provenance]) -> dict[str, list[Cells]]:
+    """Return the tables of each section of the page, by its id; some may have no rows.
 
     Args:
-        samples: see `evaluation.samples.load_samples`, by experiment.
+        frames: the frames.
+        origins: provenance of each run by its path.
     """
-    experiments = [
-        {
-            "name": experiment_title(experiment, ": {}"),
-            "samples": [
-                {
-                    "name": f"test recording {sample['index']}",
-                    "truth": sample["truth"],
-                    "inputs": sample["inputs"],
-                    "predictions": _predictions(sample),
-                }
-                for sample in recordings
-            ],
-        }
-        for experiment, recordings in samples.items()
-    ]
-    return htmlsafe_json_dumps({"experiments": experiments}) if experiments else ""
-
-
-def _predictions(sample: Sample) -> dict[str, dict[str, str]]:
-    """Return name, input and image of each prediction by the path of its run, in the order of the tables."""
-    keys = {path: RunKey.parse(path) for path in sample["predictions"]}
+    calibration = frames["calibration"][frames["calibration"]["recency"] == "all"]
+    calibration = calibration[calibration["model"].isin(NETWORKS)]
     return {
-        path: {
-            "name": predictor_title(key.model, key.encoding),
-            "input": key.encoding if key.encoding in sample["inputs"] else next(iter(sample["inputs"])),
-            "image": sample["predictions"][path],
-        }
-        for path, key in sorted(keys.items(), key=lambda item: (rank(item[1].model), item[0]))
+        "calibration": [cells_of(_sorted(calibration), CELL, CALIBRATION, "Calibration of the paper's networks")],
+        "baselines": [
+            cells_of(
+                _to_the_papers(frames["differences"]),
+                ["experiment", "model", "input"],
+                DIFFERENCE,
+                "Obstacle IoU with other inputs and without the decay, minus that with the paper's input",
+            ),
+            cells_of(_sorted(frames["cost"]), CELL, COST, "Size of the networks, and time and memory of a training"),
+        ],
+        "generalization": across(frames["generalization"]) if "generalization" in frames else [],
+        "provenance": [_origins(origins)],
     }
+
+
+def across(frame: pd.DataFrame) -> list[Cells]:
+    """Return for each network obstacle IoU and accuracy, trained on one experiment (row), tested on one (column)."""
+    rows = frame[frame["shift"] == "experiment"]
+    rows = rows[rows["metric"].isin(["obstacle_iou", "accuracy"])].sort_values("metric", ascending=False, kind="stable")
+    tables = []
+    for title, own_rows in rows.groupby(tested_titles(rows), sort=False):
+        trained, tested = (list(dict.fromkeys(own_rows[name])) for name in ("trained", "tested"))
+        texts = own_rows["value"].map(number).groupby([own_rows["trained"], own_rows["tested"]]).agg(" / ".join)
+        cells = [[name, *(texts.get((name, on), "") for on in tested)] for name in trained]
+        heads = ["Trained on", *(f"tested on {name}" for name in tested)]
+        tables.append(Cells(heads, cells, f"{title}: obstacle IoU / accuracy"))
+    return tables
+
+
+def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
+    """Sort rows of cells as in the tables, by experiment, model and encoding."""
+    order = frame.assign(rank=frame["model"].map(rank)).sort_values(["experiment", "rank", "model", "encoding"])
+    return order.drop(columns="rank")
+
+
+def _to_the_papers(differences: pd.DataFrame) -> pd.DataFrame:
+    """Select the differences in obstacle IoU between other inputs, the ablation included, and the paper's input."""
+    rows = differences.query("metric == 'obstacle_iou' and comparison in ['decay', 'encodings']")
+    to_paper, from_paper = rows[rows["other"] == PROJECTION], rows[rows["one"] == PROJECTION]
+    negated = {"value": -from_paper["value"], "low": -from_paper["high"], "high": -from_paper["low"]}
+    both = pd.concat([to_paper, from_paper.assign(one=from_paper["other"], **negated)])
+    return _sorted(both.assign(encoding=both["one"])).rename(columns={"encoding": "input"})
+
+
+def _origins(origins: dict[str, Provenance]) -> Cells:
+    rows = []
+    for path, step in ((path, origin.steps[-1]) for path, origin in origins.items() if origin.steps):
+        hardware, commit = machine_title(**step["hardware"]), short_commit(step["commit"])
+        rows.append([path, commit, step["written"][:10], hardware, step["versions"]["torch"]])
+    return Cells(["Run", "Commit", "Date", "Hardware", "torch"], rows, "Last step of each run", 5)
 
 
 def render_published(directory: Path) -> str:

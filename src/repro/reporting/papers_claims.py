@@ -11,7 +11,7 @@ import pandas as pd
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, analysis_rows, judge
+from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, analysis_rows, judge, navigation_rows
 from repro.reporting.paper import TABLES
 from repro.reporting.results import of_papers_worlds
 
@@ -178,7 +178,7 @@ CLAIMS = (
         tolerance=0.5,
     ),
     Claim("eight-variations", lambda n: n.networks, claimed=8, near=True, directed=False),
-    Claim("reliability-of-autonomous-systems"),
+    Claim("reliability-of-autonomous-systems", lambda n: n.unet("navigation", "difference", "all")),
 )
 
 
@@ -186,7 +186,8 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
     """Judge the paper's claims on an analysis, without its experiments that have other worlds than the paper's.
 
     Args:
-        frames: see `evaluation.analysis.gather`; published tables hold all that the claims need.
+        frames: see `evaluation.analysis.gather`; published tables hold all that the claims need. `navigation` is
+            the comparison of task=navigate, if there is one.
         results: tidy rows of its runs, see `results.read_results`.
 
     Returns:
@@ -194,5 +195,8 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
         its test means, where its tolerance comes from, or the reason why it cannot be tested.
     """
     texts = pd.read_csv(str(TABLES / "claims.csv"))
-    judged = judge(CLAIMS, of_papers_worlds(analysis_rows(frames), results))
+    ours = of_papers_worlds(analysis_rows(frames), results)
+    if "navigation" in frames and not ours.empty:
+        ours = pd.concat([ours, navigation_rows(frames["navigation"])], ignore_index=True)
+    judged = judge(CLAIMS, ours)
     return judged.merge(texts, how="left", on="id", validate="1:1")[[*COLUMNS]]

@@ -2,8 +2,8 @@
 
 A published directory contains runs.csv (every run with its seed, metrics and times), from which all tables follow,
 history.csv (the losses of every epoch), provenance.json (the provenance of every run), the analysis, the figures, and a
-README.md with hardware, versions and the commands to repeat the trainings. The generated tables of the documents come
-from published directories only.
+README.md with the commands to repeat the trainings. The generated tables of the documents come from published
+directories only.
 """
 
 import dataclasses
@@ -19,7 +19,7 @@ import pandas as pd
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.networks.model import NETWORKS
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.names import machine_title, predictor_title, short_commit
+from repro.reporting.names import predictor_title
 from repro.reporting.render import Cells
 from repro.reporting.results import (
     conflicts,
@@ -75,9 +75,8 @@ def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
     results.mkdir(parents=True, exist_ok=True)
     with lock(results):  # from the first reading on, so that two calls do not lose runs of each other
         clear_leftovers(results)
-        found, origins = _indexed(read_results(outputs)), {}
-        for key in keys_of(found):
-            origins[str(key.path)] = outputs.run(key).provenance()
+        found = _indexed(read_results(outputs))
+        origins = {str(key.path): outputs.run(key).provenance() for key in keys_of(found)}
         published, stored = _read_published(target)
         has_network = any((rows["encoding"] != "").any() for rows in (found, published))
         if not has_network or not (len(found) or outputs.analysis.is_dir()):
@@ -123,18 +122,15 @@ def _read_published(directory: Path) -> tuple[pd.DataFrame, Origins]:
 def _differences(found: pd.DataFrame, published: pd.DataFrame, origins: Origins, kept: Origins) -> Iterator[str]:
     """Yield why runs cannot stand beside the published ones, which they replace with force."""
     for fact, words in SIZES.items() if len(found) and len(published) else ():
-        now, then = (sorted(set(rows[fact].dropna())) for rows in (found, published))
+        now, then = (sorted(set(rows[fact].dropna().convert_dtypes())) for rows in (found, published))
         if not set(now) <= set(then):
-            yield f"the published runs have {_listed(then)} {words}, these runs {_listed(now)}"
+            had, have = (", ".join(map(str, values)) for values in (then, now))
+            yield f"the published runs have {had} {words}, these runs {have}"
     for path, origin in origins.items():
         experiment = RunKey.parse(path).experiment
         others = recordings_of(kept, experiment)
         if others and origin.fact("recordings") not in others:
             yield f"{path} has other recordings than the published runs of experiment {experiment}"
-
-
-def _listed(values: list[Any]) -> str:
-    return ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values)
 
 
 def _doubts(rows: pd.DataFrame, origins: Origins) -> Iterator[str]:
@@ -199,43 +195,17 @@ def _write_histories(outputs: Outputs, kept: pd.DataFrame, found: pd.DataFrame, 
 
 
 def published_page(directory: Path, name: str, runs: pd.DataFrame, origins: Origins) -> str:
-    """Return the README.md of a published directory: files, hardware, versions, training commands."""
-    analysis = ""
-    if (directory / "analysis").is_dir():
-        has_page = (directory / "report.html").is_file()
-        analysis = f"; {'`analysis/` and `report.html` have' if has_page else '`analysis/` has'} the analysis"
+    """Return the README.md of a published directory: its files and the commands of the trainings."""
+    analysis = " `analysis/` and `report.html` have the analysis." if (directory / "report.html").is_file() else ""
     heads = ("network", "trainings", "minutes per training", "command")
     return f"""# Published results, {name}
 
 {caption(runs)}
 
-`runs.csv` has every run with its seed, all metrics and times,
-`provenance.json` has the provenance of every run{analysis}.
-
-{_environments([step for origin in origins.values() for step in origin.steps if step["step"] != "recorded"])}
+`runs.csv` has every run with its seed, all metrics and times, `provenance.json` the commit, hardware and versions of
+every step.{analysis}
 
 {Cells(heads, _training_commands(name, runs[runs["encoding"] != ""], origins)).to_markdown()}"""
-
-
-def _environments(steps: list[dict[str, Any]]) -> str:
-    """List the hardware, versions, commits and precisions of steps; the oldest ones have a precision alone."""
-    known = [step for step in steps if "hardware" in step]
-    lines = []
-    for verb in ("trained", "evaluated"):
-        machines = sorted({machine_title(**step["hardware"]) for step in known if step["step"] == verb})
-        lines.append(f"- {verb} on: {'; '.join(machines) or 'not recorded'}")
-    versions = [
-        f"{package} {' and '.join(sorted({step['versions'][package] for step in known}))}"
-        for package in ("torch", "segmentation-models-pytorch", "ir-sim")
-    ]
-    return "\n".join(
-        [
-            *lines,
-            f"- versions: {', '.join(versions)}",
-            f"- commits: {', '.join(sorted({short_commit(step['commit']) for step in known}))}",
-            f"- precision: {', '.join(sorted({step['precision'] for step in steps if 'precision' in step}))}",
-        ]
-    )
 
 
 def _training_commands(name: str, networks: pd.DataFrame, origins: Origins) -> list[tuple[str, int, str, str]]:

@@ -1,5 +1,6 @@
 """Replay of one course of task=navigate, driven by two kinds of map: an animation, and a page with a player."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,14 @@ from repro.scans import Scans
 from repro.simulation.simulator import Recording
 from repro.system.files import write_text
 
+REPLAY = "navigation_replay.html"  # beside the figures of the analysis
 FPS = 5
 SHOWN = 2  # every second map is a frame
 GOAL = "#d62728"
+ICONS = {
+    **{"minus": "\u2212", "plus": "+", "fast-backward": "\u23ee", "fast-forward": "\u23ed", "pause": "\u23f8"},
+    **{"step-backward": "\u23f4|", "step-forward": "|\u23f5", "play": "\u23f5", "play fa-flip-horizontal": "\u23f4"},
+}
 STAY = 2 * FPS  # frames for which the end stays
 
 
@@ -111,5 +117,11 @@ def write_replay(drives: Sequence[Drive], goals: np.ndarray, path: Path, *, size
 
         animation = FuncAnimation(figure, show, frames=frames)
         animation.save(path, writer=PillowWriter(fps=FPS))
-        write_text(path.with_suffix(".html"), animation.to_jshtml(fps=FPS, default_mode="once"))
+        write_text(path.with_suffix(".html"), _offline(animation.to_jshtml(fps=FPS, default_mode="once")))
         plt.close(figure)
+
+
+def _offline(page: str) -> str:
+    """Replace the icons of Matplotlib's player, which are fetched from the network, by characters."""
+    page = re.sub(r"<link[^>]*font-awesome[^>]*>", "", page)
+    return re.sub(r'<i class="fa fa-([a-z -]+)"></i>', lambda icon: ICONS[icon[1]], page)

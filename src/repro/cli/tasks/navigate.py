@@ -43,16 +43,16 @@ def run(job: Job) -> None:
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
     if settings.arm in NETWORK_ARMS:
-        _draw_replay(study, study_of, job.outputs.analysis / "navigation_replay.gif")
+        _draw_replay(study, study_of, job.outputs.analysis)
 
 
-def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], path: Path) -> None:
+def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], analysis: Path) -> None:
     """Draw a course in which the robot reaches its goals by this arm, and collides by the best classical one."""
     import pandas as pd
 
     from repro.navigation.study import TEST
     from repro.reporting.navigation import BEST_OF, best_classical, title_of
-    from repro.reporting.replay import telling_course, watch, write_replay
+    from repro.reporting.replay import REPLAY, telling_course, watch, write_replay
 
     directory = study.directory.parent
     rows = {name: directory / name / TEST for name in (study.name, *BEST_OF)}
@@ -65,6 +65,7 @@ def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], path: Path)
     fleets = [one.fleet([course], one.tested()) for one in studies]
     drives = [watch(fleet, title_of(one.name)) for fleet, one in zip(fleets, studies, strict=True)]
     goals, range_max_m = fleets[0].courses[0].goals, fleets[0].range_max_m
+    path = (analysis / REPLAY).with_suffix(".gif")
     write_replay(drives, goals, path, size_m=study.grid.size_m, range_max_m=range_max_m)
     print(f"{path}: experiment {course[0]}, course {course[1]}")
 

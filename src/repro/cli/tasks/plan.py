@@ -7,8 +7,8 @@ from repro.cli.tasks import Task
 def run(job: Job) -> None:
     """Print the status of an outputs directory and the time of the rest, measuring the networks to be trained."""
     from repro.cli.plan import seconds_left
+    from repro.cli.study import describe_outputs
     from repro.reporting.names import duration
-    from repro.reporting.study import describe_outputs
 
     print(describe_outputs(job.study, job.call.scale.pairs), flush=True)
     if seconds := seconds_left(job):

@@ -1,4 +1,6 @@
-// Canvases that are sharp at any pixel density, in the colors of the page's theme.
+// Elements of the page, and canvases that are sharp at any pixel density, in the colors of the page's theme.
+
+export const at = (id) => document.getElementById(id);
 
 /** Return the theme's colors as CSS strings, by their names in style.css. */
 export function themeColors() {

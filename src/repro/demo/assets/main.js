@@ -1,15 +1,14 @@
 // The page: starts the worker, steps the world in time, asks for maps and shows them.
 
-import { actions } from "./actions.js";
-import { themeColors } from "./canvas.js";
-import { at, connectForm, connectKeys, connectPointer } from "./controls.js";
+import { at, themeColors } from "./canvas.js";
+import { chooseNetwork, connectControls, newWorld, togglePlay } from "./controls.js";
 import { connect } from "./inference.js";
 import { compare, rasterize } from "./maps.js";
 import { drawMaps, redraw, showScores, showWorld } from "./panels.js";
 import { fail, say, settings, state, step } from "./state.js";
 
 const MOST_STEPS_PER_FRAME = 8;
-const STOPPED = "Something is in the robot's way: drag it aside, or drive around it.";
+const STOPPED = "Something is in the robot's way: drag it aside.";
 
 /** Load the networks in the worker and start; on failure, show why. */
 export async function start(worker, modules) {
@@ -24,14 +23,12 @@ export async function start(worker, modules) {
   }
   const address = new URLSearchParams(location.hash.slice(1));
   if (settings.spec.experiments[address.get("exp")]) at("experiment").value = address.get("exp");
-  connectForm(actions);
-  connectKeys(at("world"), actions);
-  connectPointer(at("world"), () => state.world, actions);
+  connectControls();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { state.colors = themeColors(); redraw(); });
   window.addEventListener("resize", redraw);
-  actions.newWorld(Number(address.get("seed") ?? Math.floor(Math.random() * 2 ** 31)));
-  actions.setNetwork();
-  if (address.has("paused") || matchMedia("(prefers-reduced-motion: reduce)").matches) actions.togglePlay();
+  newWorld(Number(address.get("seed") ?? Math.floor(Math.random() * 2 ** 31)));
+  chooseNetwork();
+  if (address.has("paused") || matchMedia("(prefers-reduced-motion: reduce)").matches) togglePlay();
   for (const id of ["play", "step", "new-world"]) at(id).disabled = false;
   say("");
   requestAnimationFrame(frame);

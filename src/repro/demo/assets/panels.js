@@ -1,7 +1,6 @@
 // The panels of the page: the world, and the images of the network input, the prediction and the errors.
 
-import { prepare, rgb, trace, useMeters } from "./canvas.js";
-import { at } from "./controls.js";
+import { at, prepare, rgb, trace, useMeters } from "./canvas.js";
 import { FALSE, FOUND, FREE, MISSED } from "./maps.js";
 import { settings, state } from "./state.js";
 import { between } from "./world.js";

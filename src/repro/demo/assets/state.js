@@ -1,7 +1,6 @@
 // What the page holds at a moment, and how it changes in time and by the user.
 
-import { themeColors } from "./canvas.js";
-import { at } from "./controls.js";
+import { at, themeColors } from "./canvas.js";
 import { stepWorld, takeScan } from "./world.js";
 
 export const settings = JSON.parse(at("settings").textContent);
@@ -11,7 +10,7 @@ export const state = {
 };
 
 /** Begin a window, the newest scans with their poses from which one map is predicted: misses at the robot's pose. */
-export function emptyWindow() {
+export function newWindow() {
   const { world: { angles, robot } } = state, { steps } = settings, poses = new Float32Array(3 * steps);
   for (let step = 0; step < steps; step++) poses.set([robot.x, robot.y, robot.heading], 3 * step);
   state.window = { ranges: new Float32Array(steps * angles.length).fill(Infinity), angles: Float32Array.from(angles), poses };

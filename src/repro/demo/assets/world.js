@@ -1,14 +1,11 @@
 // The world: sampled from an experiment as in repro.simulation.worlds, stepped, and changed by the user.
 
-import { contains, outlineOf, place, radiusOf } from "./geometry.js";
+import { contains, outlineOf, place, radiusOf, wrap } from "./geometry.js";
 import { advance, driftVelocity, robotCommands, setCourse, startPose } from "./motions.js";
 import { beamAngles, scan } from "./raycasting.js";
 
 const PLACEMENTS = 200; // attempts to place one obstacle
 const TURN_STEPS = [50, 100]; // of an obstacle that stood still in its experiment
-const ZONE_BY_HAND_M = 2; // radius kept clear around a robot that is driven by hand
-export const BY_HAND = "hand"; // the motion of a robot that is driven by the user
-export const DRIVE_SPEED = 5, TURN_SPEED = 1.2; // of a robot that is driven by hand [m/s, rad/s]
 
 /** Return a generator of uniform random numbers in [0, 1), mulberry32. */
 export function generator(seed) {
@@ -31,26 +28,17 @@ export function generator(seed) {
 export function sampleWorld(spec, experiment, seed) {
   const { motion, obstacles: population, clear_radius_m: clear } = spec.experiments[experiment];
   const lidar = spec.robot.sensors[0], random = generator(seed), direction = random() < 0.5 ? 1 : -1;
+  const sizeM = spec.world.width, stepTime = spec.world.step_time, robot = startPose(motion, sizeM, direction);
   const world = {
-    sizeM: spec.world.width, stepTime: spec.world.step_time, robotRadius: spec.robot.shape.radius,
-    rangeMax: lidar.range_max, fov: lidar.angle_range, angles: beamAngles(lidar),
-    clear, population, random, direction, obstacles: [], names: 0, step: 0, drive: [0, 0],
+    sizeM, stepTime, robotRadius: spec.robot.shape.radius, rangeMax: lidar.range_max, angles: beamAngles(lidar),
+    clear, population, random, obstacles: [], step: 0, round: 0,
+    commands: robotCommands(motion, direction, stepTime), robot, robotBefore: robot,
   };
-  setMotion(world, motion);
   const [least, most] = population.count;
   const count = least + Math.floor(random() * (most - least + 1));
   for (let i = 0; i < count; i++) addObstacle(world);
   takeScan(world);
   return world;
-}
-
-/** Let the robot begin a motion at its start pose, or be driven by hand from where it is. */
-export function setMotion(world, motion, direction = world.direction) {
-  Object.assign(world, { motion, direction, drive: [0, 0], round: 0 });
-  if (motion === BY_HAND) return;
-  world.commands = robotCommands(motion, direction, world.stepTime);
-  world.robot = startPose(motion, world.sizeM, direction);
-  world.robotBefore = world.robot;
 }
 
 /** Add an obstacle of the population at a random free place; return it, or null if there is no room. */
@@ -62,7 +50,7 @@ export function addObstacle(world) {
     const { zone } = rulesOf(world);
     if (!apart || Math.hypot(x - zone.x, y - zone.y) < zone.radius + radius) continue;
     const heading = (2 * random() - 1) * Math.PI, [slow, fast] = world.population.behavior?.speed_m_s ?? [0, 0];
-    const obstacle = { name: ++world.names, shape, radius, outline: outlineOf(shape), heading, lastHit: -Infinity };
+    const obstacle = { radius, outline: outlineOf(shape), heading, lastHit: -Infinity };
     obstacle.speed = slow + random() * (fast - slow);
     setCourse(obstacle, 2 * Math.PI * random(), rulesOf(world), random);
     moveTo(obstacle, x, y);
@@ -99,16 +87,13 @@ export function stepWorld(world) {
     if (isBlocked(world, stands, obstacle)) moveTo(obstacle, x, y);
     obstacle.before = { x, y, heading: obstacle.heading };
   }
-  const byHand = world.motion === BY_HAND;
-  const command = byHand ? [world.drive[0] * DRIVE_SPEED, world.drive[1] * TURN_SPEED] : world.commands[world.round++];
-  if (!byHand) world.round %= world.commands.length;
-  const next = advance(stands, command, world.stepTime);
-  const stays = isOutside(world, next) || world.obstacles.some((obstacle) => isBlocked(world, next, obstacle));
+  const command = world.commands[world.round], next = advance(stands, command, world.stepTime);
+  const stays = world.obstacles.some((obstacle) => isBlocked(world, next, obstacle));
   world.robotBefore = stands;
   // the paper's motions keep to the clear zone; only an obstacle that the user put into it can stop them
   world.isStopped = stays && command[0] !== 0;
   world.robot = stays ? { ...stands, heading: next.heading } : next;
-  if (world.isStopped && !byHand) world.round = (world.round + world.commands.length - 1) % world.commands.length;
+  if (!world.isStopped) world.round = (world.round + 1) % world.commands.length;
   takeScan(world);
 }
 
@@ -122,7 +107,7 @@ export function takeScan(world) {
 /** Return the poses between the last step and this one, at a fraction of the step, for drawing. */
 export function between(world, fraction) {
   const mix = (a, b) => a + (b - a) * fraction;
-  const turn = Math.atan2(Math.sin(world.robot.heading - world.robotBefore.heading), Math.cos(world.robot.heading - world.robotBefore.heading));
+  const turn = wrap(world.robot.heading - world.robotBefore.heading);
   const robot = {
     x: mix(world.robotBefore.x, world.robot.x), y: mix(world.robotBefore.y, world.robot.y),
     heading: world.robotBefore.heading + turn * fraction,
@@ -153,18 +138,12 @@ function sampleShape({ population, random }) {
   return { name: "rectangle", length: aspect * width, width };
 }
 
-/** Return what obstacles respect: the clear zone, around a robot that is driven by hand or at the center, and the border. */
+/** Return what obstacles respect: the clear zone at the center, and the border. */
 function rulesOf(world) {
-  const center = world.sizeM / 2;
-  const zone = world.motion === BY_HAND ? { ...world.robot, radius: ZONE_BY_HAND_M } : { x: center, y: center, radius: world.clear };
+  const zone = { x: world.sizeM / 2, y: world.sizeM / 2, radius: world.clear };
   return { zone, sizeM: world.sizeM, turnSteps: world.population.behavior?.turn_steps ?? TURN_STEPS };
 }
 
 function isBlocked(world, robot, obstacle) {
   return Math.hypot(robot.x - obstacle.x, robot.y - obstacle.y) < obstacle.radius + world.robotRadius;
-}
-
-function isOutside(world, { x, y }) {
-  const low = world.robotRadius, high = world.sizeM - world.robotRadius;
-  return x < low || y < low || x > high || y > high;
 }

@@ -1,7 +1,6 @@
 // The world panel: obstacles, robot, field of view, beams and hits.
 
 import { prepare, trace, useMeters } from "./canvas.js";
-import { DRIVE_SPEED } from "./world.js";
 
 const ARROW_S = 4; // an arrow shows the way of so many seconds
 
@@ -109,12 +108,7 @@ function drawRobot(context, { x, y, heading }, pixel, { colors, trail }) {
   context.strokeStyle = colors.accent;
   context.lineWidth = 1.5 * pixel;
   context.beginPath();
-  const longest = DRIVE_SPEED; // [m] between two poses; a longer one is a jump to another start
-  for (let i = 3; i < trail.length; i += 3) {
-    if (Math.hypot(trail[i] - trail[i - 3], trail[i + 1] - trail[i - 2]) > longest) continue;
-    context.moveTo(trail[i - 3], trail[i - 2]);
-    context.lineTo(trail[i], trail[i + 1]);
-  }
+  for (let i = 0; i < trail.length; i += 3) context.lineTo(trail[i], trail[i + 1]);
   context.stroke();
   const size = Math.max(0.8, 7 * pixel);
   context.beginPath();

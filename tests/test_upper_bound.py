@@ -3,17 +3,13 @@ import math
 import numpy as np
 import pytest
 import torch
-from conftest import ROOT, world_spec
+from conftest import world_spec
+from reproduce.upper_bound import count_cover, draw_ends, newest_hit, privileged
 from scipy.stats import ks_2samp
 
-from repro import world_config
-from repro.baselines.draws import count_cover, draw_ends, newest_hit, unseen
-from repro.baselines.privileged import Obstacles, _apart, _motion, privileged
-from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.recency import newest_hits_of_obstacles
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.maps.visibility import newest_visible
 from repro.recordings.reader import read_shards
 from repro.recordings.recorded import load_recorded
 from repro.simulation.drift import Drift
@@ -86,51 +82,12 @@ def test_drawn_motions_have_the_law_of_the_simulation(place):
         assert ks_2samp(np.array(ends)[:, axis], np.array(drawn)[:, axis]).pvalue > 0.01
 
 
-def test_draws_begin_with_the_time_since_the_last_turn():
-    law, start = (0.1, 25.0, 25.0, -2.0, 50, 100), np.array([40.0, 25.0, 0.5, 0.0, 95])
-    ends, tried = draw_ends(SQUARE, start, law, behind(20), 400, 400, np.random.default_rng(0))
-    assert tried == 400
-    straight = np.isclose(ends, [41.0, 25.0]).all(1)
-    assert not straight.any()  # after 95 steps the next turn is at most 5 steps away
-    start[-1] = 10
-    fresh, _ = draw_ends(SQUARE, start, law, behind(20), 400, 400, np.random.default_rng(0))
-    assert np.allclose(fresh, [41.0, 25.0])  # after 10 steps it is at least 40 away
-
-
 def test_motions_into_observed_free_space_are_discarded():
     law, start = (0.1, 25.0, 25.0, -2.0, 50, 100), np.array([20.0, 17.0, 0.0, 1.0, 0])
     ends, tried = draw_ends(SQUARE, start, law, scans_of(40), 10, 50, np.random.default_rng(0))
     assert (len(ends), tried) == (0, 50)  # 4 m further the square is in view, and no beam ends on it
     hidden, _ = draw_ends(SQUARE, start, law, scans_of(40, length=10.0), 10, 50, np.random.default_rng(0))
     assert np.allclose(hidden, [20.0, 21.0])  # all beams end before it
-
-
-def test_unseen_motions_are_those_that_no_beam_would_have_hit():
-    paths = np.array([[[20.0, 25.0]] * 3, [[2.0, 25.0]] * 3, [[40.0, 25.0]] * 3, [[20.0, 10.0]] * 3])
-    corners = np.tile(SQUARE, (4, 1, 1))
-    assert unseen(corners, paths, scans_of(3), 9).tolist() == [1, 2, 3]
-    assert unseen(corners, paths, scans_of(3), 2).tolist() == [1, 2]
-
-
-def test_obstacles_without_a_hit_start_apart_from_the_known_ones():
-    def discs(*places):
-        angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-        outline = 2 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        paths = np.array(places, dtype=float)[:, None] + 0.1 * np.arange(1, 4)[:, None] * [1.0, 0.0]
-        return Obstacles(np.tile(outline, (len(places), 1, 1)), paths)
-
-    kept = _apart(discs((13.9, 10), (14.1, 10), (30, 30)), discs((10, 10), (40, 40)))
-    assert kept.paths[:, 0] == pytest.approx(np.array([[14.2, 10], [30.1, 30]]))
-
-
-def test_only_random_turns_restart_the_interval():
-    straight = np.array([[30.0, 31.5 - 0.05 * step] for step in range(30)])
-    assert _motion(straight, 25.0, 3.0, 0.1)[1] == 30
-    turned = np.concatenate([straight, straight[-1] + [[0.05 * step, 0.0] for step in range(1, 11)]])
-    velocity, since = _motion(turned, 25.0, 3.0, 0.1)
-    assert np.allclose(velocity, [0.5, 0])
-    assert since == 10
-    assert _motion(turned, 25.0, 7.1, 0.1)[1] == 40  # there the step ahead would enter the zone
 
 
 @pytest.mark.slow
@@ -143,22 +100,3 @@ def test_the_probabilities_are_calibrated(test_set):
         chosen = (occupied >= low) & (occupied < high) & (occupied > 0)
         excess = np.where(chosen, truth - occupied, 0).sum((1, 2)).reshape(-1, 2).sum(1)  # a world and its twin
         assert abs(excess.mean()) <= 4 * excess.std() / math.sqrt(len(excess)) + 1e-9
-
-
-def test_the_upper_bound_applies_to_worlds_with_their_laws():
-    assert [name for name in PREDICTORS if not applies(name, world_spec("3"))] == ["mean_map"]
-    spec = world_spec("3")
-    bounce = spec.obstacles.behavior.model_copy(update={"name": "bounce"})
-    other = spec.model_copy(update={"obstacles": spec.obstacles.model_copy(update={"behavior": bounce})})
-    assert [name for name in PREDICTORS if not applies(name, other)] == ["mean_map", "privileged"]
-    office = world_config.world_spec(world_config.read_world(ROOT / "conf" / "world" / "office.yaml"), "people")
-    assert [name for name in PREDICTORS if not applies(name, office)] == ["privileged"]
-
-
-@pytest.mark.slow
-def test_hit_obstacles_that_stand_still_are_known(tmp_path):
-    record_experiment(tmp_path / "exp", world_spec("1"), {"train": 2, "val": 2, "test": 10}, workers=1)
-    test = load_recorded(tmp_path / "exp", "test", Grid(64, 50.0))
-    free = privileged(test, test)[0]
-    visible = newest_visible(test.scans, test.grid, 30.0, margin_m=-test.grid.resolution_m)
-    assert torch.equal(free[:, 0][visible > 0].round(), test.maps[:, 0][visible > 0].float())

@@ -1,17 +1,15 @@
-"""The trainings of a study, the state of its recordings and runs, and the estimated duration of what remains."""
+"""The trainings of a study, and the state of its recordings and runs."""
 
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from statistics import mean
 from typing import Any
 
 from repro.baselines.names import rank
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.networks.model import NETWORKS
-from repro.recordings.format import holds, recordings_in
-from repro.recordings.reader import read_manifest
+from repro.recordings.format import recordings_in
 from repro.reporting.names import duration, model_title, predictor_title
 from repro.reporting.render import Cells
 from repro.runs.directories import Run
@@ -55,23 +53,12 @@ class Study:
         runs = self.runs()
         if key not in runs:
             return None
-        trained = sum(self.is_trained(run) for run in runs.values())
+        trained = [run for run in runs.values() if self.is_trained(run)]
+        seconds = sum(run.provenance().fact("training_seconds") or 0.0 for run in trained)
         title = f"training exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
-        left = self.seconds_left()
-        estimate = f", the rest takes about {duration(left)} one after the other" if left else ""
-        return f"{title} ({trained} of the {len(runs)} trainings of the study are finished{estimate})"
-
-    def seconds_left(self) -> float | None:
-        """Estimate the duration of the remaining trainings by network [s]; None before the first one is finished."""
-        runs = self.runs()
-        durations: dict[str, list[float]] = {}
-        for key, run in runs.items():
-            if self.is_trained(run):
-                durations.setdefault(key.model, []).append(run.provenance().fact("training_seconds") or 0.0)
-        if not durations:
-            return None
-        usual = mean(mean(seconds) for seconds in durations.values())
-        return sum(mean(durations.get(key.model, [usual])) for key, run in runs.items() if not self.is_trained(run))
+        left = duration(seconds / len(trained) * (len(runs) - len(trained))) if trained else ""
+        estimate = f", the rest takes about {left} one after the other" if left else ""
+        return f"{title} ({len(trained)} of the {len(runs)} trainings of the study are finished{estimate})"
 
     def is_trained(self, run: Run) -> bool:
         """Whether a training of the study is finished; false if its run cannot be read."""
@@ -93,7 +80,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         study: the trainings that are counted; the table includes all other runs and seeds.
         pairs: planned number of recordings per experiment.
     """
-    outputs, planned = study.outputs, study.runs()
+    outputs, planned, wanted = study.outputs, study.runs(), dataclasses.asdict(pairs)
     existing, others = outputs.named_runs()
     states = {key: _state(run, study) for key, run in (planned | existing).items()}
     seeds = sorted({key.seed for key in states if key.seed is not None})
@@ -103,7 +90,12 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         + [states.get(RunKey(experiment, model, encoding, s), "") for s in (seeds if encoding else [None, *seeds[1:]])]
         for experiment, encoding, model in sorted(cells, key=lambda cell: (*cell[:2], rank(cell[2])))
     ]
-    recorded = [(experiment, _recorded(outputs, experiment, pairs)) for experiment in study.experiments]
+    counts = {name: recordings_in(outputs.recordings(name), wanted) for name in study.experiments}
+    total = sum(wanted.values())
+    recorded = [
+        (name, "complete" if count == total else f"{count} of {total}" if count else "missing")
+        for name, count in counts.items()
+    ]
     counted = Counter(states[key].split(",")[0] for key in planned)
     listed = ", ".join(f"{count} {state}" for state, count in counted.most_common())
     lines = [
@@ -112,22 +104,8 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         Cells(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), rows).to_markdown(),
         f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}.",
     ]
-    if left := study.seconds_left():
-        lines.append(f"About {duration(left)} of training remain, estimated from finished trainings.")
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
     return "\n".join(lines)
-
-
-def _recorded(outputs: Outputs, experiment: str, pairs: PairCounts) -> str:
-    directory, wanted = outputs.recordings(experiment), dataclasses.asdict(pairs)
-    if (directory / "manifest.json").is_file():
-        try:
-            if holds(read_manifest(directory).pairs, wanted):
-                return "complete"
-        except InputError:
-            return "cannot be read"
-    recorded = recordings_in(directory, wanted)
-    return f"{recorded} of {sum(wanted.values())}" if recorded else "missing"
 
 
 def _state(run: Run, study: Study) -> str:
