@@ -111,15 +111,8 @@ def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLo
 
 
 def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
-    """Return the windows, those of the training unless others are chosen.
-
-    Refuse a map that moves if the network has learned fixed obstacles, and a time of a step for scans without times.
-    """
+    """Return the windows, those of the training unless others are chosen; refuse a time of a step without times."""
     center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
-    try:
-        predictor.check_center(center)
-    except InputError as error:
-        raise InputError(f"prediction.center: {error}") from error
     if settings.spacing == "distance" and settings.step_s is not None:
         raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
     windows = window_of(predictor, center, settings.steps, settings.step_s, settings.range_max_m)

@@ -105,8 +105,9 @@ class Predictor:
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
             raise InputError(
-                f"the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie where that "
-                f"of the training lies, expected x,y of its center in the frame of the poses [m], got {center}"
+                f"center: the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie "
+                "where that of the training lies, expected x,y of its center in the frame of the poses [m], got "
+                f"{center}"
             )
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
