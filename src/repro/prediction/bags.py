@@ -108,9 +108,10 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
         InputError: the bag is damaged, or has no such topic, no scans or no poses.
     """
     with open_bag(path) as bag:
-        topics = _topics(bag, path, LASER, options.scan_topic)
+        topic, *others = _topics(bag, path, LASER, options.scan_topic)
+        if others:
+            _say_choice(path, f"scans of {topic}", others, "scan_topic")
         poses = _transforms(bag, path, options)
-        topic = _chosen_scans(bag, path, topics, poses)
         converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
         for _, message, received_s in _messages(bag, path, [topic]):
             frame, times = message.header.frame_id, converter.times(message, received_s)
@@ -153,22 +154,6 @@ def _topics(bag: AnyReader, path: Path, kind: str, topic: str | None) -> list[st
     if not topics:
         raise InputError(f"{path}: no messages of {kind}; its topics are {', '.join(bag.topics) or 'none'}")
     return [topic] if topic else sorted(topics, key=lambda name: (-topics[name].msgcount, name))
-
-
-def _chosen_scans(bag: AnyReader, path: Path, topics: list[str], poses: Transforms) -> str:
-    """Return the topic of a lidar that the transforms place, that looks ahead, and has the most messages."""
-    if len(topics) == 1:
-        return topics[0]
-    placed = {topic: poses.on_robot(_first(bag, path, topic).header.frame_id) for topic in topics}
-    headings = {topic: pose.heading if pose else math.inf for topic, pose in placed.items()}
-    ranks = {topic: (math.isinf(heading), abs(heading) > math.pi / 2) for topic, heading in headings.items()}
-    chosen = min(topics, key=lambda topic: ranks[topic])  # the first of equals, which has the most messages
-    directions = [
-        f"{topic} {'without a transform' if math.isinf(heading) else f'at {math.degrees(heading):.0f} degrees'}"
-        for topic, heading in headings.items()
-    ]
-    _say_choice(path, f"scans of {chosen}", directions, "scan_topic")
-    return chosen
 
 
 def _say_choice(path: Path, chosen: str, facts: list[str], option: str) -> None:
