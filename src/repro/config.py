@@ -4,11 +4,11 @@ The values themselves are in conf/, Hydra composes them, `cli.call` checks them.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from repro.fields import KNOWN_KEYS, Epochs, Even, Name, Share, SmallPositive, choice
+from repro.fields import KNOWN_KEYS, Epochs, Even, Name, Share, SmallPositive
 
 
 @dataclass(frozen=True)
@@ -94,4 +94,4 @@ class Training:
     dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
-    loss: Annotated[str, choice("map")] = "map"  # the only one, which the stored configurations of runs name
+    loss: Literal["map"] = "map"  # the only one, which the stored configurations of runs name

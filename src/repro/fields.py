@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, Field, ValidationError
 
 from repro.system.errors import InputError
 
@@ -31,17 +31,6 @@ def ordered(values: tuple[Any, ...]) -> tuple[Any, ...]:
     if sorted(values) != list(values):
         raise InputError("must be ordered, low to high")
     return values
-
-
-def choice(*allowed: str) -> AfterValidator:
-    """Return a pydantic validator that accepts one of a list of strings."""
-
-    def check(value: str) -> str:
-        if value not in allowed:
-            raise InputError(f"must be one of {', '.join(allowed)}")
-        return value
-
-    return AfterValidator(check)
 
 
 @dataclass(frozen=True)

@@ -109,15 +109,17 @@ def test_training_without_recordings_names_the_command_that_records(tmp_path):
 
 @pytest.mark.slow
 def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
-    done = run_py("task=world", "exp=3", "seed=17", f"outputs={tmp_path}")
+    outputs = tmp_path / "Ä"  # which the terminal cannot show
+    done = run_py("task=world", "exp=3", "seed=17", f'outputs="{outputs}"', PYTHONIOENCODING="ascii")
     assert done.returncode == 0, done.stderr
+    assert "\\xc4/worlds" in done.stdout
     code = (
         "import sys, irsim, repro.simulation.behaviors\n"
         "env = irsim.make(sys.argv[1], headless=True)\n"
         "for _ in range(100): env.step()\n"
         "print('hits', int(env.robot.lidar.valid.sum()), 'at', env.robot.state[:2, 0].round(3).tolist())\n"
     )
-    path = tmp_path / "worlds" / "exp3-seed17-cw.yaml"
+    path = outputs / "worlds" / "exp3-seed17-cw.yaml"
     done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
     assert "at [25.0, 25.0]" in done.stdout
 

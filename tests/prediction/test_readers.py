@@ -83,8 +83,7 @@ def test_a_parameter_in_the_log_that_makes_the_maximum_range_invalid_skips_the_s
 
 def test_a_maximum_range_that_changes_is_reported_and_the_smallest_holds_for_misses(tmp_path, caplog):
     log = read(carmen(tmp_path / "log", lines(robotlaser, {7: robotlaser(7).replace("81.83", "2.5", 1)})))
-    assert "the maximum range changes, 2.5 m in 1 scans, 81.83 m in 29 scans: misses show" in caplog.text
-    assert "up to the smallest, 2.5 m" in caplog.text
+    assert "changes up to 81.83 m: misses show free space up to the smallest, 2.5 m" in caplog.text
     assert log.range_max_m == 2.5
     assert np.isinf(log.ranges[7]).sum() == (RANGES[7] >= 2.5).sum()
     assert np.isfinite(np.delete(np.delete(log.ranges, 7, axis=0), 40, axis=1)).all()
@@ -224,8 +223,8 @@ def test_a_crop_is_within_the_view_of_the_lidar():
     assert log.crop(math.radians(90)).held_out(0) is None, "all beams are kept"
 
 
-def content(data: bytes):
-    return lambda path: (path.write_bytes(data), path)[1]
+def content(data: bytes, suffix: str = ""):
+    return lambda path: (path.with_suffix(suffix).write_bytes(data), path.with_suffix(suffix))[1]
 
 
 def truncated(path: Path, count: int = 0) -> Path:
@@ -257,9 +256,10 @@ NO_LOGS = {
     "gzip with other bytes": (content(PACKED[:12] + b"\xff" * 40 + PACKED[52:]), "is damaged"),
     "gzip of a bag": (content(gzip.compress(b"#ROSBAG V2.0")), "is packed with gzip: unpack it"),
     "zstd": (content(b"\x28\xb5\x2f\xfd" + bytes(99)), "packed with zstd: unpack it"),
-    "bag header only": (content(b"#ROSBAG V2.0\n"), "the bag cannot be read"),
-    "mcap header only": (content(b"\x89MCAP0\r\n"), "the bag cannot be read"),
-    "sqlite header only": (content(b"SQLite format 3\0"), "the bag cannot be read"),
+    "bag of another name": (content(b"#ROSBAG V2.0\n"), "is a bag: expected a name that ends with .bag, .db3, .mcap"),
+    "bag header only": (content(b"#ROSBAG V2.0\n", ".bag"), "the bag cannot be read"),
+    "mcap header only": (content(b"\x89MCAP0\r\n", ".mcap"), "the bag cannot be read"),
+    "sqlite header only": (content(b"SQLite format 3\0", ".db3"), "the bag cannot be read"),
     "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
     "truncated mcap": (lambda path: truncated(mcap(path)), r"the bag cannot be read .*mcap recover"),
     "truncated database": (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from repro.prediction.readings import note_on_changes, note_on_repeats, readings
+from repro.prediction.readings import note_on_repeats, readings
 
 
 def ranges(misses: float, count: int) -> np.ndarray:
@@ -32,10 +32,3 @@ def test_masked_readings_are_invalid():
 )
 def test_readings_without_a_largest_value_that_repeats_do_not(values):
     assert note_on_repeats(values.astype(np.float32)) is None
-
-
-def test_a_maximum_range_that_stays_has_no_note():
-    assert note_on_changes(np.full(5, 30.0)) is None
-    many = note_on_changes(np.arange(1.0, 9.0))
-    assert many is not None
-    assert "5 m in 1 scans and 3 others" in many

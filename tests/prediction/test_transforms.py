@@ -174,13 +174,13 @@ def test_a_pose_is_final_once_a_later_one_is_known():
 
 
 def test_old_poses_a_frozen_clock_and_made_up_frames_do_not_fill_the_memory():
-    transforms = moving(0.01 * np.arange(10_000), range(10_000), transforms=Transforms(keep_s=2.0))
+    transforms = moving(0.01 * np.arange(1000), range(1000), transforms=Transforms(keep_s=2.0))
     assert 200 <= len(transforms.edges["base"].stamps) <= 402
-    assert transforms.pose_at("base", 99.99 - 1.9) is not None
-    assert transforms.pose_at("base", 50.0) is None
-    moving([5.0] * 3000, range(3000), "frozen", transforms=transforms)
+    assert transforms.pose_at("base", 9.99 - 1.9) is not None
+    assert transforms.pose_at("base", 5.0) is None
+    moving([5.0] * 300, range(300), "frozen", transforms=transforms)
     assert len(transforms.edges["frozen"].stamps) == 1
-    for number in range(2000):
+    for number in range(1100):
         transforms.add(f"frame{number}", "odom", 0.0, (0.0, 0.0, 0.0))
     assert len(transforms.edges) == 1000
     assert len(transforms.left_out) == 1

@@ -108,7 +108,9 @@ def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
         assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])
 
 
-@pytest.mark.parametrize("wrong", [{"center": "Start"}, {"center": (0.0, np.nan)}, {"steps": 10**9}, {"spacing": "m"}])
+@pytest.mark.parametrize(
+    "wrong", [{"center": "Start"}, {"center": (0.0, np.nan)}, {"steps": 10**9}, {"step_s": 1e-300}, {"spacing": "m"}]
+)
 def test_impossible_windows_are_refused(wrong):
     with pytest.raises(ValueError, match="expected"):
         replace(WINDOWS, **wrong)

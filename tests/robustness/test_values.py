@@ -13,7 +13,6 @@ from repro.maps.validity import check_windows
 from repro.navigation.planning import planner_map
 from repro.prediction.readings import readings
 from repro.prediction.stream import StreamMap
-from repro.prediction.times import WindowSettings
 from repro.scans import Scans
 from repro.simulation.floors import read_floor
 from repro.system.errors import InputError
@@ -36,14 +35,11 @@ VALUES = {
     "readings without a maximum": lambda: readings(np.ones(3), 0.0, np.nan),
     "readings of a negative maximum": lambda: readings(np.ones(3), 0.0, -3.0),
     "readings of a minimum above the maximum": lambda: readings(np.ones(3), 5.0, 3.0),
-    "beams over two turns": lambda: check_windows(window(np.linspace(-2, 2, 91) * np.pi), GRID),
     "beams over one turn and a half": lambda: check_windows(window(np.linspace(-1.5, 1.5, 91) * np.pi), GRID),
     "probabilities of 7": lambda: planner_map(StreamMap(14 * HALF, (0.0, 0.0), 0.5, 0.0)),
     "probabilities that are not finite": lambda: StreamMap(np.nan * HALF, (0.0, 0.0), 0.5, 0.0),
     "a row instead of a map": lambda: StreamMap(HALF[0], (0.0, 0.0), 0.5, 0.0),
     "pixels without a size": lambda: StreamMap(HALF, (0.0, 0.0), 0.0, 0.0),
-    "steps of which a scan fills all": lambda: WindowSettings(step_s=1e-300),
-    "a window of 1e9 steps": lambda: WindowSettings(steps=10**9),
     "misses of 1e39 m": lambda: create_encoding("series10", {"frames": 10, "range_max_m": 1e39}),
 }
 

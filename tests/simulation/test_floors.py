@@ -8,7 +8,6 @@ import pytest
 import shapely
 import yaml
 from conftest import ROOT, read_calls
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from PIL import Image
 
 from repro.cli import floors
@@ -163,25 +162,6 @@ def worlds(tmp_path, monkeypatch) -> Path:
     return tmp_path / "world"
 
 
-@pytest.mark.parametrize(
-    ("cells", "resolution", "message"),
-    [
-        (np.full((1, 1), FREE, dtype=np.uint8), CELL, "my map.yaml: its floor of 0.25 x 0.25 m makes no world"),
-        (rooms(), 1e-9, r"my map.yaml: its floor of 0 x 0 m makes no world: world.world.width=0.0: must be greater"),
-    ],
-)
-def test_a_floor_that_makes_no_world_is_not_written(tmp_path, worlds, cells, resolution, message):
-    with pytest.raises(ValueError, match=message):
-        run_task(write(tmp_path, cells, resolution=resolution))
-    assert not list(worlds.iterdir())
-
-
-def test_a_floor_too_small_for_the_obstacles_of_the_office_is_written_with_a_note(tmp_path, worlds, capsys):
-    run_task(write(tmp_path, rooms(), resolution=0.05))
-    assert "edit its robot, populations or experiments" in capsys.readouterr().out
-    assert [path.name for path in worlds.iterdir()] == ["my_map.yaml"]
-
-
 def test_a_file_name_stays_in_the_comment(tmp_path, worlds, capsys):
     source = write(tmp_path, rooms()).rename(tmp_path / "a\nrobot: {}\x85\x1b[1m\u2028b.yaml")
     run_task(source)
@@ -191,14 +171,3 @@ def test_a_file_name_stays_in_the_comment(tmp_path, worlds, capsys):
     assert lines[0].startswith("# The floor of a?robot: {}??[1m?b.yaml; its center")
     assert set(yaml.safe_load(path.read_text())) == {"defaults", "world", "fixed"}
     assert "\x1b" not in capsys.readouterr().out
-
-
-NUMBERS = ("20240513", "2024_05", "null", "True", "nan", "-inf", "-5", "1e5", "1E-5", "1_0e1_0")  # to Hydra
-STRINGS = ("2024-05-13", "map", "1st floor", "-a", "_5", "e5", "on", "yes", "a.b", "Ü", "infinity", "0x1F")
-
-
-@pytest.mark.parametrize("stem", [*NUMBERS, *STRINGS])
-def test_the_name_of_a_world_is_read_as_a_string(stem):
-    name = floors.world_name(stem)
-    assert OverridesParser.create().parse_override(f"world={name}").value() == name
-    assert name.startswith("floor_") == (stem in NUMBERS)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -20,7 +20,7 @@ from repro.cli.errors import Refused, did_you_mean
 from repro.cli.settings import Adaptation, Demo, Directory, Navigation, Prediction, Publish, Runtime, Source
 from repro.cli.tasks import Task, tasks
 from repro.config import RECURRENT, Encoding, Scale, Training
-from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, choice, config_errors_of
+from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
 from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.parallel import has_gpu, training_memory_gb
 from repro.simulation.schema import world_errors
@@ -67,7 +67,7 @@ class Call:
     scale: Scale
     train: Training
     runtime: Runtime
-    format: Annotated[str, choice("torch", "onnx")]
+    format: Literal["torch", "onnx"]
     scans: Source | None
     animate: bool
     floor_map: Source | None

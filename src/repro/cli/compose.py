@@ -1,8 +1,6 @@
 """Composition of a call by Hydra: every job of it, before one of them runs or a file is written."""
 
 import argparse
-import itertools
-import math
 import os
 import re
 import shutil
@@ -36,7 +34,6 @@ from repro.system.progress import progress
 from repro.world_config import plain
 
 GROUPS = ("world", "encoding", "model", "scale", "train")
-MOST_JOBS = 1000  # composing them takes a minute
 
 
 def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, seed: int) -> str:
@@ -112,9 +109,12 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
     Raises:
         Refused: a job cannot be composed.
     """
-    _check_options(arguments)
+    if flag := arguments.experimental_rerun:  # what argparse makes of --exp
+        raise Refused(f"--exp={flag}: overrides have no dashes: exp={flag}")
     overrides = list(arguments.overrides)
     if arguments.config_dir:
+        if not os.path.isdir(arguments.config_dir):
+            raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
     with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
         try:
@@ -128,29 +128,11 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
         yield found
 
 
-def _check_options(arguments: argparse.Namespace) -> None:
-    """Check the options of Hydra that would choose another configuration, or have no effect."""
-    flag = arguments.experimental_rerun  # what argparse makes of --exp
-    refused = {
-        "--config-name and --config-path are not supported: use overrides, or --config-dir for groups": (
-            arguments.config_name or arguments.config_path
-        ),
-        f"--exp={flag}: overrides have no dashes: exp={flag}": flag,
-        f"--config-dir={arguments.config_dir}: is not a directory": (
-            arguments.config_dir and not os.path.isdir(arguments.config_dir)
-        ),
-        "--resolve is for --cfg only: run.py --cfg job --resolve": arguments.resolve and not arguments.cfg,
-        "--cfg prints the configuration of one job: leave out -m": arguments.multirun and arguments.cfg,
-    }
-    if reasons := [reason for reason, is_wrong in refused.items() if is_wrong]:
-        raise Refused(*reasons)
-
-
 def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     """Return the overrides of every job.
 
     Raises:
-        Refused: an override contradicts another, or there are no jobs, or too many.
+        Refused: an override contradicts another, or there are no jobs.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
     if errors := [error for each in parsed for error in _override_errors(each)]:
@@ -162,11 +144,10 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
             raise Refused(f"{before} and {each.input_line}: {each.key_or_group} is given twice, keep one")
     if not multirun:
         return [overrides]
-    sweeps = [each for each in parsed if each.is_sweep_override()]
-    count = math.prod(sum(1 for _ in itertools.islice(each.sweep_iterator(), MOST_JOBS + 1)) for each in sweeps)
-    if not 0 < count <= MOST_JOBS:
-        raise Refused(f"the sweep has {f'more than {MOST_JOBS}' if count else 'no'} jobs")
-    return BasicSweeper.split_arguments(parsed, None)[0]
+    jobs = BasicSweeper.split_arguments(parsed, None)[0]
+    if not jobs:
+        raise Refused("the sweep has no jobs")
+    return jobs
 
 
 def _override_errors(override: Override) -> Iterator[str]:
@@ -178,8 +159,6 @@ def _override_errors(override: Override) -> Iterator[str]:
         yield f"{written}: takes one name; for a sweep over several, use -m {key}=a,b; a number is quoted"
     elif key == "hydra/launcher" and "slurm" in str(written) and not shutil.which("srun"):
         yield f"{written}: no Slurm on this machine: srun is not found"
-    elif key == "hydra.launcher.n_jobs" and not re.fullmatch(r"-1|[1-9]\d*", str(override.value())):
-        yield f"{written}: expected the number of trainings at the same time, 1 or more, or -1 for that of the cores"
 
 
 def _check_hydra(jobs: list[Composed]) -> None:

@@ -15,22 +15,10 @@ class Refused(InputError):
 
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 _FREE_SPACE = "free some space and repeat the command; complete files stay complete"
-_PERMITTED = "check its permissions; results are written to outputs="
 _WRITABLE = "choose a directory that can be written with outputs="
-_FILE_IN_THE_WAY = "a file is where a directory is needed: move it away or choose another outputs="
-_FIXES = {
-    errno.ENOSPC: _FREE_SPACE,
-    errno.EDQUOT: _FREE_SPACE,
-    errno.EFBIG: "raise the limit on the size of files (ulimit -f) and repeat the command",
-    errno.EROFS: _WRITABLE,
-    errno.EACCES: _PERMITTED,
-    errno.EPERM: _PERMITTED,
-    errno.ELOOP: _WRITABLE,
-    errno.ENAMETOOLONG: "choose a shorter path",
-    errno.ENOTDIR: _FILE_IN_THE_WAY,
-    errno.EEXIST: _FILE_IN_THE_WAY,
-    errno.EISDIR: "a directory is where a file is needed: move it away or choose another outputs=",
-}
+_FIXES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), _FREE_SPACE) | dict.fromkeys(
+    (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST, errno.EISDIR), _WRITABLE
+)
 
 
 def explain(error: BaseException) -> str | None:

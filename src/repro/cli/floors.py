@@ -5,20 +5,13 @@ The world has the robot, the populations and the experiments of the office, for 
 
 import re
 from pathlib import Path
-from typing import Any
 
 import yaml
-from omegaconf import OmegaConf
 
 from repro.simulation.floors import Floor, read_floor
-from repro.simulation.schema import world_errors
 from repro.system.errors import InputError
 from repro.system.files import write_text
 from repro.system.places import conf_directory
-from repro.world_config import plain
-
-OFFICE = conf_directory() / "world" / "office.yaml"
-NO_STRING = re.compile(r"[+-]?(\d[\d_]*(e[+-]?\d[\d_]*)?|inf|nan)|null|true|false", re.IGNORECASE)  # as world=...
 
 
 def write_floor(floor_map: str) -> None:
@@ -28,29 +21,21 @@ def write_floor(floor_map: str) -> None:
         floor_map: the YAML of a map of map_server.
 
     Raises:
-        InputError: the map cannot be converted, no world has its floor, or a world of this name exists.
+        InputError: the map cannot be converted, or a world of this name exists.
     """
     source = Path(floor_map)
-    name = world_name(source.stem)
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", source.stem)
     path = conf_directory() / "world" / f"{name}.yaml"
     if path.exists():
         raise InputError(f"{path} exists: rename {source}, or delete that world")
     floor = read_floor(source)
-    note = _check(floor, source)
     title = "".join(each if each.isprintable() else "?" for each in source.name)
     write_text(path, world_file(floor, title))
     x, y = floor.center
     print(f"{path}: {len(floor.obstacles)} polygons on {floor.width_m:g} x {floor.width_m:g} m")
-    if note:
-        print(f"edit its robot, populations or experiments, those of the office do not fit: {note}")
+    print("edit its robot, populations and experiments, which are those of the office")
     print(f"a figure of it: python run.py task=world world={name} exp=people outputs=outputs/{name}")
     print(f"in the frame of {title}, its center is prediction.center=[{x:g},{y:g}]")
-
-
-def world_name(stem: str) -> str:
-    """Return a name of a world that `world=` reads as a string."""
-    name = re.sub(r"[^A-Za-z0-9_-]", "_", stem)
-    return f"floor_{name}" if NO_STRING.fullmatch(name) else name
 
 
 def world_file(floor: Floor, source: str) -> str:
@@ -65,26 +50,6 @@ def world_file(floor: Floor, source: str) -> str:
         f"# The floor of {source}; its center is x = {x:g}, y = {y:g} m in the frame of that map.\n"
         "# Robot, populations and experiments are those of office.yaml: add the keys that differ.\n"
     )
-    content = {"defaults": ["office", "_self_"], **_own_keys(floor)}
+    world = {"world": {"height": floor.width_m, "width": floor.width_m}, "fixed": {"floor": floor.obstacles}}
+    content = {"defaults": ["office", "_self_"], **world}
     return header + yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
-
-
-def _own_keys(floor: Floor) -> dict[str, Any]:
-    """Return the keys of the world that differ from the office."""
-    return {"world": {"height": floor.width_m, "width": floor.width_m}, "fixed": {"floor": floor.obstacles}}
-
-
-def _check(floor: Floor, source: Path) -> str | None:
-    """Check that a world can have the floor, and return what is in the way of the populations of the office, if any.
-
-    Raises:
-        ValueError: no world can have the floor, even without populations.
-    """
-    world = plain(OmegaConf.create({"world": OmegaConf.merge(OmegaConf.load(OFFICE), _own_keys(floor))}))["world"]
-    errors = world_errors(world)
-    if not errors:
-        return None
-    empty = {name: {**experiment, "obstacles": []} for name, experiment in world["experiments"].items()}
-    if reasons := world_errors({**world, "experiments": empty}):
-        raise InputError(f"{source}: its floor of {floor.width_m:g} x {floor.width_m:g} m makes no world: {reasons[0]}")
-    return str(errors[0])

@@ -1,6 +1,7 @@
 """The command line: a call is composed by Hydra, checked as a whole, and its jobs are run."""
 
 import argparse
+import logging
 import os
 import signal
 import sys
@@ -15,10 +16,9 @@ from omegaconf import DictConfig
 from repro.cli.call import Call, read_call
 from repro.cli.compose import Composed, composed, launch
 from repro.cli.errors import WANTS_TRACEBACKS, Refused, explain
+from repro.cli.inputs import name_of
 from repro.cli.jobs import resolve
-from repro.cli.logs import name_of
 from repro.cli.notes import print_notes
-from repro.cli.streams import complete_standard_streams, discard_output
 from repro.cli.tasks import keys_without_effect
 from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
@@ -39,7 +39,7 @@ def main() -> int:
         print("error: this cannot be run", *(f"  {reason}" for reason in refused.args), sep="\n", file=sys.stderr)
         return 2
     except BrokenPipeError:  # such as | head
-        discard_output()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # takes what is still to be printed
         print("the output is not read any more: stopped; the same command resumes", file=sys.stderr)
         return 1
     except OSError as error:
@@ -53,11 +53,9 @@ def main() -> int:
 
 
 def _prepare_process() -> None:
-    complete_standard_streams()
-    try:
-        os.getcwd()
-    except FileNotFoundError:
-        sys.exit("error: the working directory has been deleted: change to another one")
+    for stream in filter(None, (sys.stdout, sys.stderr)):
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    logging.raiseExceptions = False  # Hydra's log may go to an output that is not read any more
     os.environ["MPLBACKEND"] = "agg"  # figures are files; Jupyter names a backend that others cannot import
     # after Ctrl-C, joblib's helper process frees what its workers held, with warnings that say nothing to a user
     quiet = "ignore:resource_tracker:UserWarning"

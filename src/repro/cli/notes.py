@@ -8,10 +8,6 @@ from omegaconf import OmegaConf
 from repro.cli.call import Call
 from repro.parallel import has_gpu
 from repro.system.places import conf_directory
-from repro.world_config import WorldSpec, world_spec
-
-SECONDS_PER_READING = 2e-6  # of the recorder on one core
-LONG_RECORDING_MINUTES = 30
 
 
 def print_notes(calls: list[Call], overrides: list[str]) -> None:
@@ -31,22 +27,8 @@ def warnings_of(call: Call) -> Iterator[str]:
     """Yield warnings of values that are allowed and may surprise."""
     if call.facts.trains and call.scale.name == "paper" and not has_gpu():
         yield "scale=paper takes days without a GPU, see task=plan; scale=laptop takes an hour or two"
-    pairs = call.scale.pairs
-    minutes = recording_seconds(world_spec(call.world, call.exp), pairs.train + pairs.val + pairs.test) / 60
-    if call.task in ("all", "record") and minutes > LONG_RECORDING_MINUTES:
-        yield f"recording exp {call.exp} takes about {minutes:.0f} min per core"
     if not call.experiment["clear_radius_m"]:
         yield f"exp {call.exp} has no clear zone: recording stops where an obstacle reaches the robot"
     is_one_way = call.experiment.get("fixed") or call.experiment["motion"]["name"] == "waypoints"
     if call.facts.trains and call.train.flip_augmentation and is_one_way:
         yield "train.flip_augmentation=true also shows the network the fixed obstacles or the path upside down"
-
-
-def recording_seconds(spec: WorldSpec, recordings: int) -> float:
-    """Estimate the time to record an experiment on one core [s].
-
-    Args:
-        spec: what decides the worlds.
-        recordings: number of recordings.
-    """
-    return recordings * spec.steps * spec.lidar.number * SECONDS_PER_READING

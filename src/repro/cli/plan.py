@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from repro.baselines.registry import PREDICTORS, applies
 from repro.cli.jobs import Job
-from repro.cli.notes import recording_seconds
 from repro.learning.cost import training_seconds
 from repro.networks.model import paper_model
 from repro.parallel import count_cores, parallel_trainings
@@ -14,6 +13,7 @@ from repro.runs.keys import RunKey
 from repro.system.devices import resolve_device
 from repro.world_config import world_spec
 
+SECONDS_PER_READING = 2e-6  # of the recorder on one core
 EVALUATION_SECONDS = {64: 2.0, 128: 8.0, 256: 30.0}  # per run and 500 test pairs, by resolution [px]
 ANALYSIS_SECONDS = 3.0  # per evaluated run
 BASELINE_SECONDS = 0.036  # per baseline and validation or test pair at 64 px; grows with size^3, as dilations do
@@ -28,7 +28,7 @@ def seconds_left(job: Job) -> float:
     scale, runtime, runs = call.scale, call.runtime, study.runs()
     specs = {name: world_spec(call.world, name) for name in call.world["experiments"]}
     missing = {name: sum(job.pairs.values()) - recordings_in(outputs.recordings(name), job.pairs) for name in specs}
-    recording = sum(recording_seconds(specs[name], count) for name, count in missing.items())
+    readings = sum(count * specs[name].steps * specs[name].lidar.number for name, count in missing.items())
 
     trained = {key: run for key, run in runs.items() if study.is_trained(run)}
     untrained = Counter(key.model for key in runs if key not in trained)
@@ -47,4 +47,4 @@ def seconds_left(job: Job) -> float:
     baselines = sum(not outputs.run(key).is_evaluated for key in keys)
     per_baseline = BASELINE_SECONDS * (scale.pairs.val + scale.pairs.test) * (scale.size_px / 64) ** 3
     workers = min(runtime.workers, count_cores())
-    return recording / workers + training / max(1, at_once) + evaluation + baselines * per_baseline
+    return readings * SECONDS_PER_READING / workers + training / max(1, at_once) + evaluation + baselines * per_baseline

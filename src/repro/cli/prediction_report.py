@@ -2,9 +2,7 @@
 
 import logging
 import math
-import re
 import sys
-from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -102,15 +100,13 @@ def warn_of(table: pd.DataFrame, statistics: Statistics | None) -> None:
 
 
 def say_left_out(left_out: pd.DataFrame) -> None:
-    """Print the kinds of reasons for which windows were left out, with one example of each."""
-    kinds: defaultdict[str, list[str]] = defaultdict(list)
-    for window, stamp, reason in left_out[["window", "stamp", "left_out"]].itertuples(index=False):
-        where = "" if pd.isna(window) else f"window {int(window)} at {stamp:.2f} s: "
-        kinds[re.sub(r"\d[\d.,]*", "#", reason)].append(where + reason)
-    for found in sorted(kinds.values(), key=len, reverse=True)[:MAX_REASONS]:
-        many = f"{len(found)} windows or parts, the first is " if len(found) > 1 else ""
-        print(f"left out: {many}{found[0]}", flush=True)
-    if len(kinds) > MAX_REASONS or len(left_out) > len(kinds):
+    """Print the kinds of reasons for which windows were left out, which differ in more than numbers, by examples."""
+    kinds = left_out.groupby(left_out["left_out"].astype(str).str.replace(r"\d[\d.,]*", "#", regex=True), sort=False)
+    for _, same in list(kinds)[:MAX_REASONS]:
+        first = same.iloc[0]
+        where = "" if pd.isna(first["window"]) else f"window {first['window']} at {first['stamp']:.2f} s: "
+        print(f"left out: {len(same)} windows or parts, such as {where}{first['left_out']}", flush=True)
+    if len(left_out):
         print(f"left out: {len(left_out)} in all, see the column left_out of windows.csv", flush=True)
 
 

@@ -7,16 +7,16 @@ import os
 import stat
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
 from repro.cli.errors import Refused
-from repro.fields import KNOWN_KEYS, Name, NotNegative, choice, ordered
+from repro.fields import KNOWN_KEYS, Name, NotNegative, ordered
 from repro.parallel import has_gpu
 from repro.system.errors import InputError
 
-PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true")  # Lightning's names
+Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true"]  # of Lightning
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
 
 
@@ -31,8 +31,6 @@ def _can_be_made(directory: str) -> str:
         pass
     except OSError as error:  # a loop of links, a name that is too long, a file on the way
         raise InputError(str(error.strerror)) from error
-    if path.is_relative_to("/proc") or path.is_relative_to("/sys"):
-        raise InputError("holds no files of users")
     return directory
 
 
@@ -66,8 +64,8 @@ class Runtime:
     __pydantic_config__ = KNOWN_KEYS
 
     workers: Annotated[int, Field(ge=1, le=MAX_WORKERS)]
-    accelerator: Annotated[str, choice("auto", "cpu", "gpu"), AfterValidator(_has_device)]
-    precision: Annotated[str, choice("auto", *PRECISIONS)]
+    accelerator: Annotated[Literal["auto", "cpu", "gpu"], AfterValidator(_has_device)]
+    precision: Precision
     max_minutes: NotNegative | None
     part: Annotated[int, Field(ge=0)]
     parts: Annotated[int, Field(ge=1, le=10_000)]
@@ -103,7 +101,7 @@ class Prediction:
     steps: Annotated[int, Field(ge=1, le=10_000)] | None
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
-    spacing: Annotated[str, choice("time", "distance")] | None
+    spacing: Literal["time", "distance"] | None
     center: Annotated[Any, _place("robot, start, or [x,y] in meters", 2, "robot", "start")]
     pose: Annotated[Any, _place("fixed, or [x,y,heading] in meters and radians", 3, "fixed")] | None
     mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
@@ -113,7 +111,6 @@ class Prediction:
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None
-    mcap: bool
     inspect: bool
 
 
@@ -127,8 +124,9 @@ class Adaptation:
     name: Name | None
 
 
-ARMS = ("scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities")
-NETWORK_ARMS = ("network", "network_hits")  # of the network of the call
+NetworkArm = Literal["network", "network_hits"]  # of the network of the call
+ClassicalArm = Literal["scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities"]
+ARMS, NETWORK_ARMS = get_args(ClassicalArm), get_args(NetworkArm)
 SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test follow those of the validation
 
 
@@ -149,9 +147,9 @@ class Navigation:
 
     __pydantic_config__ = KNOWN_KEYS
 
-    arm: Annotated[str, choice(*ARMS, *NETWORK_ARMS)]
+    arm: Literal[ClassicalArm, NetworkArm]
     experiments: Annotated[list[Name], Field(min_length=1)]
-    people: Annotated[str, choice("unaware", "aware")] | None
+    people: Literal["unaware", "aware"] | None
     inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount

@@ -15,7 +15,7 @@ from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import brier, entropy, log_loss
 from repro.metrics.counts import average_precision, best_iou, pooled_scores, soft_iou
 from repro.recordings.reader import read_manifest, read_shards
-from repro.recordings.truth import true_maps
+from repro.recordings.recorded import true_maps
 
 HITS = {**{name: bins for name, bins in RECENCY.items() if max(bins) < BINS}, "never": range(BINS, BINS + 1)}
 

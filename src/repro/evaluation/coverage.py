@@ -7,7 +7,7 @@ import numpy as np
 from repro.evaluation.recency import obstacle_masks
 from repro.maps.grid import Grid
 from repro.recordings.reader import read_shards
-from repro.recordings.truth import true_maps
+from repro.recordings.recorded import true_maps
 from repro.system.errors import InputError
 
 

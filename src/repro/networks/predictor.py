@@ -26,7 +26,6 @@ from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
 from repro.networks.create import Network
-from repro.networks.description import Description
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
 from repro.networks.weights import locate
 from repro.scans import Scans
@@ -106,8 +105,9 @@ class Predictor:
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
             raise InputError(
-                f"the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie where that "
-                f"of the training lies, expected x,y of its center in the frame of the poses [m], got {center}"
+                f"center: the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie "
+                "where that of the training lies, expected x,y of its center in the frame of the poses [m], got "
+                f"{center}"
             )
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
@@ -220,49 +220,21 @@ def load_predictor(weights: str | Path) -> Predictor:
             from encoded scans to one map of finite logits.
     """
     with few_threads():
-        return _load(locate(weights))
-
-
-def _load(path: Path) -> Predictor:
-    if path.is_file():
-        return _load_onnx(path)
-    if not (path / DESCRIPTION).is_file():
-        if (path / ONNX).is_file():
-            return _load_onnx(path / ONNX)
-        path = path / "model" if (path / "model").is_dir() else path
-    return _load_torch(path)
-
-
-def _load_torch(directory: Path) -> Predictor:
-    network, content = read_torch(directory)
-    try:
-        predictor = _predictor(network, content)
-        check_network(network, predictor.encoding.channels, min(predictor.grid.size_px, LARGEST_CHECKED_PX))
-    except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
-        raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
-    return predictor
-
-
-def _load_onnx(path: Path) -> Predictor:
-    network, content = _onnx_files().read_onnx(path)
-    try:
-        predictor = _predictor(network, content)
-        if predictor.encoding.channels != content["channels"]:
-            raise InputError(f"its encoding has {predictor.encoding.channels} images, not {content['channels']}")
-    except ValueError as error:
-        raise InputError(f"{path} cannot be used ({error}): export it with task=export") from error
-    return predictor
-
-
-def _predictor(network: Network, content: Description) -> Predictor:
-    statistics = content.get("statistics")
-    return Predictor(
-        network,
-        create_encoding(**content["encoding"]),
-        Grid(**content["grid"]),
-        Statistics(**statistics) if statistics else None,
-        **content.get("window", {}),
-    )
+        path = locate(weights)
+        if path.is_dir() and not (path / DESCRIPTION).is_file():
+            path = next((path / name for name in (ONNX, "model") if (path / name).exists()), path)
+        network, content = _onnx_files().read_onnx(path) if path.is_file() else read_torch(path)
+        try:
+            encoding, grid = create_encoding(**content["encoding"]), Grid(**content["grid"])
+            statistics = Statistics(**content["statistics"]) if "statistics" in content else None
+            predictor = Predictor(network, encoding, grid, statistics, **content.get("window", {}))
+            if content.get("channels", encoding.channels) != encoding.channels:  # of an ONNX file
+                raise InputError(f"its encoding has {encoding.channels} images, not {content['channels']}")
+            if "architecture" in content:
+                check_network(network, encoding.channels, min(grid.size_px, LARGEST_CHECKED_PX))
+        except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
+            raise InputError(f"{path} cannot be used ({error}): train or export it again") from error
+        return predictor
 
 
 def _onnx_files() -> ModuleType:

@@ -4,12 +4,13 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
-from repro.prediction.bag_files import open_bag
 from repro.prediction.intake import MAX_BEAMS, LogScan
 from repro.prediction.logs import ReadOptions
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms
@@ -21,6 +22,75 @@ LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 MAX_MESSAGE_BYTES = 1000 + 8 * MAX_BEAMS  # of a scan with intensities; transforms have fewer
 FILTERED = ("filter", "fused", "ekf", "ukf")  # in the names of topics of estimates from several sensors
+SUFFIXES = (".bag", ".db3", ".mcap")
+PAGE_SIZE = slice(16, 18)  # of the number in the head of a database
+PROFILE_START = 21  # of its name in an MCAP, after its magic and the head of its first record [bytes]
+MAX_METADATA_BYTES = 10**7
+REPAIR = "repair it, such as with rosbag reindex, ros2 bag reindex or mcap recover"
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[AnyReader]:
+    """Open a bag.
+
+    Args:
+        path: a file, the directory of a ROS 2 bag, or a directory with the parts of a bag and no metadata.yaml.
+
+    Raises:
+        InputError: it cannot be read, also while the context reads from it.
+    """
+    try:
+        with AnyReader(_parts(path), default_typestore=get_typestore(Stores.LATEST)) as bag:
+            yield bag
+    except InputError:
+        raise
+    except Exception as error:  # rosbags and its storages raise many types for damaged files
+        problem = f"{type(error).__name__}: {error}" if str(error) else "it is truncated or damaged"
+        raise InputError(
+            f"{path}: the bag cannot be read ({problem}): if its messages are compressed, give its directory with "
+            f"metadata.yaml; if its recording was cut off, {REPAIR}"
+        ) from error
+
+
+def _parts(path: Path) -> list[Path]:
+    """Return the paths that together are a bag, in the order of their names, after a check of its files."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    for file in files:
+        if not file.is_file():
+            raise InputError(f"{file}: expected a regular file in the directory of a bag")
+        if file.suffix not in SUFFIXES and path.is_file():
+            raise InputError(f"{path}: is a bag: expected a name that ends with {', '.join(SUFFIXES)}")
+        _check(file)
+    if path.is_file() or path / "metadata.yaml" in files:
+        return [path]
+    parts = [file for file in files if file.suffix in SUFFIXES]
+    if not parts:
+        raise InputError(f"{path}: is a directory without metadata.yaml and without parts of a bag")
+    return parts
+
+
+def _check(path: Path) -> None:
+    """Refuse files of which rosbags would lose or misread messages: a database that was not closed, MCAP of ROS 1."""
+    if path.name == "metadata.yaml" and path.stat().st_size > MAX_METADATA_BYTES:
+        raise InputError(f"{path}: has more than {MAX_METADATA_BYTES} bytes")
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise InputError(
+            f"{path}: its last messages are in {log.name}, as of a recorder that was killed: move them into it with "
+            f"sqlite3 {path} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+        )
+    with path.open("rb") as file:
+        head = file.read(PROFILE_START + 100)
+    if head.startswith(b"SQLite ") and path.stat().st_size % int.from_bytes(head[PAGE_SIZE] or b"\1", "big"):
+        raise InputError(f"{path}: the bag is truncated: {REPAIR}")
+    if head.startswith(b"\x89MCAP0\r") and len(head) > PROFILE_START:
+        length = int.from_bytes(head[PROFILE_START - 4 : PROFILE_START], "little")
+        profile = head[PROFILE_START:][:length].decode(errors="replace")
+        if profile != "ros2":
+            raise InputError(
+                f"{path}: expected an MCAP with the profile 'ros2', got {profile!r}: give the .bag of ROS 1 that it "
+                "was made from, or convert that with rosbags-convert"
+            )
 
 
 def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
@@ -38,9 +108,10 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
         InputError: the bag is damaged, or has no such topic, no scans or no poses.
     """
     with open_bag(path) as bag:
-        topics = _topics(bag, path, LASER, options.scan_topic)
+        topic, *others = _topics(bag, path, LASER, options.scan_topic)
+        if others:
+            _say_choice(path, f"scans of {topic}", others, "scan_topic")
         poses = _transforms(bag, path, options)
-        topic = _chosen_scans(bag, path, topics, poses)
         converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
         for _, message, received_s in _messages(bag, path, [topic]):
             frame, times = message.header.frame_id, converter.times(message, received_s)
@@ -85,22 +156,6 @@ def _topics(bag: AnyReader, path: Path, kind: str, topic: str | None) -> list[st
     return [topic] if topic else sorted(topics, key=lambda name: (-topics[name].msgcount, name))
 
 
-def _chosen_scans(bag: AnyReader, path: Path, topics: list[str], poses: Transforms) -> str:
-    """Return the topic of a lidar that the transforms place, that looks ahead, and has the most messages."""
-    if len(topics) == 1:
-        return topics[0]
-    placed = {topic: poses.on_robot(_first(bag, path, topic).header.frame_id) for topic in topics}
-    headings = {topic: pose.heading if pose else math.inf for topic, pose in placed.items()}
-    ranks = {topic: (math.isinf(heading), abs(heading) > math.pi / 2) for topic, heading in headings.items()}
-    chosen = min(topics, key=lambda topic: ranks[topic])  # the first of equals, which has the most messages
-    directions = [
-        f"{topic} {'without a transform' if math.isinf(heading) else f'at {math.degrees(heading):.0f} degrees'}"
-        for topic, heading in headings.items()
-    ]
-    _say_choice(path, f"scans of {chosen}", directions, "scan_topic")
-    return chosen
-
-
 def _say_choice(path: Path, chosen: str, facts: list[str], option: str) -> None:
     LOGGER.warning("%s: %s; there are %s: prediction.%s chooses", path, chosen, ", ".join(facts), option)
 
@@ -134,7 +189,7 @@ def _messages(
         if read[topic] < bag.topics[topic].msgcount:
             raise InputError(
                 f"{path}: the bag is damaged: {read[topic]} of {bag.topics[topic].msgcount} messages on {topic} can be "
-                "read; repair it, such as with rosbag reindex, ros2 bag reindex or mcap recover"
+                f"read; {REPAIR}"
             )
 
 

@@ -1,6 +1,6 @@
 """Files of a prediction: probabilities, a map for map_server, a figure, and an animation of the figures."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,6 @@ from repro.maps.projection import Projection
 from repro.prediction.ros import OCCUPIED_ABOVE
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
-from repro.system.files import open_arrays
 
 FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight
 UNKNOWN = 255  # in a map for map_server
@@ -39,15 +38,6 @@ def write_probabilities(path: Path, predicted: StreamMap) -> None:
 def window_number(path: Path) -> int:
     """Return the number of the window of a file, which may have more digits than the names have zeros."""
     return int(path.stem.split("-")[1])
-
-
-def read_maps(directory: Path) -> Iterator[StreamMap]:
-    """Read the maps that `write_probabilities` wrote to a directory, in the order of time."""
-    for path in sorted(directory.glob("window-*.npz"), key=window_number):
-        with open_arrays(path) as content:
-            left, bottom = content["origin"].tolist()
-            place = (left, bottom), float(content["resolution"]), float(content["stamp"])
-            yield StreamMap(content["free"], *place, content["unknown"])
 
 
 def write_map(stem: Path, predicted: StreamMap) -> None:
@@ -106,24 +96,13 @@ def _image(ax: Axes, image: np.ndarray, extent: tuple[float, float, float, float
     ax.set(title=title, xlim=extent[:2], ylim=extent[2:])
 
 
-def write_animation(path: Path, figures: Sequence[Path]) -> int:
-    """Write figures of the same size as a GIF of ten frames per second; of more than `MAX_FRAMES`, as many evenly.
-
-    Returns:
-        the number of frames.
-    """
-    count = min(len(figures), MAX_FRAMES)
-    chosen = [figures[number] for number in np.linspace(0, len(figures) - 1, count).round().astype(int)]
-    first, *others = _frames(chosen)
-    durations = [FRAME_MS] * (count - 1) + [LAST_MS]
-    first.save(path, save_all=True, append_images=others, duration=durations, loop=0, optimize=False)
-    return count
-
-
-def _frames(figures: Sequence[Path]) -> Iterator[Image.Image]:
-    """Yield the figures at the width of the animation, in few colors."""
-    for figure in figures:
+def write_animation(path: Path, figures: Sequence[Path]) -> None:
+    """Write figures of the same size as a GIF of ten frames per second; of many, each n-th: at most `MAX_FRAMES`."""
+    frames = []
+    for figure in figures[:: 1 + (len(figures) - 1) // MAX_FRAMES]:
         with Image.open(figure) as content:
             height = round(content.height * WIDTH / content.width)
             small = content.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
-        yield small.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        frames.append(small.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE))
+    durations = [FRAME_MS] * (len(frames) - 1) + [LAST_MS]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, optimize=False)

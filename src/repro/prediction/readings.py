@@ -86,12 +86,9 @@ def note_on_far_hits(far: Counter[float], range_max_m: float) -> str | None:
 
 def note_on_changes(ranges_m: np.ndarray) -> str | None:
     """Return a note about maximum ranges [m], (S,), that change between the scans of a log; None if they do not."""
-    found, counts = np.unique(ranges_m, return_counts=True)
-    if len(found) <= 1:
-        return None
-    shown = ", ".join(f"{value:.4g} m in {count} scans" for value, count in zip(found[:5], counts[:5], strict=True))
-    more = f" and {len(found) - 5} others" if len(found) > 5 else ""
-    return f"the maximum range changes, {shown}{more}: misses show free space up to the smallest, {found[0]:.4g} m"
+    low, high = ranges_m.min(), ranges_m.max()
+    text = f"the maximum range changes up to {high:.4g} m: misses show free space up to the smallest, {low:.4g} m"
+    return text if low < high else None
 
 
 def beams_of_turn(angles: np.ndarray) -> int:

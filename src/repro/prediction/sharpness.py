@@ -1,14 +1,14 @@
 """Whether another convention of the poses would make the hits of a log sharper, such as a lidar that looks backward."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings, parts_of, steps_before
+from repro.prediction.times import WindowSettings, ends_of, parts_of, steps_before
 from repro.prediction.windows import path_m
 from repro.scans import Scans
 
@@ -71,24 +71,13 @@ def _sharpness(log: ScanLog, windows: list[np.ndarray]) -> float:
     return float(np.mean(shares)) if shares else math.nan
 
 
-def _windows(log: ScanLog, settings: WindowSettings) -> list[np.ndarray]:
-    """Return the indices of a few scans of a few windows, evenly over the log."""
-    ends = [
-        (begin, last)
-        for begin, end in parts_of(log.stamps, settings)
-        for last in range(begin, end)
-        if settings.is_filled(log.stamps[begin], log.stamps[last])
-    ]
-    found = []
-    for begin, last in dict.fromkeys(_evenly(ends, WINDOWS)):
-        scans = np.unique(begin + steps_before(log.stamps[begin : last + 1], settings))
-        found.append(np.unique(_evenly(scans, SCANS)))
-    return found
-
-
-def _evenly(values: Any, count: int) -> list[Any]:
-    """Return some of the values, evenly spaced, as many as there may be."""
-    return [values[place] for place in np.linspace(0, len(values) - 1, count).astype(int)] if len(values) else []
+def _windows(log: ScanLog, settings: WindowSettings) -> Iterator[np.ndarray]:
+    """Yield the indices of a few scans of a few windows, evenly over the log."""
+    stride_s = (log.stamps[-1] - log.stamps[0]) / WINDOWS
+    for begin, end in parts_of(log.stamps, settings):
+        for last in ends_of(log.stamps[begin:end], settings, stride_s):
+            steps = begin + steps_before(log.stamps[begin : begin + last + 1], settings)
+            yield np.unique(steps[np.linspace(0, len(steps) - 1, SCANS).astype(int)])
 
 
 def _changed(log: ScanLog, turn_deg: float, heading: float, sense: int, position: float) -> ScanLog:

@@ -14,7 +14,7 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics, summarize
 from repro.recordings.reader import read_manifest, read_shards
-from repro.recordings.truth import true_maps
+from repro.recordings.recorded import true_maps
 from repro.runs.config import RunConfig
 from repro.system.errors import InputError
 from repro.system.progress import progress

@@ -1,4 +1,4 @@
-"""The recordings of a split with their true maps and obstacles: the input of baselines and upper bounds."""
+"""True maps of recordings, and a split with them and its obstacles: the input of baselines and upper bounds."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,12 +8,21 @@ import torch
 from torch import Tensor
 
 from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
 from repro.outlines import padded
 from repro.recordings.format import ShardContent
 from repro.recordings.reader import read_manifest, read_shards
-from repro.recordings.truth import true_maps
 from repro.scans import Scans
 from repro.world_config import WorldSpec
+
+
+def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
+    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
+    outlines, states, owner = (
+        torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
+    )
+    maps = rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid)
+    return maps.repeat_interleave(2, dim=0)  # a world and its twin share their map
 
 
 @dataclass(frozen=True)

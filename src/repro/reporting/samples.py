@@ -16,7 +16,7 @@ from repro.evaluation.evaluate import read_predictions, read_quantized
 from repro.maps.projection import Projection
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import read_recording, read_shards
-from repro.recordings.truth import true_maps
+from repro.recordings.recorded import true_maps
 from repro.reporting.names import experiment_title, predictor_title
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey

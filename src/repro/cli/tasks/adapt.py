@@ -26,7 +26,7 @@ def run(job: Job) -> None:
 
 
 def _name_of(paths: list[Path]) -> str:
-    from repro.cli.logs import name_of
+    from repro.cli.inputs import name_of
 
     others = f"-and-{len(paths) - 1}-others" if len(paths) > 1 else ""
     return name_of(paths[0]) + others
