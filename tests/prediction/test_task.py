@@ -30,7 +30,7 @@ def run(tmp_path, monkeypatch):
     monkeypatch.setattr(prediction, "load_predictor", lambda path: predictor)
 
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
-        settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot"}
+        settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
         settings |= dict.fromkeys(("spacing", "pose", "mounting", "frame"), None) | {"inspect": False}
         settings |= {"fov_deg": None, "range_max_m": None, "animate": False, "scan_topic": None, "odometry_topic": None}
         chosen = SimpleNamespace(**settings | changes)
@@ -51,7 +51,7 @@ def test_windows_with_the_same_reason_are_one_line(run, capsys):
     assert "6 windows or parts, such as window 1 at 0.90 s: 1 of 1 windows are of a robot that is outside" in lines[0]
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "window-1.png", ""])
+@pytest.mark.parametrize("name", ["notes.txt", "other.mcap", "window-9999.txt", "window-1.png", ""])
 def test_a_directory_with_other_files_or_a_file_in_its_place_is_not_replaced(run, tmp_path, name):
     target = tmp_path / "predictions" / "rooms" / name
     target.parent.mkdir(parents=True)
@@ -64,11 +64,11 @@ def test_a_directory_with_other_files_or_a_file_in_its_place_is_not_replaced(run
 def test_a_log_or_weights_in_the_place_of_the_predictions_are_kept(run, tmp_path):
     directory = tmp_path / "predictions" / "rooms"
     directory.mkdir(parents=True)
-    (directory / "rooms.npz").write_bytes(b"")
-    for given in ({"scans": directory / "rooms.npz"}, {"weights": str(directory)}):
+    (directory / "rooms.mcap").write_bytes(b"")
+    for given in ({"scans": directory / "rooms.mcap"}, {"weights": str(directory)}):
         with pytest.raises(ValueError, match=r"rooms.* is in .*rooms, which the prediction replaces: move it"):
             run(**given)
-    assert (directory / "rooms.npz").is_file()
+    assert (directory / "rooms.mcap").is_file()
 
 
 def test_weights_that_do_not_exist_are_named(run, tmp_path):

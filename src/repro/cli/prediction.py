@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+from types import ModuleType
 
 import pandas as pd
 
@@ -17,7 +18,7 @@ from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import SHARES, compare
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, window_number, write_animation, write_map, write_probabilities
+from repro.prediction.output import draw, read_maps, window_number, write_animation, write_map, write_probabilities
 from repro.prediction.readers import read_log, topics_of
 from repro.prediction.stream import predict_map
 from repro.prediction.times import TimesLost, WindowSettings, window_of
@@ -28,7 +29,7 @@ from repro.system.progress import progress
 
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = re.compile(r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif")
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # beside <its name>.mcap
 
 
 def predict_log(job: Job) -> None:
@@ -53,6 +54,7 @@ def predict_log(job: Job) -> None:
         _say_windows(log, windows)
         return
     predictor = predictor.with_range(log.range_max_m)
+    mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
@@ -63,6 +65,8 @@ def predict_log(job: Job) -> None:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
         if settings.animate:
             write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
+        if mcap:
+            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), min(log.range_max_m, COMPARED_M))
         write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
         write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
     warn_of(predicted, predictor.statistics)
@@ -76,7 +80,8 @@ def _check_target(target: Path, *sources: Path) -> None:
         if source.resolve().is_relative_to(target.resolve()):
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
     others = [target] if target.exists() and not target.is_dir() else target.glob("*")
-    foreign = [path.name for path in others if not path.is_file() or not WRITTEN.fullmatch(path.name)]
+    written = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap")
+    foreign = [path.name for path in others if not path.is_file() or not written.fullmatch(path.name)]
     if foreign:
         raise InputError(
             f"{target} has files that are no prediction, such as {sorted(foreign)[0]}: move them, or set outputs="
@@ -136,6 +141,16 @@ def _say_windows(log: ScanLog, windows: WindowSettings) -> None:
         f"would be used: windows of {windows.steps} steps of {windows.step_s:.3g} {unit}, from {log.stamps[0]:.2f} to "
         f"{log.stamps[-1]:.2f} {unit}, maximum range {log.range_max_m:.4g} m"
     )
+
+
+def _mcap(log: ScanLog) -> ModuleType:
+    """Return the module that writes MCAP files, after a check that it can write this log."""
+    try:
+        from repro.prediction import mcap
+    except ModuleNotFoundError as error:
+        raise InputError("prediction.mcap=true needs the package rosbags: pip install rosbags") from error
+    mcap.check_times(log)
+    return mcap
 
 
 def _predict_all(

@@ -111,6 +111,7 @@ class Prediction:
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None
+    mcap: bool
     inspect: bool
 
 

@@ -14,6 +14,7 @@ from repro.maps.projection import Projection
 from repro.prediction.ros import OCCUPIED_ABOVE
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
+from repro.system.files import open_arrays
 
 FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight
 UNKNOWN = 255  # in a map for map_server
@@ -38,6 +39,15 @@ def write_probabilities(path: Path, predicted: StreamMap) -> None:
 def window_number(path: Path) -> int:
     """Return the number of the window of a file, which may have more digits than the names have zeros."""
     return int(path.stem.split("-")[1])
+
+
+def read_maps(directory: Path) -> Iterator[StreamMap]:
+    """Read the maps that `write_probabilities` wrote to a directory, in the order of time."""
+    for path in sorted(directory.glob("window-*.npz"), key=window_number):
+        with open_arrays(path) as content:
+            left, bottom = content["origin"].tolist()
+            place = (left, bottom), float(content["resolution"]), float(content["stamp"])
+            yield StreamMap(content["free"], *place, content["unknown"])
 
 
 def write_map(stem: Path, predicted: StreamMap) -> None:
