@@ -116,13 +116,6 @@ def test_turned_recordings_are_those_of_turned_worlds(plain, degrees):
         generalization.turned(plain, 45)
 
 
-def test_a_network_is_tested_on_every_experiment(predictor, recorded):
-    table = generalization.across_experiments({"3": predictor}, {"3": recorded})
-    assert set(table["shift"]) == {"experiment"}
-    assert table[table["metric"] == "accuracy"][["trained", "tested"]].to_numpy().tolist() == [["3", "3"]]
-    assert (table["low"] <= table["value"] + 1e-9).all()
-
-
 @pytest.mark.parametrize(("range_max_m", "reach_m"), [(12, 12), (30, 30), (40, 30)])
 def test_every_row_has_the_range_of_the_tested_lidar(tmp_path, monkeypatch, range_max_m, reach_m):
     spec, tested = generalization.with_range(world_spec("4"), range_max_m), []

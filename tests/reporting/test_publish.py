@@ -1,5 +1,4 @@
 import json
-import re
 import shutil
 from collections.abc import Callable
 
@@ -7,7 +6,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT, fake_run, fake_study
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
+from repro.config import PROJECTION_NO_DECAY, Encoding
 from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
 from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
@@ -17,7 +16,6 @@ from repro.runs.outputs import Outputs
 
 RESULTS = ROOT / "reproduce" / "results"
 DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
-DOCUMENTS = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
 LOSSES = {"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]}
 
@@ -298,26 +296,6 @@ def test_a_marker_of_an_unknown_table_names_the_known_ones(study):
 def test_a_marker_without_an_end_deletes_nothing(text, tmp_path):
     with pytest.raises(ValueError, match="needs its own <!-- end -->"):
         with_results(text, tmp_path)
-
-
-def of_paper(runs):
-    """Return the runs with the paper's input and its ablation."""
-    return runs[runs["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])]
-
-
-def test_the_documents_state_how_long_a_study_takes():
-    """On two cores, the trainings of every whole published study take as long as the table of scales says."""
-    text = "\n".join(path.read_text() for path in DOCUMENTS)
-    whole = 0
-    for directory in DIRECTORIES:
-        runs = of_paper(read_published(directory)).dropna(subset=["training_seconds"])
-        for _, rows in runs.groupby("seed"):
-            if len(rows) == 24:
-                row = next(line for line in text.splitlines() if line.startswith(f"| `{directory.name}` |"))
-                low, high = map(int, re.search(r"(\d+) to (\d+) minutes", row).groups())
-                assert low <= rows["training_seconds"].sum() / 60 / 2 <= high
-                whole += 1
-    assert whole
 
 
 def edited(name: str, value: str, line: int = 2) -> Callable[[str], bytes]:
