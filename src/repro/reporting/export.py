@@ -1,6 +1,7 @@
 """Export of a trained network: its weights, or an ONNX file, with a model card for the Hugging Face Hub."""
 
 from pathlib import Path
+from typing import Any
 
 import torch
 from huggingface_hub import EvalResult, ModelCardData
@@ -152,7 +153,7 @@ def hub_metadata(title: str, dataset: str, metrics: dict[str, float], library: s
         metrics: the metrics on the test set by name.
         library: the library of the network.
     """
-    task = {"task_type": "image-segmentation", "dataset_type": "simulated", "dataset_name": dataset}
+    task: dict[str, Any] = {"task_type": "image-segmentation", "dataset_type": "simulated", "dataset_name": dataset}
     results = [
         EvalResult(**task, dataset_split="test", metric_type=name, metric_value=round(value, 4))
         for name, value in metrics.items()
