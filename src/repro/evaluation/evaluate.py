@@ -51,8 +51,8 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
             return run.read_metrics()
         config = run.config()
         facts: dict[str, Any] = {}
-        if not config.key.is_baseline:
-            check_trained(run)
+        if not config.key.is_baseline and not run.is_trained:
+            raise InputError(f"{run} is not fully trained: train it with task=train first")
         check_worlds(recordings, config.data.worlds)
         run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
         if config.key.is_baseline:
@@ -84,16 +84,6 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
         print(f"evaluating {run}", flush=True)
     run.prepare(config)
     evaluate(run, recordings)
-
-
-def check_trained(run: Run) -> None:
-    """Check that a run is trained.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if not run.is_trained:
-        raise InputError(f"{run} is not fully trained: train it with task=train first")
 
 
 def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
