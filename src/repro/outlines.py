@@ -27,10 +27,3 @@ def placed(outlines: Any, states: Any) -> Any:
 def padded(outlines: np.ndarray, vertices: int) -> np.ndarray:
     """Pad outlines (O, V, 2) to more vertices by repeating the last one."""
     return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")
-
-
-def without_padding(outline: Any) -> Any:
-    """Return an outline, (V, 2), as a NumPy array or a tensor, without the vertices that repeat its last one."""
-    changes = (outline[1:] != outline[:-1]).any(-1).nonzero()
-    last = changes[0][-1] if isinstance(outline, np.ndarray) else changes[-1, 0]
-    return outline[: int(last) + 2]

@@ -38,12 +38,11 @@ const results = JSON.parse(readFileSync(fixture, "utf8")).map((recording) => {
     angles: Float32Array.from(recording.angles), poses: Float32Array.from(poses.flat()),
   };
   const images = recording.encodings.map((description) => {
-    const encoding = createEncoding(description), drawn = encoding.draw(scans, grid, true);
+    const encoding = createEncoding(description), drawn = encoding.draw(scans, grid);
     return { drawn: [...drawn], input: [...encoding.toInput(drawn)] };
   });
-  const undecayed = [...createEncoding(recording.encodings[0]).draw(scans, grid, false)];
   const map = rasterize(obstaclesAt(recording, last).map(({ placed }) => placed), grid);
   const { iou, accuracy } = compare(Float32Array.from(recording.free), map);
-  return { angles: [...angles], outlines: recording.shapes.map((shape) => [...outlineOf(shape)]), path: driven(recording), ranges, images, undecayed, map: [...map], iou, accuracy };
+  return { angles: [...angles], outlines: recording.shapes.map((shape) => [...outlineOf(shape)]), path: driven(recording), ranges, images, map: [...map], iou, accuracy };
 });
 process.stdout.write(JSON.stringify(results));

@@ -12,7 +12,7 @@ from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.create import create_network
 from repro.networks.model import paper_model
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
 from repro.world_config import read_world
 
 PAGE_GRID = Grid(32, 50.0)
@@ -58,30 +58,26 @@ def test_an_encoding_that_the_page_cannot_draw_is_refused(saved, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_network_is_described_by_its_directory(saved, monkeypatch):
-    names = {
-        "exp2-unet": ("U-Net, experiment 2", "2"),
-        "exp1-unet-seed1": ("U-Net, experiment 1", "1"),
-        "expmy-own-unet": ("U-Net, experiment my-own", "my-own"),
-        "runs/exp3/unet/projection/seed0/model": ("U-Net, experiment 3", "3"),
-        "mine": ("U-Net, mine", None),
-    }
-    first = saved("first", "projection")
-    exported = networks._onnx_of(first, load_predictor(first))
-    monkeypatch.setattr(networks, "_onnx_of", lambda *_: exported)  # their weights are the same
-    for directory, expected in names.items():
-        loaded = networks.load_demo_network(saved(directory, "projection"))
-        assert (loaded.title, loaded.experiment) == expected
-        assert loaded.grid.size_px == 32
-        assert loaded.encoding == {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}}
-        assert loaded.note.startswith("Input projection, 32 px")
+def test_a_saved_network_is_loaded_with_its_encoding_and_grid(saved):
+    loaded = networks.load_demo_network(saved("exp2-unet", "projection"))
+    assert (loaded.title, loaded.experiment, loaded.grid) == ("U-Net, experiment 2", "2", PAGE_GRID)
+    assert loaded.encoding == {"name": "projection", "parameters": {"decay": True, "oldest_gray": 0.8}}
 
 
-def test_an_onnx_file_is_described_by_its_directory(saved, tmp_path):
-    file = tmp_path / "exp4-unet-projection-no-decay-seed1" / "model.onnx"
-    file.parent.mkdir()
-    load_predictor(saved("first", "projection", decay=False)).save_onnx(file)
-    assert networks._names(file, load_predictor(file)) == ("U-Net, no decay, experiment 4", "4")
+@pytest.mark.parametrize(
+    ("place", "decay", "named"),
+    [
+        ("exp1-unet-seed1", True, ("U-Net, experiment 1", "1")),
+        ("expmy-own-unet", True, ("U-Net, experiment my-own", "my-own")),
+        ("exp4-unet-projection-no-decay-seed1", False, ("U-Net, no decay, experiment 4", "4")),
+        ("runs/exp3/unet/projection/seed0/model", True, ("U-Net, experiment 3", "3")),
+        ("mine", True, ("U-Net, mine", None)),
+    ],
+)
+def test_a_network_is_named_by_its_directory(place, decay, named, tmp_path):
+    encoding = create_encoding("projection", {"decay": decay, "oldest_gray": 0.8})
+    predictor = Predictor(create_network(paper_model("unet")), encoding, PAGE_GRID)
+    assert networks._names(tmp_path / place, predictor) == named
 
 
 def test_modules_come_after_those_they_import():
@@ -97,7 +93,7 @@ def world(name):
 
 
 def network(title="Net", grid=PAGE_GRID, steps=100, step_s=0.1, content=b""):
-    return networks.DemoNetwork(title, "", None, {}, grid, steps, step_s, content)
+    return networks.DemoNetwork(title, None, {}, grid, steps, step_s, content)
 
 
 def test_a_page_that_is_too_large_is_refused():

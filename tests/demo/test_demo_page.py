@@ -137,9 +137,7 @@ def test_an_obstacle_dragged_before_the_robot_appears_on_the_map(open_tab):
 
 def test_every_control_acts(open_tab):
     tab = open_tab(address="#seed=17&exp=3&paused")
-    assert tab.is_disabled("#decay")  # a series of images has none
     changes(tab, "prediction", lambda: tab.select_option("#network", label="U-Net, experiment 4"))
-    changes(tab, "input", lambda: tab.uncheck("#decay"))
     changes(tab, "prediction", lambda: tab.uncheck("#outlines"))
     changes(tab, "world", lambda: tab.click("#remove"))
     changes(tab, "world", lambda: tab.click("#add"))

@@ -121,12 +121,6 @@ def test_encodings_give_the_images_and_inputs_of_python(compared, number):
         torch.testing.assert_close(given, encoding.to_input(drawn), atol=1e-6, rtol=0)
 
 
-def test_the_switch_draws_the_projection_without_decay(compared):
-    for _, _, _, result in compared:
-        assert result["undecayed"] == result["images"][1]["drawn"]
-        assert result["undecayed"] != result["images"][0]["drawn"]
-
-
 def test_true_maps_and_scores_are_those_of_python(compared):
     for _, recording, free, result in compared:
         expected = truth_of(recording)[0]

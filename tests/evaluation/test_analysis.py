@@ -6,9 +6,8 @@ import pytest
 from conftest import ROOT, run_config
 
 from repro.config import PROJECTION
-from repro.evaluation.analysis import ANALYZED, gather
+from repro.evaluation.analysis import ANALYZED, averages, compared, gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
-from repro.evaluation.comparisons import averages, compared
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train

@@ -1,20 +1,16 @@
-import shutil
-
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 from conftest import prepared
 
-from repro.evaluation.evaluate import evaluate, measure, read_predictions, validate
+from repro.evaluation.evaluate import evaluate, measure, read_predictions
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.names import METRICS
 from repro.metrics.scores import confusion, scores
-from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import load_pairs
 from repro.recordings.reader import recordings_hash
-from repro.runs.directories import Run
 from repro.runs.provenance import Status
 
 
@@ -60,23 +56,9 @@ def test_provenance_names_the_data(evaluated, recorded):
     assert origin.fact("test_pairs") == 8
 
 
-def test_validation_is_measured_on_the_validation_set(evaluated, recorded, tmp_path):
-    run = Run(shutil.copytree(evaluated.path, tmp_path / "run"))
-    row = validate(run, recorded, accelerator="cpu")
-    val = load_pairs(recorded, "val", Grid(32, 50.0), Projection())
-    probability = load_predictor(run.model).predict_images(val.images)
-    expected = scores(confusion(probability, val.maps.float()).sum(0))
-    kept = pd.read_csv(run.path / "validation.csv").iloc[0]
-    for name in METRICS[1:]:
-        assert row[name] == pytest.approx(expected[name].item(), abs=1e-6), name
-        assert kept[name] == pytest.approx(row[name], abs=1e-6), name
-    assert run.status is Status.evaluated
-
-
-@pytest.mark.parametrize("measure", [evaluate, validate])
-def test_an_untrained_run_is_refused(measure, recorded, tmp_path):
+def test_an_untrained_run_is_refused(recorded, tmp_path):
     with pytest.raises(ValueError, match="not fully trained"):
-        measure(prepared(tmp_path), recorded)
+        evaluate(prepared(tmp_path), recorded)
 
 
 def test_all_free_scores_the_free_share(recorded, tmp_path):
@@ -85,10 +67,3 @@ def test_all_free_scores_the_free_share(recorded, tmp_path):
     assert row["accuracy"] == row["precision"] == pytest.approx(free)
     assert row["recall"] == pytest.approx(1)
     assert row["specificity"] == pytest.approx(0, abs=1e-6)
-
-
-def test_missing_metrics_are_measured_again(evaluated, recorded, tmp_path):
-    run = Run(shutil.copytree(evaluated.path, tmp_path / "run"))
-    run.metrics.unlink()
-    evaluate(run, recorded, accelerator="cpu")
-    assert run.metrics.read_text() == evaluated.metrics.read_text()

@@ -175,15 +175,10 @@ def test_a_metric_that_is_younger_than_published_results_is_left_empty():
     assert text.splitlines()[-1] == "| 3 | U-Net |  | 0.900 (0.950) |" + "  |" * (len(TABLE_METRICS) - 2)
 
 
-def test_tables_are_complete():
+def test_the_papers_tables_are_complete_and_their_averages_are_means():
     table = read_paper()
     assert len(table) == 24 + 6
     assert not table.isna().any(axis=None)
-    assert table.query("model == 'unet' and experiment == '1'")["specificity"].item() == 0.8443
-
-
-def test_averages_are_the_means_of_the_rows():
-    table = read_paper()
     means = table[table["model"] != "average"].groupby(["experiment", "encoding"])[list(METRICS)].mean()
     printed = table[table["model"] == "average"].set_index(["experiment", "encoding"])[list(METRICS)]
     assert (means - printed).abs().max(axis=None) < 1.01e-4  # its last digit

@@ -31,7 +31,6 @@ class DemoNetwork:
 
     Args:
         title: name of the network, encoding and experiment.
-        note: input and training in one sentence.
         experiment: the experiment in which it was trained; None if that is unknown.
         encoding: name and parameters of its encoding, as in predictor.json.
         grid: grid of its maps.
@@ -41,7 +40,6 @@ class DemoNetwork:
     """
 
     title: str
-    note: str
     experiment: str | None
     encoding: dict[str, Any]
     grid: Grid
@@ -67,10 +65,8 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     content = with_float16_weights(_onnx_of(directory, predictor))
     _check(content, predictor, directory)
     title, experiment = _names(directory, predictor)
-    trained = f", trained in experiment {experiment}" if experiment else ""
-    note = f"Input {name}, {predictor.grid.size_px} px{trained}."
     encoding = {"name": name, "parameters": predictor.encoding.parameters}
-    return DemoNetwork(title, note, experiment, encoding, predictor.grid, *predictor.window(), content)
+    return DemoNetwork(title, experiment, encoding, predictor.grid, *predictor.window(), content)
 
 
 def with_float16_weights(content: bytes) -> bytes:

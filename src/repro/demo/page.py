@@ -46,7 +46,7 @@ def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any])
     spec, steps = next(iter(specs.values())), networks[0].steps
     for network in networks:
         _check_network(network, spec, steps)
-    described = [{"note": each.note, "encoding": each.encoding, "grid": asdict(each.grid)} for each in networks]
+    described = [{"encoding": each.encoding, "grid": asdict(each.grid)} for each in networks]
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
     page: str = environment.get_template("index.html").render(
         style=(ASSETS / "style.css").read_text(encoding="utf-8"),

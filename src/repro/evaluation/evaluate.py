@@ -18,7 +18,7 @@ from repro.metrics.bootstrap import IN_INTERVALS
 from repro.metrics.counts import quantize
 from repro.metrics.scores import IMAGE_METRICS, checked_probabilities, confusion, scores
 from repro.networks.predictor import load_predictor
-from repro.recordings.datasets import Pairs, grid_of, load_pairs_of_run
+from repro.recordings.datasets import grid_of, load_pairs_of_run
 from repro.recordings.reader import check_worlds, recordings_hash
 from repro.recordings.recorded import load_recorded
 from repro.runs.config import RunConfig
@@ -51,21 +51,25 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
             return run.read_metrics()
         config = run.config()
         facts: dict[str, Any] = {}
+        if not config.key.is_baseline and not run.is_trained:
+            raise InputError(f"{run} is not fully trained: train it with task=train first")
+        check_worlds(recordings, config.data.worlds)
+        run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
         if config.key.is_baseline:
-            check_worlds(recordings, config.data.worlds)
-            run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
             val, recorded = (load_recorded(recordings, split, grid_of(config)) for split in ("val", "test"))
             maps, (probability, facts) = recorded.maps, PREDICTORS[config.model.name](val, recorded)
         else:
-            pairs, probability = _predict_split("test", run, recordings, accelerator)
+            device = resolve_device(accelerator)
+            pairs = load_pairs_of_run(recordings, "test", config, device)
             maps = pairs.maps
+            probability = load_predictor(run.model).to(device).predict_images(pairs.image_batches(32))
         try:
             row, per_image = measure(probability, maps)
         except InputError as error:
             raise InputError(f"{run}: {error}") from error
         write_predictions(run, probability)
         write_text(run.path / "per_image.csv", per_image.rename_axis("image").to_csv(float_format="%.6f"))
-        _write_row(row, run.metrics)
+        write_text(run.metrics, row.to_frame().T.to_csv(index=False, float_format="%.6f"))
         files = {name: sha256(run.path / name) for name in FILES}
         run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts, files=files)
         return row
@@ -80,39 +84,6 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
         print(f"evaluating {run}", flush=True)
     run.prepare(config)
     evaluate(run, recordings)
-
-
-def validate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Series:
-    """Measure the best weights of a trained run on the validation set and write validation.csv.
-
-    The calibration of the worlds uses these metrics.
-
-    Args:
-        run: a run directory with a finished training.
-        recordings: the recorded experiment it was trained on.
-        accelerator: auto, cpu or gpu.
-
-    Returns:
-        the pooled metrics, as `evaluate` returns them for the test set.
-
-    Raises:
-        ValueError: the run is not trained, or the recordings are not those it was trained on.
-    """
-    with run.exclusive():
-        val, probability = _predict_split("val", run, recordings, accelerator)
-        row, _ = measure(probability, val.maps)
-        _write_row(row, run.path / "validation.csv")
-        return row
-
-
-def check_trained(run: Run) -> None:
-    """Check that a run is trained.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if not run.is_trained:
-        raise InputError(f"{run} is not fully trained: train it with task=train first")
 
 
 def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
@@ -164,18 +135,3 @@ def read_quantized(run: Run) -> np.ndarray:
             return file["free"]
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} cannot be read ({error}): {run.evaluate_again}") from error
-
-
-def _predict_split(split: str, run: Run, recordings: Path, accelerator: str) -> tuple[Pairs, Tensor]:
-    """Load the pairs of a split and predict them with the best weights of a trained run."""
-    check_trained(run)
-    config = run.config()
-    check_worlds(recordings, config.data.worlds)
-    run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
-    device = resolve_device(accelerator)
-    pairs = load_pairs_of_run(recordings, split, config, device)
-    return pairs, load_predictor(run.model).to(device).predict_images(pairs.image_batches(32))
-
-
-def _write_row(row: pd.Series, path: Path) -> None:
-    write_text(path, row.to_frame().T.to_csv(index=False, float_format="%.6f"))

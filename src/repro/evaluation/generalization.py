@@ -119,8 +119,7 @@ def across_experiments(predictors: Mapping[str, Predictor], recordings: Mapping[
     for tested, directory in recordings.items():
         test = load_recorded(directory, "test", next(iter(predictors.values())).grid)
         for trained, predictor in predictors.items():
-            scored = score(predictor, test.scans, test)
-            rows.append(scored.assign(shift="experiment", trained=trained, tested=tested))
+            rows.append(score(predictor, test).assign(shift="experiment", trained=trained, tested=tested))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -155,8 +154,7 @@ def across_start_headings(predictor: Predictor, experiment: str, recordings: Pat
     """
     plain, rows = load_recorded(recordings, "test", predictor.grid), []
     for degrees in START_HEADINGS:
-        test = turned(plain, degrees)
-        scored = score(predictor, test.scans, test)
+        scored = score(predictor, turned(plain, degrees))
         rows.append(scored.assign(shift="start heading [deg]", trained=experiment, tested=f"{degrees:g}"))
     return pd.concat(rows, ignore_index=True)
 
@@ -185,8 +183,8 @@ def under_changes(
     """
     rows = []
 
-    def add(shift: str, amount: float, scans: Scans, test: Recorded, changed: WorldSpec) -> None:
-        scored = score(predictor.with_range(changed.lidar.range_max), scans, test)
+    def add(shift: str, amount: float, test: Recorded, changed: WorldSpec) -> None:
+        scored = score(predictor.with_range(changed.lidar.range_max), test)
         rows.append(scored.assign(shift=shift, trained=experiment, tested=f"{amount:g}"))
 
     def record(name: str, changed: WorldSpec) -> Recorded:
@@ -197,7 +195,8 @@ def under_changes(
     arrays = Scans(*(each.numpy() for each in (plain.scans.ranges, plain.scans.angles, plain.scans.poses)))
     for shift, (change, amounts) in CHANGES.items():
         for amount in amounts:
-            add(shift, amount, change(arrays, amount, np.random.default_rng(0)), plain, spec)
+            scans = change(arrays, amount, np.random.default_rng(0))
+            add(shift, amount, dataclasses.replace(plain, scans=scans), spec)
     for shift, name, change_spec, amounts in (
         ("field of view [deg]", "view", with_field_of_view, FIELDS_OF_VIEW),
         ("maximum range [m]", "range", with_range, RANGES_M),
@@ -205,8 +204,7 @@ def under_changes(
     ):
         for amount in amounts:
             changed = change_spec(spec, amount)
-            test = record(f"{name}{amount}", changed)
-            add(shift, amount, test.scans, test, changed)
+            add(shift, amount, record(f"{name}{amount}", changed), changed)
     return pd.concat(rows, ignore_index=True)
 
 
@@ -216,8 +214,8 @@ def updated(earlier: pd.DataFrame, new: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([earlier[~is_replaced], new], ignore_index=True)
 
 
-def score(predictor: Predictor, scans: Scans, test: Recorded) -> pd.DataFrame:
-    """Compare the prediction of scans with the true maps of their recordings; rows of metric, value, low, high."""
-    free = predictor.predict(scans, allow_empty=True)  # a change may leave no hit, or move a pose off the map
+def score(predictor: Predictor, test: Recorded) -> pd.DataFrame:
+    """Compare the prediction of recordings with their true maps; rows of metric, value, low, high."""
+    free = predictor.predict(test.scans, allow_empty=True)  # a change may leave no hit, or move a pose off the map
     measured = measured_of(free[:, None], test.maps)
     return pd.DataFrame(intervals(resample(measured, draw_weights(len(test) // 2))))

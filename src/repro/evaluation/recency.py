@@ -4,12 +4,12 @@ Ages count steps back from the end of the recording; the last step has age 1. A 
 range but always hidden is `occluded`; one that never was is `never in view`."""
 
 import numpy as np
+import shapely
 import torch
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import CONVEX, kinds_of, rasterize
 from repro.maps.visibility import newest_in_view, newest_visible
-from repro.outlines import without_padding
 from repro.recordings.format import ShardContent
 from repro.scans import Scans
 
@@ -63,47 +63,31 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
     Returns:
         the step, counted from 1, or 0 for never, (2, K); the first row is of direction 1, the second of -1.
     """
-    points, hit = shard.scans.tensors(dtype=torch.float64).points()  # (R, T, N, 2), (R, T, N)
+    points, hit = (part.numpy() for part in shard.scans.tensors(dtype=torch.float64).points())
     newest = np.zeros((2, len(shard.world)), dtype=np.int64)
-    convex, reach_m = kinds_of(torch.as_tensor(shard.outlines)) == CONVEX, TOUCH_M + 3 * noise_m
+    is_convex, reach_m = kinds_of(torch.as_tensor(shard.outlines)) == CONVEX, TOUCH_M + 3 * noise_m
     for number, world in enumerate(shard.world):
-        outline, states = (torch.as_tensor(array[number]).double() for array in (shard.outlines, shard.states))
+        outline, states = shard.outlines[number].astype(float), shard.states[number].astype(float)
+        closed = np.concatenate([outline, outline[:1]])
+        shape = shapely.polygons(closed) if is_convex[number] else shapely.linestrings(closed)
+        shapely.prepare(shape)
         for twin in (0, 1):
-            of = 2 * world + twin
-            steps = _steps_touching(points[of], hit[of], outline, states, reach_m, is_convex=bool(convex[number]))
-            newest[twin, number] = steps.max() + 1 if len(steps) else 0
+            steps = _steps_touching(points[2 * world + twin], hit[2 * world + twin], shape, states, reach_m)
+            newest[twin, number] = steps.max(initial=-1) + 1
     return newest
 
 
 def _steps_touching(
-    points: torch.Tensor,
-    hit: torch.Tensor,
-    outline: torch.Tensor,
-    states: torch.Tensor,
-    reach_m: float,
-    *,
-    is_convex: bool,
+    points: np.ndarray, hit: np.ndarray, shape: shapely.Geometry, states: np.ndarray, reach_m: float
 ) -> np.ndarray:
-    """Return the steps at which any point (T, N, 2) is on an obstacle with states (T, 3), or in a convex one."""
+    """Return the steps at which any point (T, N, 2) that is a hit (T, N) is near a shape with states (T, 3)."""
     offset = points - states[:, None, :2]
-    near = hit & (offset.square().sum(-1) <= (outline.square().sum(-1).max().sqrt() + reach_m) ** 2)
-    step, beam = torch.nonzero(near, as_tuple=True)
-    cos, sin = torch.cos(states[step, 2]), torch.sin(states[step, 2])
-    x, y = offset[step, beam].unbind(-1)
-    own = torch.stack([x * cos + y * sin, y * cos - x * sin], dim=-1)  # in the obstacle's frame, (P, 2)
-    if not is_convex:  # the padding repeats the last vertex
-        outline = without_padding(outline)
-    edge = outline.roll(-1, 0) - outline  # (V, 2)
-    length = edge.square().sum(-1)
-    if not is_convex:
-        to_own = own[:, None] - outline  # (P, V, 2)
-        along = ((to_own * edge).sum(-1) / length.clamp(min=1e-12)).clamp(0, 1)
-        touches = ((to_own - along[..., None] * edge).square().sum(-1) <= reach_m**2).any(-1)
-        return step[touches].numpy()
-    turn = torch.sign((outline[:, 0] * edge[:, 1] - outline[:, 1] * edge[:, 0]).sum())  # 1 counter-clockwise
-    cross = edge[:, 0] * (own[:, None, 1] - outline[:, 1]) - edge[:, 1] * (own[:, None, 0] - outline[:, 0])
-    inside = (turn * cross >= -reach_m * length.sqrt()).all(-1)
-    return step[inside].numpy()
+    radius = np.linalg.norm(shapely.get_coordinates(shape), axis=-1).max()
+    step, beam = np.nonzero(hit & (np.linalg.norm(offset, axis=-1) <= radius + reach_m))
+    cos, sin = np.cos(states[step, 2]), np.sin(states[step, 2])
+    x, y = offset[step, beam].T
+    own = shapely.points(x * cos + y * sin, y * cos - x * sin)  # in the obstacle's frame
+    return step[shapely.dwithin(shape, own, reach_m)]
 
 
 def obstacle_masks(shard: ShardContent, grid: Grid) -> np.ndarray:

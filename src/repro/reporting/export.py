@@ -11,6 +11,7 @@ from repro.networks.predictor import ONNX, Predictor, load_predictor
 from repro.networks.torch_files import CARD, OWN_FILES
 from repro.reporting.names import SETUPS, model_title
 from repro.reporting.paper import are_papers, world_files
+from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_text
@@ -99,11 +100,7 @@ def make_card(run: Run, path: str, form: str) -> str:
     assert config.encoding, "a network has an encoding"
     assert trained, "an evaluated network is trained"
     measured = {name: float(metrics[name]) for name in CARD_METRICS}
-    names = world_files({config.data.worlds})
-    source = f"conf/world/{names[0]}.yaml" if names else "worlds of no file in conf/world"
-    setup, limits = f"experiment {config.experiment} of {source}", ""
-    if config.experiment in SETUPS and are_papers(config.data.worlds):
-        setup, limits = SETUPS[config.experiment], ", without noise, with its obstacles and speeds and one robot path"
+    setup, source = _worlds_of(config)
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
@@ -134,8 +131,17 @@ commit {trained["commit"]}.
 
 **Test set** ({origin.fact("test_pairs")} pairs): {", ".join(f"{name} {each:.4f}" for name, each in measured.items())}.
 
-**Limits**: trained on simulated scans of {source}{limits}; {form}.
+**Limits**: trained on simulated scans of {source}; {form}.
 """
+
+
+def _worlds_of(config: RunConfig) -> tuple[str, str]:
+    """Return the setup of the experiment of a run, and the worlds of its scans with their limits, in words."""
+    names = world_files({config.data.worlds})
+    source = f"conf/world/{names[0]}.yaml" if names else "worlds of no file in conf/world"
+    if config.experiment in SETUPS and are_papers(config.data.worlds):
+        return SETUPS[config.experiment], f"{source}, without noise, with its obstacles and speeds and one robot path"
+    return f"experiment {config.experiment} of {source}", source
 
 
 def hub_metadata(title: str, dataset: str, metrics: dict[str, float], library: str) -> str:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -35,11 +34,7 @@ def world_files(used: set[str]) -> list[str]:
 @cache
 def worlds_of(path: Path) -> set[str]:
     """Return the fingerprints of the worlds of all experiments of a file in conf/world."""
-    return fingerprints_of(read_world(path))
-
-
-def fingerprints_of(world: dict[str, Any]) -> set[str]:
-    """Return the fingerprints of the worlds of all experiments of a configuration."""
+    world = read_world(path)
     return {spec_fingerprint(world_spec(world, experiment)) for experiment in world["experiments"]}
 
 

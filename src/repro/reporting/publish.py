@@ -223,8 +223,7 @@ def _training_commands(name: str, networks: pd.DataFrame, origins: Origins) -> l
         command = f"`python run.py -m model={model} exp={experiments} seed={of_seeds}{of_all}`"
         minutes = f"{runs['training_seconds'].mean() / 60:.1f}"
         rows.append((predictor_title(model, encoding), len(runs), minutes, command))
-    titles = [row[0] for row in rows]
-    return sorted(rows, key=lambda row: titles.index(row[0]))
+    return sorted(rows)
 
 
 def _options(name: str, scale: str, origin: Provenance) -> str:

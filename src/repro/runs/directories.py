@@ -6,7 +6,7 @@ runs/exp3/unet/projection/seed0/
     history.csv      one row per epoch
     model/           best weights with their encoding and grid; `networks.predictor.load_predictor` reads them
     predictions.npz  probability of free on the test set, quantized to uint8
-    metrics.csv      pooled test metrics, one row; validation.csv holds those of the validation set
+    metrics.csv      pooled test metrics, one row
     per_image.csv    metrics of every test image
     checkpoints/     of an unfinished training
 """

@@ -9,9 +9,8 @@ def run(job: Job) -> None:
     from repro.baselines.names import QUICK_BASELINES
 
     baselines = [job.config.of_baseline(name) for name in QUICK_BASELINES]
-    is_validated = (job.run.path / "validation.csv").is_file()
     runs = [job.run, *(job.outputs.run(baseline.key) for baseline in baselines)]
-    if is_validated and all(run.is_evaluated for run in runs):
+    if all(run.is_evaluated for run in runs):
         job.run.prepare(job.config)
         job.run.check_files()
         print(f"done already: {job.run}", flush=True)

@@ -12,10 +12,9 @@ def run(job: Job) -> None:
     """
     from repro.baselines.names import QUICK_BASELINES
     from repro.cli.output import summary_line
-    from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
+    from repro.evaluation.evaluate import evaluate, evaluate_baseline
 
     job.run.check(job.config)
-    check_trained(job.run)
     if job.run.is_evaluated:
         job.run.check_files()
         print(f"done already: {job.run}")

@@ -1,4 +1,4 @@
-"""task=train: train one network and measure it on the validation set."""
+"""task=train: train one network."""
 
 from functools import cache
 from typing import Any
@@ -9,8 +9,6 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Train the network of a run from where it was left, unless it is trained."""
-    from repro.cli.output import summary_line
-    from repro.evaluation.evaluate import validate
     from repro.learning.training import train
     from repro.parallel import use_idle_cores
     from repro.runs.provenance import Status
@@ -33,9 +31,6 @@ def run(job: Job) -> None:
     )
     if status is Status.paused:
         print(f"paused {job.run}: the time limit is reached, the same command resumes")
-    elif not (job.run.path / "validation.csv").is_file():
-        row = validate(job.run, job.recordings, accelerator=runtime.accelerator)
-        print(f"{job.run}, validation: {summary_line(row)}", flush=True)
 
 
 @cache

@@ -11,7 +11,7 @@ export function connectControls() {
   for (const [id, action] of Object.entries(clicks)) at(id).addEventListener("click", () => action());
   at("experiment").addEventListener("change", () => newWorld());
   at("speed").addEventListener("input", (event) => setSpeed(event.target.valueAsNumber));
-  for (const id of ["network", "decay", "outlines"]) at(id).addEventListener("change", chooseNetwork);
+  for (const id of ["network", "outlines"]) at(id).addEventListener("change", choose);
   at("controls").addEventListener("submit", (event) => event.preventDefault());
   connectPointer(at("world"));
 }
@@ -63,11 +63,8 @@ function setSpeed(speed) {
   at("speed-value").textContent = `${speed.toFixed(1)} m/s`;
 }
 
-/** Show what the selected network is, and predict with it. */
-export function chooseNetwork() {
-  const { note, decays } = settings.networks[Number(at("network").value)];
-  at("network-note").textContent = note;
-  at("decay").disabled = !decays;
+/** Predict with the selected network, and draw with the selected outlines. */
+function choose() {
   state.isStale = true;
   drawMaps();
 }

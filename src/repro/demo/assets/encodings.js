@@ -10,20 +10,19 @@ const f32 = Math.fround;
  * Return how an encoding draws and feeds its images.
  *
  * @param {{name: string, parameters: object}} description as in predictor.json
- * @returns {{decays: boolean, draw: function, toInput: function}} `draw(scans, grid, decay)` returns gray images,
- *   Uint8Array, C * H * W; `toInput(images)` the Float32Array for the network
+ * @returns {{draw: function, toInput: function}} `draw(scans, grid)` returns gray images, Uint8Array, C * H * W;
+ *   `toInput(images)` the Float32Array for the network
  */
 export function createEncoding({ name, parameters }) {
   if (name === "projection") {
     return {
-      decays: parameters.decay,
-      draw: (scans, grid, decay) => projection(scans, grid, parameters.decay && decay, parameters.oldest_gray),
+      draw: (scans, grid) => projection(scans, grid, parameters.decay, parameters.oldest_gray),
       toInput: (images) => Float32Array.from(images, (gray) => f32(gray / 255)),
     };
   }
   if (name === `stack${parameters.frames}` || name === `series${parameters.frames}`) {
     const rangeMax = name.startsWith("series") ? parameters.range_max_m : null;
-    return { decays: false, draw: (scans, grid) => series(scans, grid, parameters.frames, rangeMax), toInput: inverted };
+    return { draw: (scans, grid) => series(scans, grid, parameters.frames, rangeMax), toInput: inverted };
   }
   throw new Error(`encoding ${name} is unknown`);
 }

@@ -14,14 +14,14 @@ const handlers = {
       grid: description.grid, encoding: createEncoding(description.encoding), weights: weights[i], session: null,
     }));
     await sessionOf(networks[0]);
-    return { decays: networks.map(({ encoding }) => encoding.decays) };
+    return {};
   },
 
   /** Predict the map at the last step of a window. */
-  async predict({ network, scans, decay }) {
+  async predict({ network, scans }) {
     const begin = performance.now(), { grid, encoding } = networks[network], session = await sessionOf(networks[network]);
     const loaded = performance.now();
-    const images = encoding.draw(scans, grid, decay), drawn = performance.now();
+    const images = encoding.draw(scans, grid), drawn = performance.now();
     const shape = [1, images.length / grid.size_px ** 2, grid.size_px, grid.size_px];
     const feeds = { [session.inputNames[0]]: new ort.Tensor("float32", encoding.toInput(images), shape) };
     const { data } = (await session.run(feeds))[session.outputNames[0]];

@@ -1,7 +1,7 @@
 // The page: starts the worker, steps the world in time, asks for maps and shows them.
 
 import { at, themeColors } from "./canvas.js";
-import { chooseNetwork, connectControls, newWorld, togglePlay } from "./controls.js";
+import { connectControls, newWorld, togglePlay } from "./controls.js";
 import { connect } from "./inference.js";
 import { compare, rasterize } from "./maps.js";
 import { drawMaps, redraw, showScores, showWorld } from "./panels.js";
@@ -15,8 +15,7 @@ export async function start(worker, modules) {
   try {
     state.ask = await connect(worker, modules);
     const weights = [...document.querySelectorAll(".weights")].map((element) => element.textContent);
-    const { decays } = await state.ask("load", { wasm: at("wasm").textContent, weights, descriptions: settings.networks });
-    settings.networks.forEach((network, i) => (network.decays = decays[i]));
+    await state.ask("load", { wasm: at("wasm").textContent, weights, descriptions: settings.networks });
     for (const element of document.querySelectorAll("#wasm, .weights")) element.remove(); // the worker has them
   } catch (error) {
     return fail(error);
@@ -27,7 +26,6 @@ export async function start(worker, modules) {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { state.colors = themeColors(); redraw(); });
   window.addEventListener("resize", redraw);
   newWorld(Number(address.get("seed") ?? Math.floor(Math.random() * 2 ** 31)));
-  chooseNetwork();
   if (address.has("paused") || matchMedia("(prefers-reduced-motion: reduce)").matches) togglePlay();
   for (const id of ["play", "step", "new-world"]) at(id).disabled = false;
   say("");
@@ -54,7 +52,7 @@ async function predict() {
   state.isAsking = true;
   state.isStale = false;
   try {
-    const answer = await state.ask("predict", { network, scans: state.window, decay: at("decay").checked });
+    const answer = await state.ask("predict", { network, scans: state.window });
     if (world !== state.world) return;
     state.shown = { ...asked, ...answer, ...compare(answer.free, rasterize(asked.outlines, grid)) };
     showScores();

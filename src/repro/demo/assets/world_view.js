@@ -15,15 +15,12 @@ const ARROW_S = 4; // an arrow shows the way of so many seconds
  */
 export function drawWorld(canvas, world, moment, view) {
   const { context, width } = prepare(canvas), { colors } = view;
-  context.save();
   const pixel = useMeters(context, width, world.sizeM);
   drawGrid(context, world, pixel, colors);
   drawView(context, world, moment, pixel, colors);
   for (const obstacle of moment.obstacles) drawObstacle(context, obstacle, world, pixel, view);
   drawHits(context, world, moment, pixel, colors);
   drawRobot(context, moment.robot, pixel, view);
-  context.restore();
-  drawScaleBar(context, width, world.sizeM, colors);
 }
 
 function drawGrid(context, { sizeM }, pixel, colors) {
@@ -122,16 +119,4 @@ function drawRobot(context, { x, y, heading }, pixel, { colors, trail }) {
   context.moveTo(x, y);
   context.lineTo(x + size * Math.cos(heading), y + size * Math.sin(heading));
   context.stroke();
-}
-
-function drawScaleBar(context, width, sizeM, colors) {
-  const length = (10 * width) / sizeM, y = width - 12;
-  context.strokeStyle = context.fillStyle = colors.soft;
-  context.lineWidth = 2;
-  context.beginPath();
-  context.moveTo(12, y);
-  context.lineTo(12 + length, y);
-  context.stroke();
-  context.font = "12px system-ui, sans-serif";
-  context.fillText("10 m", 14, y - 6);
 }
