@@ -1,6 +1,6 @@
 """Files of a prediction: probabilities, a map for map_server, a figure, and an animation of the figures."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
