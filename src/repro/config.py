@@ -95,3 +95,4 @@ class Training:
     flip_augmentation: bool = False
     ema_decay: Share | None = None
     loss: Annotated[str, choice("map")] = "map"  # the only one, which the stored configurations of runs name
+    weights: str | None = None  # of a network of the same form, from which the training starts
