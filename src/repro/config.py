@@ -94,5 +94,5 @@ class Training:
     dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
-    loss: Annotated[str, choice("map")] = "map"  # the only one, which the stored configurations of runs name
+    loss: Annotated[str, choice("map", "shown")] = "map"
     weights: str | None = None  # of a network of the same form, from which the training starts

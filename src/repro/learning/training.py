@@ -25,7 +25,7 @@ from repro.config import Training
 from repro.learning.callbacks import Budget, Checkpoint, History, Stop
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate, create_optimizer
-from repro.learning.losses import MapLoss
+from repro.learning.losses import MapLoss, ShownLoss
 from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
@@ -160,7 +160,10 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     """Load the data and create the network of a run's configuration."""
     assert config.train is not None, "a baseline is not trained"
     assert config.seed is not None, "a baseline is not trained"
-    train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
+    shown = config.train.loss == "shown"
+    train_pairs, val_pairs = (
+        load_pairs_of_run(recordings, split, config, device, marks_hidden=shown) for split in ("train", "val")
+    )
     torch.manual_seed(config.seed)
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
@@ -169,7 +172,7 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
         start_from(network, config.train.weights)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
-    loss = MapLoss(config.train.dice_eps)
+    loss = ShownLoss() if shown else MapLoss(config.train.dice_eps)
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed, loss)
 
 
