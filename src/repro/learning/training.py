@@ -27,7 +27,9 @@ from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss, ShownLoss
 from repro.networks.create import check_interface, create_network
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
+from repro.networks.torch_files import read_torch
+from repro.networks.weights import locate
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
@@ -183,7 +185,7 @@ def start_from(network: nn.Module, weights: str) -> None:
         InputError: there are no such weights, or they are of a network of another form.
     """
     try:
-        network.load_state_dict(load_predictor(weights).network.state_dict())
+        network.load_state_dict(read_torch(locate(weights))[0].state_dict())
     except RuntimeError as error:
         raise InputError(
             f"train.weights={weights}: expected a network of the same form, got another: {error}"
