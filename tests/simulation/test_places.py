@@ -12,6 +12,7 @@ from repro.simulation.drift import Walk
 from repro.simulation.motions import sweep_commands
 from repro.simulation.recorder import record_experiment
 from repro.simulation.rooms import sample_rooms
+from repro.simulation.schema import world_errors
 from repro.simulation.sensing import sensed
 from repro.simulation.shapes import geometry, union
 from repro.simulation.simulator import check_replay, drive_robot, simulate
@@ -152,3 +153,9 @@ def test_a_margin_without_a_place_is_refused():
 def test_the_view_turns_no_faster_than_the_robot():
     assert SPEC.motion.standing.turn_rad_s == pytest.approx(1.57 * 2 * math.pi / 6)
     assert SPEC.motion.standing.turn_rad_s <= SPEC.robot.vel_max[1]
+
+
+def test_errors_of_a_behavior_are_named_as_they_are_written():
+    world = read_world(ROOT / "conf" / "world" / "places.yaml")
+    world["obstacles"]["people"]["behavior"] |= {"stop_steps": [5, 2]}
+    assert [error.key for error in world_errors(world)] == ["world.obstacles.people.behavior.stop_steps"]

@@ -20,6 +20,7 @@ from repro.world_config import Cabinets, Motion, RandomGoals, Rooms
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]
 _MOST = 1000  # rooms of a floor
+_Points = list[list[float]]  # x, y [m]
 _WIDEST_RAD = math.radians(120)  # between the leaf of a door and its wall
 
 
@@ -75,9 +76,6 @@ def sample_rooms(rng: np.random.Generator, rooms: Rooms, width_m: float) -> list
         for piece, is_on_map in zip(pieces, on_map, strict=True)
         if is_on_map
     ]
-
-
-_Points = list[list[float]]  # x, y [m]
 
 
 def _outlines(floor: "_Floor") -> list[_Points]:
