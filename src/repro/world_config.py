@@ -313,6 +313,7 @@ class Sensing(Part):
         every_beam: only every n-th beam has readings.
         every_step: a new scan comes every n-th step; the steps between repeat it.
         odometry: standard deviation of the scale errors of distances and turns.
+        pose_m: standard deviation of independent errors of all poses but the newest [m], see `sensing.noisy_poses`.
     """
 
     range_m: Range[Length]
@@ -321,6 +322,7 @@ class Sensing(Part):
     every_beam: Range[Annotated[int, Field(ge=1, le=100)]]
     every_step: Range[Steps]
     odometry: Range[Probability]
+    pose_m: Range[NotNegative]
 
 
 class Experiment(Part):

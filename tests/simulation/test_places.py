@@ -22,7 +22,7 @@ from repro.world_config import Cabinets, Sensing, read_world, world_spec
 
 SPEC = world_spec(read_world(ROOT / "conf" / "world" / "places.yaml"), "people")
 SHARP = {"range_m": (30, 30), "noise_m": (0, 0), "lost_share": (0, 0), "every_beam": (1, 1), "every_step": (1, 1)}
-NONE = Sensing(**SHARP, odometry=(0, 0))  # of the errors
+NONE = Sensing(**SHARP, odometry=(0, 0), pose_m=(0, 0))  # of the errors
 STANDING = SPEC.model_copy(
     update={"motion": SPEC.motion.model_copy(update={"standing": SPEC.motion.standing.model_copy(update={"share": 1})})}
 )
@@ -136,6 +136,9 @@ def test_odometry_drifts_within_the_window():
     drifted = sensed_with(odometry=(0.1, 0.1)).poses
     assert drifted[-1] == pytest.approx(scans().poses[-1])
     assert abs(drifted[0, 0]) > 1e-3
+    noise = sensed_with(pose_m=(0.1, 0.1)).poses - scans().poses
+    assert noise[:-1, :2].std() == pytest.approx(0.1, rel=0.2)
+    assert not noise[-1].any()
 
 
 def test_recordings_have_the_errors_of_the_sensors(tmp_path):

@@ -22,14 +22,16 @@ def sensed(scans: Scans, sensing: Sensing, range_max_m: float, rng: np.random.Ge
     every_beam, every_step = (
         int(rng.integers(low, high + 1)) for low, high in (sensing.every_beam, sensing.every_step)
     )
-    drawn = (rng.uniform(*each) for each in (sensing.range_m, sensing.noise_m, sensing.lost_share, sensing.odometry))
-    range_m, noise_m, lost_share, odometry = (float(each) for each in drawn)
-    scans = skipped_scans(noisy_ranges(scans, noise_m, rng), every_step - 1, rng)
+    limits = (sensing.range_m, sensing.noise_m, sensing.lost_share, sensing.odometry, sensing.pose_m)
+    range_m, noise_m, lost_share, odometry, pose_m = (float(rng.uniform(*each)) for each in limits)
+    moved = noisy_poses(drifted_poses(Scans.stack([scans]), odometry, rng), pose_m, rng).poses[0]
+    moved[-1] = scans.poses[-1]
+    scans = noisy_ranges(dataclasses.replace(scans, poses=moved), noise_m, rng)
+    scans = skipped_scans(scans, every_step - 1, rng)
     reaches = np.where(np.isfinite(scans.ranges), scans.ranges, range_max_m) <= range_m
     has_reading = reaches & (rng.random(scans.ranges.shape) >= lost_share)
     has_reading &= np.arange(scans.ranges.shape[-1]) % every_beam == 0
-    scans = dataclasses.replace(scans, ranges=np.where(has_reading, scans.ranges, np.nan))
-    return drifted_poses(Scans.stack([scans]), odometry, rng)[0]
+    return dataclasses.replace(scans, ranges=np.where(has_reading, scans.ranges, np.nan))
 
 
 def noisy_ranges(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
