@@ -33,7 +33,7 @@ from repro.simulation.worlds import sample_world
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 from repro.system.progress import progress
-from repro.world_config import Sized, WorldSpec
+from repro.world_config import Drifting, Sized, WorldSpec
 
 DRAWS = 512  # of each obstacle
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle
@@ -144,6 +144,7 @@ def _ends(
     place, behavior = path[last - 1], spec.obstacles.behavior
     if behavior is None or not len(later[0]):
         return place[None]
+    assert isinstance(behavior, Drifting), "see `WorldSpec.is_like_papers`"
     center_m, step_s, clear_m = spec.world.width / 2, spec.world.step_time, spec.clear_radius_m
     keep_out_m = clear_m + np.linalg.norm(corners, axis=-1).max()
     velocity, straight = _motion(path[: max(last, 2)], center_m, keep_out_m, step_s)

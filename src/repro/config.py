@@ -94,4 +94,5 @@ class Training:
     dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
-    loss: Literal["map"] = "map"  # the only one, which the stored configurations of runs name
+    loss: Literal["map", "shown"] = "map"
+    weights: str | None = None  # of a network of the same form, from which the training starts

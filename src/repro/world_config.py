@@ -15,7 +15,7 @@ import shapely
 from omegaconf import DictConfig, OmegaConf
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
-from repro.fields import STRICT, config_errors_of, ordered
+from repro.fields import STRICT, NotNegative, config_errors_of, ordered
 from repro.system.errors import InputError
 
 T = TypeVar("T")
@@ -141,13 +141,38 @@ class Fixed(Part):
 FixedList = Annotated[list[Fixed], Field(max_length=MAX_FIXED)]
 
 
+class Cabinets(Part):
+    """Boxes against the walls; `per_m` is drawn for each wall, and is their number per meter of a side of it."""
+
+    per_m: Range[Probability]
+    length_m: Range[Length]
+    depth_m: Range[Length]
+
+
 class Rooms(Part):
-    """Walls with doors and corridors that are sampled for every world."""
+    """Walls with doors and corridors that are sampled for every world.
+
+    Args:
+        side_m: sides of rooms [m].
+        door_m: widths of doors [m].
+        corridor_m: widths of corridors [m].
+        corridor_share: probability that a corridor takes the place of a wall.
+        longest_m: the longest side of the rooms of a world, drawn for each world in place of the second of `side_m`.
+        thickness_m: thickness of the walls of a world, drawn for each world [m]; None is no thickness.
+        closed_share: probability that a door is closed.
+        leaf_share: probability that an open door has a leaf, at any angle of up to 120 degrees from its wall.
+        cabinets: boxes against the walls.
+    """
 
     side_m: Range[Length]
     door_m: Range[Length]
     corridor_m: Range[Length]
     corridor_share: Probability
+    longest_m: Range[Length] | None = None
+    thickness_m: Range[Length] | None = None
+    closed_share: Probability = 0.0
+    leaf_share: Probability = 0.0
+    cabinets: Cabinets | None = None
 
     @model_validator(mode="after")
     def _has_doors(self) -> "Rooms":
@@ -199,13 +224,31 @@ class Waypoints(Part):
     steps: WindowSteps
 
 
+class Standing(Part):
+    """A robot that stands, at any place and heading, and swings its view by `swing_rad` [rad] in `period_s` [s]."""
+
+    share: Probability
+    swing_rad: Range[Annotated[float, Field(ge=0, le=math.pi, allow_inf_nan=False)]]
+    period_s: Range[Duration]
+
+    @property
+    def turn_rad_s(self) -> float:
+        """The largest rate of turn [rad/s]."""
+        return 2 * math.pi * self.swing_rad[1] / self.period_s[0]
+
+
 class RandomGoals(Part):
-    """Straight drives to random goals, with turns in place; a range of speeds is sampled once per world."""
+    """Straight drives to random goals, with turns in place; a range of speeds is sampled once per world.
+
+    In a part of the worlds, the robot stands. It keeps `margin_m` from the border of the map [m], at least its radius.
+    """
 
     name: Literal["random_goals"]
     speed_m_s: OneOrRange[Speed]
     turn_rad_s: OneOrRange[Speed]
     steps: WindowSteps
+    margin_m: Length | None = None
+    standing: Standing | None = None
 
 
 Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
@@ -217,7 +260,18 @@ class Drifting(Part):
     turn_steps: Range[Steps]
 
 
-Behavior = Drifting  # or a union of behaviors by their names
+class Walking(Part):
+    """Straight ways of `way_steps`, after which a person stops (`stop_share`, `stop_steps`) or turns (`turn_rad`)."""
+
+    name: Literal["walk"]
+    speed_m_s: Range[Speed]
+    way_steps: Range[Steps]
+    turn_rad: Annotated[float, Field(ge=0, le=math.pi, allow_inf_nan=False)]
+    stop_share: Probability
+    stop_steps: Range[Steps]
+
+
+Behavior = Annotated[Drifting | Walking, Field(discriminator="name")]
 
 
 class Sized(Part):
@@ -249,6 +303,28 @@ Populations = Annotated[
 ]
 
 
+class Sensing(Part):
+    """What a real lidar and odometry do to the scans of a recording; each value is drawn once per recording.
+
+    Args:
+        range_m: beyond this range a beam has no reading [m].
+        noise_m: standard deviation of the noise of ranges, beside that of the lidar [m].
+        lost_share: share of the beams without a reading.
+        every_beam: only every n-th beam has readings.
+        every_step: a new scan comes every n-th step; the steps between repeat it.
+        odometry: standard deviation of the scale errors of distances and turns.
+        pose_m: standard deviation of independent errors of all poses but the newest [m], see `sensing.noisy_poses`.
+    """
+
+    range_m: Range[Length]
+    noise_m: Range[NotNegative]
+    lost_share: Range[Probability]
+    every_beam: Range[Annotated[int, Field(ge=1, le=100)]]
+    every_step: Range[Steps]
+    odometry: Range[Probability]
+    pose_m: Range[NotNegative]
+
+
 class Experiment(Part):
     """A motion of the robot and the obstacles around it."""
 
@@ -257,6 +333,7 @@ class Experiment(Part):
     clear_radius_m: Annotated[float, Field(ge=0, le=10_000, allow_inf_nan=False)]
     fixed: FixedList = Field(default_factory=list)
     rooms: Rooms | None = None
+    sensing: Sensing | None = None
 
     @model_validator(mode="after")
     def _has_obstacles(self) -> "Experiment":
@@ -315,10 +392,11 @@ class WorldSpec(Experiment):
     def is_like_papers(self) -> bool:
         """Whether one population of discs and rectangles stands or drifts around a rotating robot or its square.
 
-        There are neither fixed obstacles nor noise of the lidar.
+        There are neither fixed obstacles nor errors of the sensors.
         """
         drifts = all(behavior.name == "drift" for behavior in self.behaviors)
-        return isinstance(self.obstacles, Sized) and drifts and not (self.is_drive or self.fixed or self.lidar.noise)
+        differs = self.is_drive or self.fixed or self.lidar.noise or self.sensing
+        return isinstance(self.obstacles, Sized) and drifts and not differs
 
     @property
     def steps(self) -> int:

@@ -17,6 +17,7 @@ from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import Batches, load_pairs_of_run
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
+from repro.system.errors import InputError
 from repro.system.files import sha256
 
 
@@ -154,6 +155,17 @@ def test_early_stopping_counts_epochs_without_improvement(recorded, tmp_path, pa
     begin(tmp_path, recorded, max_epochs=40, patience=patience, min_delta=10.0)
     assert losses(tmp_path)["epoch"].tolist() == list(range(epochs))
     assert (tmp_path / "model" / "model.safetensors").is_file()
+
+
+@pytest.mark.slow
+def test_a_training_starts_from_the_weights_of_another_network(finished, recorded, tmp_path):
+    begin(tmp_path / "on", recorded, max_epochs=1, weights=str(finished / "model"))
+    assert losses(tmp_path / "on")["train_loss"].iloc[0] < losses(finished)["train_loss"].iloc[2]
+
+
+def test_weights_of_a_network_of_another_form_are_refused(recorded, tmp_path):
+    with pytest.raises(InputError, match=r"train.weights=rooms: expected a network of the same form"):
+        begin(tmp_path, recorded, weights="rooms")
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from repro.networks.predictor import Predictor
 from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans, library_of
 from repro.simulation.recorder import record_experiment
+from repro.simulation.sensing import drifted_poses, dropped_beams, noisy_poses, noisy_ranges, skipped_scans
 from repro.system.errors import InputError
 from repro.world_config import WorldSpec
 
@@ -24,50 +25,6 @@ RANGES_M = (10, 15, 20, 30)  # maximum range of the lidar
 SPEEDS = (1, 2, 4)  # multiples of the original speed
 START_HEADINGS = (0, 90, 180, 270)  # [deg], of the whole recording about the center of the map
 TEST = ["model", "encoding", "seed", "trained", "shift"]  # columns that identify a test
-RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
-
-
-def noisy_ranges(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
-    """Add normal noise to the range of every hit, above 0 afterwards; scans are NumPy arrays, `std_m` in meters."""
-    noise = rng.normal(0, std_m, scans.ranges.shape)
-    hit = np.isfinite(scans.ranges)
-    return dataclasses.replace(scans, ranges=np.where(hit, (scans.ranges + noise).clip(1e-3), scans.ranges))
-
-
-def noisy_poses(scans: Scans, std_m: float, rng: np.random.Generator) -> Scans:
-    """Add normal noise to every pose: `std_m` [m] to x and y, 0.05 rad per meter of `std_m` to the heading."""
-    noise = rng.normal(0, std_m, scans.poses.shape) * [1, 1, RAD_PER_M]
-    return dataclasses.replace(scans, poses=scans.poses + noise)
-
-
-def drifted_poses(scans: Scans, std: float, rng: np.random.Generator) -> Scans:
-    """Draw for each window two scale errors of odometry, of distances and of turns, both normal with deviation `std`.
-
-    The newest pose stays exact, as in a map around the robot; older poses deviate by what the errors add up to since.
-    """
-    distances, turns = 1 + rng.normal(0, std, (2, len(scans), 1))
-    position, heading = scans.poses[..., :2], np.unwrap(scans.poses[..., 2], axis=-1)
-    drifted = heading[:, -1:] + turns * (heading - heading[:, -1:])
-    x, y = np.moveaxis(np.diff(position, axis=1), -1, 0) * distances
-    turn = (drifted - heading)[:, :-1]
-    steps = np.stack([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y], axis=-1)
-    ahead = np.cumsum(steps[:, ::-1], axis=1)[:, ::-1]  # from each pose to the newest one
-    position = np.concatenate([position[:, -1:] - ahead, position[:, -1:]], axis=1)
-    return dataclasses.replace(scans, poses=np.concatenate([position, drifted[..., None]], axis=-1))
-
-
-def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans:
-    """Drop a random share of all readings; dropped beams become misses."""
-    dropped = rng.random(scans.ranges.shape) < share
-    return dataclasses.replace(scans, ranges=np.where(dropped, np.inf, scans.ranges))
-
-
-def skipped_scans(scans: Scans, skipped: float, _: np.random.Generator) -> Scans:
-    """Skip a number of scans between any two, counted from the last; a step takes the nearest scan that is left."""
-    count = scans.ranges.shape[-2]
-    kept = np.arange(count - 1, -1, -1 - int(skipped))
-    index = kept[np.abs(np.arange(count)[:, None] - kept).argmin(1)]
-    return dataclasses.replace(scans, ranges=scans.ranges[..., index, :], poses=scans.poses[..., index, :])
 
 
 CHANGES: dict[str, tuple[Change, tuple[float, ...]]] = {

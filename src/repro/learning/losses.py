@@ -12,6 +12,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from repro.recordings.datasets import HIDDEN
+
+HIDDEN_WEIGHT = 0.1  # ours, of a pixel that a lidar does not show
+
 
 def bce_loss(logits: Tensor, target: Tensor, known: Tensor | None = None) -> Tensor:
     """Compute the binary cross-entropy, Eq. 1; p = sigmoid(logits) and g = target have the same shape.
@@ -42,3 +46,17 @@ class MapLoss(nn.Module):
         """Compute the loss of logits (B, 1, H, W) against true maps (B, 1, H, W) with 1 = free, in float32."""
         logits, target = logits.float(), target.float()
         return bce_loss(logits, target) + dice_loss(logits, target, self.eps)
+
+
+class ShownLoss(nn.Module):
+    """Binary cross-entropy, Eq. 1, in which what a lidar shows at the last step counts ten times the rest.
+
+    Most of a map of rooms is behind walls. Far from all hits, an obstacle is much less probable if a lidar shows the
+    pixel than if a wall may hide it.
+    """
+
+    def forward(self, logits: Tensor, target: Tensor) -> Tensor:
+        """Compute the loss of logits (B, 1, H, W) against true maps with hidden pixels, see `Pairs`, in float32."""
+        hidden = target >= HIDDEN
+        weight = 1.0 - (1.0 - HIDDEN_WEIGHT) * hidden.float()
+        return bce_loss(logits.float(), target.float() - HIDDEN * hidden.float(), weight)

@@ -25,9 +25,11 @@ from repro.config import Training
 from repro.learning.callbacks import Budget, Checkpoint, History, Stop
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
 from repro.learning.kernels import accelerate, create_optimizer
-from repro.learning.losses import MapLoss
+from repro.learning.losses import MapLoss, ShownLoss
 from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
+from repro.networks.torch_files import read_torch
+from repro.networks.weights import locate
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
@@ -160,15 +162,34 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     """Load the data and create the network of a run's configuration."""
     assert config.train is not None, "a baseline is not trained"
     assert config.seed is not None, "a baseline is not trained"
-    train_pairs, val_pairs = (load_pairs_of_run(recordings, split, config, device) for split in ("train", "val"))
+    shown = config.train.loss == "shown"
+    train_pairs, val_pairs = (
+        load_pairs_of_run(recordings, split, config, device, marks_hidden=shown) for split in ("train", "val")
+    )
     torch.manual_seed(config.seed)
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
     check_interface(network, encoding.channels, config.data.size_px)
+    if config.train.weights:
+        start_from(network, config.train.weights)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
-    loss = MapLoss(config.train.dice_eps)
+    loss = ShownLoss() if shown else MapLoss(config.train.dice_eps)
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed, loss)
+
+
+def start_from(network: nn.Module, weights: str) -> None:
+    """Load the weights of another network into a network of the same form.
+
+    Raises:
+        InputError: there are no such weights, or they are of a network of another form.
+    """
+    try:
+        network.load_state_dict(read_torch(locate(weights))[0].state_dict())
+    except RuntimeError as error:
+        raise InputError(
+            f"train.weights={weights}: expected a network of the same form, got another: {error}"
+        ) from error
 
 
 def fit(

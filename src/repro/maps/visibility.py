@@ -12,6 +12,9 @@ from repro.scans import Scans
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 
+_RAYS = 720  # of `shown_pixels`, one every half degree, a pixel apart at 22 m for one of 0.2 m
+_AT_ONCE = 20  # maps, whose rays are in memory
+
 
 def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> Tensor:
     """Return the newest step at which each pixel was visible.
@@ -172,3 +175,29 @@ def _whole(low: float, high: float, size: int) -> range:
     """Return the integers from 0 to size - 1 between `low` and `high` inclusive; the two bounds may be any number."""
     low, high = max(0.0, np.ceil(low)), min(size - 1.0, np.floor(high))
     return range(int(low), int(high) + 1) if low <= high else range(0)
+
+
+def shown_pixels(maps: Tensor, poses: Tensor, grid: Grid) -> Tensor:
+    """Return the pixels that a lidar of 360 degrees would show: those before the first obstacle of a ray, and this one.
+
+    Args:
+        maps: true maps, uint8, (B, H, W); 1 is free.
+        poses: poses of the lidars x, y [m], heading [rad], (B, 3).
+        grid: grid of the maps.
+
+    Returns:
+        whether each pixel is shown, bool, (B, H, W).
+    """
+    bearings = torch.arange(_RAYS, device=maps.device) * (2 * math.pi / _RAYS)
+    reach_m = math.sqrt(2) * grid.size_m
+    distances = torch.arange(0, reach_m, grid.resolution_m / 2, device=maps.device)
+    ways = torch.stack([bearings.cos(), bearings.sin()], -1)[:, None] * distances[:, None]  # (rays, samples, 2)
+    shown = torch.zeros_like(maps, dtype=torch.uint8).flatten(1)
+    for part in torch.arange(len(maps), device=maps.device).split(_AT_ONCE):
+        pixels, inside = grid.pixels(poses[part, None, None, :2] + ways)
+        blocks = (maps[part].flatten(1).gather(1, pixels.flatten(1)).view_as(pixels) == 0) & inside
+        before = blocks.cumsum(-1, dtype=torch.int16) - blocks.to(torch.int16)
+        shown[part] = shown[part].scatter_reduce(
+            1, pixels.flatten(1), ((before == 0) & inside).to(torch.uint8).flatten(1), reduce="amax"
+        )
+    return shown.view_as(maps).bool()

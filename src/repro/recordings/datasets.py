@@ -13,12 +13,14 @@ from repro.maps.bits import pack_bits, unpack_bits
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics, summarize
+from repro.maps.visibility import shown_pixels
 from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.recorded import true_maps
 from repro.runs.config import RunConfig
 from repro.system.errors import InputError
 from repro.system.progress import progress
 
+HIDDEN = 2  # added to the pixels of a map that no lidar shows
 STATISTICS_PAIRS = 4000  # more change the quantiles little
 
 
@@ -28,7 +30,8 @@ class Pairs:
 
     Args:
         stored: encoded scans, uint8, (M, C, H, W); those of a binary encoding as bits, (M, C, H, W / 8).
-        maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
+        maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle; if the training asks for
+            them, pixels that a lidar of 360 degrees does not show at the last step have 2 more.
         encoding: the encoding that drew the images.
     """
 
@@ -111,6 +114,7 @@ def load_pairs(
     *,
     count: int | None = None,
     device: torch.device | str = "cpu",
+    marks_hidden: bool = False,
 ) -> Pairs:
     """Create the pairs of a split from its recordings.
 
@@ -121,6 +125,7 @@ def load_pairs(
         encoding: the encoding that draws the scans.
         count: number of pairs to cover, from the first; None for all, see `recordings.reader.read_shards`.
         device: device on which the images are drawn and kept.
+        marks_hidden: whether the maps mark the pixels that no lidar shows at the last step, see `Pairs`.
 
     Raises:
         ValueError: a shard fails verification, see `recordings.reader.read_shards`, or the encoding draws other images
@@ -140,6 +145,9 @@ def load_pairs(
         _check_images(images, encoding, (len(shard.scans), *stored.shape[1:3], grid.size_px))
         stored[drawn] = pack_bits(images) if encoding.is_binary else images
         maps[drawn, 0] = true_maps(shard, grid, device)
+        if marks_hidden:
+            ends = torch.as_tensor(shard.scans.poses[:, -1], device=device, dtype=torch.float32)
+            maps[drawn, 0] += HIDDEN * ~shown_pixels(maps[drawn, 0], ends, grid)
         first = drawn.stop
     return Pairs(stored, maps, encoding)
 
@@ -155,10 +163,12 @@ def _check_images(images: Tensor, encoding: Encoding, shape: tuple[int, ...]) ->
         raise InputError(f"the encoding {encoding.name} is binary and must draw no other values than 0 and 255")
 
 
-def load_pairs_of_run(recordings: Path, split: str, config: RunConfig, device: str) -> Pairs:
+def load_pairs_of_run(
+    recordings: Path, split: str, config: RunConfig, device: str, *, marks_hidden: bool = False
+) -> Pairs:
     """Create the pairs of a split for the configuration of a run, see `load_pairs`."""
-    count = getattr(config.data.pairs, split)
-    return load_pairs(recordings, split, grid_of(config), encoding_of(config), count=count, device=device)
+    grid, encoding, count = grid_of(config), encoding_of(config), getattr(config.data.pairs, split)
+    return load_pairs(recordings, split, grid, encoding, count=count, device=device, marks_hidden=marks_hidden)
 
 
 def training_statistics(recordings: Path, config: RunConfig) -> Statistics:

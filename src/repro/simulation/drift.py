@@ -1,12 +1,15 @@
-"""Drift: the motion of the moving obstacles of the study, independent of IR-SIM.
+"""Drift, the motion of the moving obstacles of the study, and walks with stops, both independent of IR-SIM.
 
 Paper: "Simulation Approach". Unstated details: DEVIATIONS D5 and D6.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import shapely
+
+from repro.simulation.shapes import line_strings
 
 _TURNS = 20  # headings tried at a wall before an obstacle stands still for a step
 
@@ -47,7 +50,7 @@ class Drift:
         self.turn_steps = turn_steps
         self.center_m = center_m
         self.keep_out_m = keep_out_m
-        self.walls = shapely.multilinestrings([shapely.LineString(line) for line in walls_m]) if walls_m else None
+        self.walls = shapely.multilinestrings(line_strings(walls_m)) if walls_m else None
         self.radius_m = radius_m
         self._steps_clear = 0  # further steps that cannot end at a wall
         self._head(self.rng.uniform(-math.pi, math.pi))
@@ -56,7 +59,7 @@ class Drift:
     def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
         """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
         if self._countdown == 0:
-            self._head(self.rng.uniform(-math.pi, math.pi))
+            self._turn()
             self._countdown = self._interval()
         self._countdown -= 1
         away_x, away_y = x - self.center_m[0], y - self.center_m[1]
@@ -71,6 +74,10 @@ class Drift:
             if self._is_clear(x, y, step_time) and not self._enters_zone(away_x, away_y, step_time):
                 return self.vx, self.vy
         return 0.0, 0.0
+
+    def _turn(self) -> None:
+        """Draw the next heading."""
+        self._head(self.rng.uniform(-math.pi, math.pi))
 
     def _enters_zone(self, away_x: float, away_y: float, step_time: float) -> bool:
         next_m = math.hypot(away_x + self.vx * step_time, away_y + self.vy * step_time)
@@ -92,3 +99,46 @@ class Drift:
     def _head(self, heading: float) -> None:
         self.vx = self.speed_m_s * math.cos(heading)
         self.vy = self.speed_m_s * math.sin(heading)
+
+
+class Walk(Drift):
+    """The walk of a person: straight ways, of which each ends with a stop or a turn.
+
+    A person begins with a stop as probable as at the end of a way. Walls and zone are those of `Drift`.
+
+    Args:
+        way_steps: least and most time steps of a way.
+        turn_rad: standard deviation of a turn [rad].
+        stop_share: probability of a stop at the end of a way.
+        stop_steps: least and most time steps of a stop.
+        others: those of `Drift`.
+    """
+
+    def __init__(
+        self,
+        *,
+        way_steps: tuple[int, int],
+        turn_rad: float,
+        stop_share: float,
+        stop_steps: tuple[int, int],
+        **others: Any,
+    ) -> None:
+        super().__init__(turn_steps=way_steps, **others)
+        self.turn_rad, self.stop_share, self.stop_steps = turn_rad, stop_share, stop_steps
+        self._stops = self._stop()
+
+    def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
+        """See `Drift.velocity`; 0 during a stop."""
+        if self._stops > 0:
+            self._stops -= 1
+            return 0.0, 0.0
+        return super().velocity(x, y, step_time)
+
+    def _turn(self) -> None:
+        self._head(math.atan2(self.vy, self.vx) + self.rng.normal(0, self.turn_rad))
+        self._stops = self._stop()
+
+    def _stop(self) -> int:
+        """Draw the steps of a stop, 0 for none."""
+        is_stop, steps = self.rng.random() < self.stop_share, self.rng.integers(*self.stop_steps, endpoint=True)
+        return int(steps) if is_stop else 0

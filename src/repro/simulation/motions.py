@@ -1,4 +1,4 @@
-"""Motions of the robot (rotation, square, waypoints), independent of IR-SIM.
+"""Motions of the robot (rotation, square, waypoints, sweep), independent of IR-SIM.
 
 Paper: "Simulation Approach". Unstated details: DEVIATIONS D2 and D3.
 """
@@ -94,6 +94,27 @@ def waypoint_commands(
     return commands if direction == 1 else commands[::-1] * [1, -1]
 
 
+def sweep_commands(
+    *, swing_rad: float, period_s: float, phase_rad: float, steps: int, direction: int, step_time: float
+) -> np.ndarray:
+    """Compute the commands of a robot that stands and swings its view about a heading, as a sine.
+
+    Args:
+        swing_rad: amplitude [rad]; 0 is at rest.
+        period_s: duration of a swing to both sides [s].
+        phase_rad: phase of the sine at the start [rad].
+        steps: time steps, T.
+        direction: 1, or -1 for the mirrored swing.
+        step_time: duration of a step [s].
+
+    Returns:
+        linear and angular velocity of each step [m/s, rad/s], (T, 2).
+    """
+    phases = phase_rad + 2 * math.pi * np.arange(steps + 1) * step_time / period_s
+    turn = direction * swing_rad * np.diff(np.sin(phases)) / step_time
+    return np.stack([np.zeros(steps), turn], axis=1)
+
+
 def _evenly(amount: float, rate: float, step_time: float, column: int) -> np.ndarray:
     """Divide a way [m] or a turn [rad] into the least number of equal steps at no more than `rate`, (S, 2)."""
     steps = math.ceil(abs(amount) / (rate * step_time) - 1e-9)
@@ -107,6 +128,7 @@ ROBOT_MOTIONS: dict[str, Callable[..., np.ndarray]] = {
     "rotate": rotate_commands,
     "square": square_commands,
     "waypoints": waypoint_commands,
+    "sweep": sweep_commands,
 }
 
 
@@ -122,7 +144,8 @@ def top_speeds(motion: Motion, step_time: float) -> np.ndarray:
         ValueError: see `robot_commands`.
     """
     if isinstance(motion, Waypoints | RandomGoals):
-        return np.array([np.max(motion.speed_m_s), np.max(motion.turn_rad_s)])
+        swing_rad_s = motion.standing.turn_rad_s if isinstance(motion, RandomGoals) and motion.standing else 0.0
+        return np.array([np.max(motion.speed_m_s), max(np.max(motion.turn_rad_s), swing_rad_s)])
     return np.abs(robot_commands({**motion.irsim(), "direction": 1}, step_time)).max(axis=0)
 
 
@@ -130,7 +153,7 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
     """Compute the commands of a robot behavior as written in a world YAML.
 
     Args:
-        behavior: `rotate`, `square` or `waypoints` with its parameters.
+        behavior: `rotate`, `square`, `waypoints` or `sweep` with its parameters.
         step_time: duration of a step [s].
 
     Returns:
@@ -139,7 +162,7 @@ def robot_commands(behavior: dict[str, Any], step_time: float) -> np.ndarray:
     Raises:
         ValueError: the behavior is none of these.
     """
-    parameters = {key: value for key, value in behavior.items() if key not in ("name", "turned_rad")}
+    parameters = {key: value for key, value in behavior.items() if key not in ("name", "turned_rad", "pose")}
     if behavior["name"] not in ROBOT_MOTIONS:
         raise InputError(f"robot behavior must be one of {sorted(ROBOT_MOTIONS)}, got {behavior['name']!r}")
     return ROBOT_MOTIONS[behavior["name"]](**parameters, step_time=step_time)

@@ -4,7 +4,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from repro.simulation.drift import Drift
+from repro.simulation.drift import Drift, Walk
 
 
 class ObstacleMotion(Protocol):
@@ -21,6 +21,7 @@ class ObstacleMotion(Protocol):
 
 OBSTACLE_MOTIONS: dict[str, type[ObstacleMotion]] = {
     "drift": Drift,
+    "walk": Walk,
 }
 
 

@@ -21,7 +21,7 @@ def start_pose(behavior: Behavior, size_m: float, step_time: float) -> list[floa
 
     A rotation starts at the center, a square on its left side, `first_steps` before the corner below (direction 1) or
     above (direction -1); `turned_rad` turns both about the center of the map. A drive along waypoints starts at the
-    first one; the opposite direction starts where it ends.
+    first one; the opposite direction starts where it ends. A sweep starts at its `pose`.
 
     Args:
         behavior: as written in a world YAML.
@@ -34,6 +34,8 @@ def start_pose(behavior: Behavior, size_m: float, step_time: float) -> list[floa
     center, direction, turned_rad = size_m / 2, behavior["direction"], behavior.get("turned_rad", 0.0)
     if behavior["name"] == "rotate":
         return [center, center, turned_rad]
+    if behavior["name"] == "sweep":
+        return list(behavior["pose"])
     if behavior["name"] == "waypoints":
         (x, y), (next_x, next_y) = behavior["points_m"][:2]
         start = [float(x), float(y), math.atan2(next_y - y, next_x - x)]
@@ -43,7 +45,7 @@ def start_pose(behavior: Behavior, size_m: float, step_time: float) -> list[floa
         return [x, y, math.remainder(heading + math.pi, 2 * math.pi)]
     if behavior["name"] != "square":
         raise InputError(
-            f"the motion {behavior['name']} of the robot has no start pose: expected rotate, square, waypoints"
+            f"the motion {behavior['name']} of the robot has no start pose: expected rotate, square, waypoints, sweep"
         )
     half = behavior["side_m"] / 2
     ahead = behavior["side_m"] * behavior["first_steps"] / behavior["drive_steps"]  # [m] to the first corner
@@ -122,7 +124,8 @@ def to_waypoints(
 ) -> Behavior:
     """Draw a start and random goals on the map, each in sight of the one before, as waypoints for a whole recording.
 
-    A range of `speed_m_s` or `turn_rad_s` is drawn first, from a uniform distribution.
+    Where the motion has robots that stand, it may be a place and a swing instead. A range of `speed_m_s` or
+    `turn_rad_s` is drawn first, from a uniform distribution.
 
     Args:
         rng: random stream of the world.
@@ -132,14 +135,20 @@ def to_waypoints(
         radius_m: radius of the robot [m].
 
     Returns:
-        the behavior `waypoints` in direction 1.
+        the behavior `waypoints`, or `sweep`, in direction 1.
 
     Raises:
         ValueError: there is no free place for a start and a goal.
     """
     size = np.array([world.width, world.height])
-    low, high = np.full(2, radius_m), size - radius_m
+    margin_m = max(motion.margin_m or 0.0, radius_m)
+    if (2 * margin_m >= size).any():
+        raise InputError(f"the robot has no place at {margin_m:g} m or more from the border of a map of {size[0]:g} m")
+    low, high = np.full(2, margin_m), size - margin_m
+    if motion.standing and rng.random() < motion.standing.share:
+        return _sweep(rng, motion, low, high, walls, radius_m)
     given = {**motion.irsim(), "name": "waypoints", "direction": 1}
+    given = {key: value for key, value in given.items() if key not in ("margin_m", "standing")}
     given |= {key: float(rng.uniform(*value)) for key, value in given.items() if isinstance(value, list)}
     for _ in range(_STARTS):
         drive = {**given, "points_m": [rng.uniform(low, high).tolist()]}
@@ -148,6 +157,25 @@ def to_waypoints(
             if robot_commands(drive, world.step_time)[-1].any():  # it still drives in the last step
                 return drive
     raise InputError(f"no free place for a robot of radius {radius_m:g} m and its goals: the map is too full")
+
+
+def _sweep(
+    rng, motion: RandomGoals, low: np.ndarray, high: np.ndarray, walls: shapely.Geometry | None, radius_m: float
+) -> Behavior:
+    """Draw a place, a heading and a swing of a robot that stands."""
+    assert motion.standing
+    for _ in range(_GOALS):
+        place = rng.uniform(low, high)
+        if walls is None or shapely.distance(walls, shapely.Point(place)) >= radius_m:
+            heading, phase = rng.uniform(-math.pi, math.pi, 2)
+            drawn = {
+                "swing_rad": rng.uniform(*motion.standing.swing_rad),
+                "period_s": rng.uniform(*motion.standing.period_s),
+                "phase_rad": phase,
+            }
+            given = {"name": "sweep", "direction": 1, "steps": motion.steps, "pose": [*place.tolist(), float(heading)]}
+            return given | {key: float(value) for key, value in drawn.items()}
+    raise InputError(f"no free place for a robot of radius {radius_m:g} m: the map is too full")
 
 
 def _goal(

@@ -8,6 +8,7 @@ from repro.outlines import placed
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 
+_MARGIN = 1e-6  # of circles and angles outside of which no crossing is sought
 GRAZE_M = 1e-9  # from a beam to a corner; rounding decides whether IR-SIM's beam hits there
 
 
@@ -35,15 +36,22 @@ def scan(
     """
     heading = poses[:, 2:] + angles  # (T, N)
     directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-    rings = placed(outlines if outlines.ndim == 4 else outlines[:, None], states)  # (O, T, V, 2)
-    radii = np.linalg.norm(outlines, axis=-1).max(axis=-1).reshape(len(outlines), -1)  # (O, 1 or T)
-    offsets = states[..., :2] - poses[:, :2]  # (O, T, 2)
+    outlines = outlines if outlines.ndim == 4 else outlines[:, None]
+    view = np.stack([poses[:, 2] + (angles[0] + angles[-1]) / 2, np.full(len(poses), np.ptp(angles) / 2)], axis=-1)
     ranges, nearest = np.full(heading.shape, np.inf), np.full(heading.shape, -1)
-    radii = np.broadcast_to(radii, offsets.shape[:2])
-    reached = _cast(ranges, nearest, poses, directions, rings, offsets, radii, range_max_m)
-    if reached >= 0:
-        raise InputError(f"obstacle {reached} reaches the robot: enlarge clear_radius_m")
+    stands = (states == states[:, :1]).all((1, 2)) & (outlines.shape[1] == 1)
+    for numbers, steps in ((np.flatnonzero(stands), slice(1)), (np.flatnonzero(~stands), slice(None))):
+        rings = placed(outlines[numbers], states[numbers, steps])  # (R, 1 or T, V, 2)
+        reached = _cast(ranges, nearest, numbers, poses, directions, view, rings, *_circles(rings), range_max_m)
+        if reached >= 0:
+            raise InputError(f"obstacle {reached} reaches the robot: enlarge clear_radius_m")
     return ranges, np.isin(np.arange(len(outlines)), nearest)
+
+
+def _circles(rings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the centers of circles around rings (R, S, V, 2), (R, S, 2), and their radii [m], (R, S)."""
+    centers = (rings.min(-2) + rings.max(-2)) / 2
+    return centers, np.linalg.norm(rings - centers[..., None, :], axis=-1).max(-1) + _MARGIN
 
 
 def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray) -> bool:
@@ -56,22 +64,33 @@ def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: 
         states: obstacle poses x, y [m], heading [rad], (O, T, 3).
     """
     heading = poses[:, 2:] + angles
-    cos, sin = np.cos(heading), np.sin(heading)
-    corners = placed(outlines, states[:, 0])  # (O, V, 2)
-    return any(
-        bool((np.abs(cos * (y - poses[:, 1:2]) - sin * (x - poses[:, :1])) <= GRAZE_M).any())
-        for x, y in np.unique(corners.reshape(-1, 2), axis=0)
-    )
+    is_corner = (np.diff(outlines, axis=1, prepend=np.nan) != 0).any(-1)  # the others pad the outline
+    corners = placed(outlines, states[:, 0])[is_corner]
+    return _grazes(np.unique(corners, axis=0), poses, np.cos(heading), np.sin(heading))
+
+
+@compiled
+def _grazes(corners: np.ndarray, poses: np.ndarray, cos: np.ndarray, sin: np.ndarray) -> bool:
+    """Check whether any beam, of directions `cos`, `sin` (T, N), passes through a corner, (C, 2)."""
+    for corner in corners:
+        for step in range(len(poses)):
+            x, y = corner[0] - poses[step, 0], corner[1] - poses[step, 1]
+            for beam in range(cos.shape[1]):
+                if abs(cos[step, beam] * y - sin[step, beam] * x) <= GRAZE_M:
+                    return True
+    return False
 
 
 @compiled
 def _cast(
     ranges: np.ndarray,
     nearest: np.ndarray,
+    numbers: np.ndarray,
     poses: np.ndarray,
     directions: np.ndarray,
+    view: np.ndarray,
     rings: np.ndarray,
-    offsets: np.ndarray,
+    centers: np.ndarray,
     radii: np.ndarray,
     range_max_m: float,
 ) -> int:
@@ -80,27 +99,37 @@ def _cast(
     Args:
         ranges: ranges so far [m], (T, N).
         nearest: index of the obstacle that each beam hits, (T, N).
+        numbers: indices of the obstacles of the rings, (R,).
         poses: robot poses, (T, 3).
         directions: unit vectors of the beams, (T, N, 2).
-        rings: outlines in the world, (O, T, V, 2).
-        offsets: from the robot to the origin of each outline [m], (O, T, 2).
-        radii: of the circles around the outlines [m], (O, T).
+        view: direction of the middle of the view and half of the field of view [rad], (T, 2).
+        rings: outlines in the world, (R, S, V, 2), where S is T, or 1 if they stand.
+        centers: of the circles around the outlines [m], (R, S, 2).
+        radii: of these circles [m], (R, S).
         range_max_m: longest range [m].
     """
-    for index in range(len(rings)):
+    for place in range(len(rings)):
+        index = numbers[place]
         for step in range(len(ranges)):
-            across, up, radius = offsets[index, step, 0], offsets[index, step, 1], radii[index, step]
+            at = step if rings.shape[1] > 1 else 0
+            across, up = centers[place, at, 0] - poses[step, 0], centers[place, at, 1] - poses[step, 1]
+            radius = radii[place, at]
             square = across * across + up * up
             if math.sqrt(square) - radius > range_max_m:
                 continue
+            if square > radius * radius:  # outside of the view, with a margin for rounding
+                aside = math.atan2(up, across) - view[step, 0]
+                aside = abs(aside - 2 * math.pi * round(aside / (2 * math.pi)))
+                if aside > view[step, 1] + math.asin(radius / math.sqrt(square)) + _MARGIN:
+                    continue
             corners = rings.shape[2]
             while (
                 corners > 2
-                and rings[index, step, corners - 1, 0] == rings[index, step, corners - 2, 0]
-                and rings[index, step, corners - 1, 1] == rings[index, step, corners - 2, 1]
+                and rings[place, at, corners - 1, 0] == rings[place, at, corners - 2, 0]
+                and rings[place, at, corners - 1, 1] == rings[place, at, corners - 2, 1]
             ):
                 corners -= 1  # without those that pad the outline
-            ring = rings[index, step, :corners]
+            ring = rings[place, at, :corners]
             if square <= radius * radius and _contains(ring, poses[step]):
                 return index
             for beam in range(ranges.shape[1]):

@@ -29,6 +29,7 @@ from repro.recordings.format import (
 )
 from repro.recordings.reader import Manifest, ShardEntry, read_manifest
 from repro.scans import Scans
+from repro.simulation.sensing import sensed
 from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
@@ -157,10 +158,15 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
     recordings: list[Recording] = []
     for seed in range(shard.first_seed, shard.first_seed + shard.worlds):
         world = sample_world(spec, seed)
-        for item in (world, reverse_direction(world)):
-            recordings.append(simulate(item))
+        for number, item in enumerate((world, reverse_direction(world))):
+            recording = simulate(item)
             if seed % verify_every == 0:
-                check_replay(item, recordings[-1])
+                check_replay(item, recording)
+            if spec.sensing:
+                rng = np.random.default_rng([seed, number])
+                scans = sensed(recording.scans, spec.sensing, spec.lidar.range_max, rng)
+                recording = dataclasses.replace(recording, scans=scans)
+            recordings.append(recording)
     worlds = recordings[::2]
     scans = Scans.stack([item.scans for item in recordings])
     seen = [item.seen for item in recordings if item.seen is not None]

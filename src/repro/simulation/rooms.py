@@ -1,7 +1,9 @@
 """Rooms: walls with doors and corridors that are sampled for every world, as a part of a larger floor.
 
 A rectangle that covers the map at any heading is divided again and again across its longer side, by a wall or by a
-corridor between two walls, until its parts have the size of rooms. Every wall has doors, so all rooms are connected.
+corridor between two walls, until its parts have the size of rooms. Every wall has doors, so all rooms are connected
+unless doors are closed. Walls, door leaves and cabinets are line strings, closed ones where they have a thickness: a
+polygon thinner than a pixel would have gaps on the true map.
 """
 
 import math
@@ -11,13 +13,15 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from repro.simulation.shapes import Obstacle, standing
+from repro.simulation.shapes import Obstacle, line_strings, standing
 from repro.system.errors import InputError
-from repro.world_config import Motion, RandomGoals, Rooms
+from repro.world_config import Cabinets, Motion, RandomGoals, Rooms
 
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]
 _MOST = 1000  # rooms of a floor
+_Points = list[list[float]]  # x, y [m]
+_WIDEST_RAD = math.radians(120)  # between the leaf of a door and its wall
 
 
 def check_rooms(rooms: Rooms, motion: Motion, width_m: float, robot_m: float) -> None:
@@ -54,20 +58,75 @@ def sample_rooms(rng: np.random.Generator, rooms: Rooms, width_m: float) -> list
         width_m: side of the square map [m].
 
     Returns:
-        the walls that are on the map, each piece between two doors as a standing obstacle, a line string.
+        the walls that are on the map, each piece between two doors as a standing obstacle, a line string, then door
+        leaves and cabinets.
     """
+    if rooms.longest_m:
+        longest = float(rng.uniform(*rooms.longest_m))
+        rooms = rooms.model_copy(update={"side_m": (rooms.side_m[0], max(longest, rooms.side_m[0]))})
     floor = _Floor(rng, rooms)
     half = width_m / math.sqrt(2)  # of the diagonal
     floor.divide((-half, -half), (half, half))
     heading = rng.uniform(-math.pi, math.pi)
     turn = np.array([[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]])
-    pieces = [np.array(piece) @ turn + width_m / 2 for wall in floor.walls for piece in wall.pieces()]
-    on_map = shapely.intersects(shapely.linestrings(pieces), shapely.box(0, 0, width_m, width_m)) if pieces else []
+    pieces = [np.array(piece) @ turn + width_m / 2 for piece in _outlines(floor)]
+    on_map = shapely.intersects(line_strings(pieces), shapely.box(0, 0, width_m, width_m)) if pieces else []
     return [
         standing({"name": "linestring", "vertices": piece.tolist()})
         for piece, is_on_map in zip(pieces, on_map, strict=True)
         if is_on_map
     ]
+
+
+def _outlines(floor: "_Floor") -> list[_Points]:
+    """Return the pieces of all walls, then door leaves and cabinets, as lines."""
+    rng, rooms = floor.rng, floor.rooms
+    thickness = float(rng.uniform(*rooms.thickness_m)) if rooms.thickness_m else 0.0
+    lines, beside = [], []
+    for wall in floor.walls:
+        pieces = wall.pieces()
+        lines += [
+            _box(wall, *ends, (-thickness / 2, thickness / 2)) if thickness else piece
+            for piece, ends in zip(pieces, wall.spans(), strict=True)
+        ]
+        beside += _leaves(rng, rooms, wall)
+        if rooms.cabinets:
+            beside += _cabinets(rng, rooms.cabinets, wall, thickness / 2)
+    return [*lines, *beside]
+
+
+def _box(wall: "_Wall", low: float, high: float, across: tuple[float, float]) -> _Points:
+    """Return the outline of a box from `low` to `high` along a wall and from the first to the last of `across` it."""
+    corners = [(low, 0), (high, 0), (high, 1), (low, 1), (low, 0)]
+    return [wall.point(along, across[side]) for along, side in corners]
+
+
+def _leaves(rng: np.random.Generator, rooms: Rooms, wall: "_Wall") -> list[_Points]:
+    """Draw the leaves of the doors of a wall: closed ones fill the door."""
+    lines = []
+    for low, high in wall.doors:
+        if rooms.closed_share and rng.random() < rooms.closed_share:
+            lines.append([wall.point(low, 0.0), wall.point(high, 0.0)])
+        elif rooms.leaf_share and rng.random() < rooms.leaf_share:
+            angle, side, is_low = rng.uniform(0, _WIDEST_RAD), rng.choice([-1.0, 1.0]), rng.random() < 0.5
+            hinge, inward = (low, 1.0) if is_low else (high, -1.0)
+            width = high - low
+            end = wall.point(hinge + inward * width * math.cos(angle), side * width * math.sin(angle))
+            lines.append([wall.point(hinge, 0.0), end])
+    return lines
+
+
+def _cabinets(rng: np.random.Generator, cabinets: Cabinets, wall: "_Wall", half_m: float) -> list[_Points]:
+    """Draw boxes against both sides of a wall, between its doors; they may overlap."""
+    per_m, boxes = rng.uniform(*cabinets.per_m), []
+    for low, high in wall.spans():
+        for side in (-1.0, 1.0):
+            for _ in range(rng.poisson(per_m * (high - low))):
+                length, depth = rng.uniform(*cabinets.length_m), rng.uniform(*cabinets.depth_m)
+                if length < high - low:
+                    begin = rng.uniform(low, high - length)
+                    boxes.append(_box(wall, begin, begin + length, (side * half_m, side * (half_m + depth))))
+    return boxes
 
 
 @dataclass(frozen=True)
@@ -80,12 +139,19 @@ class _Wall:
     high: float
     doors: list[tuple[float, float]]
 
-    def pieces(self) -> list[list[list[float]]]:
-        """Return the parts between the doors as pairs of points x, y [m]."""
+    def pieces(self) -> list[_Points]:
+        """Return the parts between the doors as pairs of points."""
+        return [[self.point(along, 0.0) for along in span] for span in self.spans()]
+
+    def spans(self) -> list[tuple[float, float]]:
+        """Return where the parts between the doors begin and end, along the wall [m]."""
         ends = [self.low, *(end for door in self.doors for end in door), self.high]
-        parts = list(pairwise(ends))[::2]
-        points = [[[self.at, along] for along in part] for part in parts if part[1] > part[0]]
-        return points if self.axis == 0 else [[point[::-1] for point in piece] for piece in points]
+        return [part for part in list(pairwise(ends))[::2] if part[1] > part[0]]
+
+    def point(self, along: float, across: float) -> list[float]:
+        """Return a point x, y at a place along the wall and at a distance from it [m]."""
+        point = [self.at + across, along]
+        return point if self.axis == 0 else point[::-1]
 
 
 @dataclass

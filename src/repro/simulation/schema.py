@@ -77,6 +77,7 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
 _TAGS = (  # that pydantic adds to the path of a value in a union
     re.compile(r"()\.<\w+>"),
     re.compile(r"(\.motions?(?:\.[\w-]+)??)\.(?:rotate|square|waypoints|random_goals)(?=\.\w+(?:\.\d+)*$)"),
+    re.compile(r"(\.behavior)\.\w+(?=\.)"),
     re.compile(r"(\.shape|\.shapes\.\d+)\.(?:circle|rectangle|polygon|linestring)(?=\.)"),
 )
 

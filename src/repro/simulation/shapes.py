@@ -32,6 +32,14 @@ def geometry(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> shapely.
     return shapely.transform(own, lambda points: points @ turn + [x, y])
 
 
+def line_strings(lines: Sequence[Line]) -> np.ndarray:
+    """Create the geometry of many lines of points x, y [m] at once, (L,)."""
+    lengths = [len(line) for line in lines]
+    return shapely.linestrings(
+        np.concatenate([np.array(line, float) for line in lines]), indices=np.repeat(np.arange(len(lines)), lengths)
+    )
+
+
 def standing(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> Obstacle:
     """Return an obstacle that does not move, as IR-SIM reads it."""
     return {"shape": shape, "state": list(state), "kinematics": {"name": "static"}}

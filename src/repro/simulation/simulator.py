@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from repro.outlines import padded
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
 from repro.simulation.motions import recorded_steps, robot_commands
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.raycasting import grazes, scan
+from repro.simulation.shapes import Shape
 from repro.simulation.worlds import World, write_world
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
@@ -210,17 +210,29 @@ def first_states(world: World) -> np.ndarray:
 
 def outlines_of_world(world: World) -> np.ndarray:
     """Create the outlines of the obstacles of a world with IR-SIM's geometry [m], (O, V, 2)."""
-    shapes = [obstacle["shape"] for obstacle in world["obstacle"]]
-    return _pad([_outline(GeometryFactory.create_geometry(**shape)) for shape in shapes])
+    return _pad([_outline_of(obstacle["shape"]) for obstacle in world["obstacle"]])
+
+
+def _outline_of(shape: Shape) -> np.ndarray:
+    """Return the outline of a shape as IR-SIM creates it, (V, 2); line strings are faster without it."""
+    if shape["name"] == "linestring":
+        return _there_and_back(np.array(shape["vertices"], float))
+    return _outline(GeometryFactory.create_geometry(**shape))
 
 
 def _outline(shape: Any) -> np.ndarray:
     """Return the outline of one of IR-SIM's shapes, (V, 2); a line string goes there and back."""
     vertices = shape.original_vertices.T
-    return np.concatenate([vertices, vertices[-2:0:-1]]) if shape.name == "linestring" else vertices
+    return _there_and_back(vertices) if shape.name == "linestring" else vertices
+
+
+def _there_and_back(line: np.ndarray) -> np.ndarray:
+    return np.concatenate([line, line[-2:0:-1]])
 
 
 def _pad(outlines: list[np.ndarray]) -> np.ndarray:
     """Stack outlines; shorter ones repeat their last vertex, which adds edges of zero length."""
-    longest = max(len(outline) for outline in outlines)
-    return np.concatenate([padded(outline[None], longest) for outline in outlines])
+    stacked = np.empty((len(outlines), max(len(outline) for outline in outlines), 2))
+    for row, outline in zip(stacked, outlines, strict=True):
+        row[: len(outline)], row[len(outline) :] = outline, outline[-1]
+    return stacked

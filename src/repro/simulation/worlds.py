@@ -162,12 +162,12 @@ def _no_room(spec: WorldSpec) -> str:
 
 def reverse_direction(world: World) -> World:
     """Create the twin: the robot moves in the opposite direction among the same obstacles, with other noise."""
-    twin = copy.deepcopy(world)
+    twin = {**world, "robot": copy.deepcopy(world["robot"])}
     behavior = twin["robot"]["behavior"]
     behavior["direction"] = -behavior["direction"]
     twin["robot"]["state"] = start_pose(behavior, world["world"]["width"], world["world"]["step_time"])
     if "seed" in twin.get("custom", {}):
-        twin["custom"]["seed"] ^= 1
+        twin["custom"] = {**world["custom"], "seed": world["custom"]["seed"] ^ 1}
     return twin
 
 
