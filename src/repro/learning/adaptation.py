@@ -202,7 +202,7 @@ def adapt(
         network = network.with_distances()
     network.to(device)
     accelerate(network, device)
-    epochs = max(SCHEDULE.max_epochs, math.ceil(TRAINED_WINDOWS / len(train)))
+    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / len(train)))
     module = Adaptation(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
     before = _validation_loss(module)
     with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
