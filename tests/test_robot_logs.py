@@ -266,6 +266,7 @@ def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
 def test_a_network_is_tested_on_logs_to_which_it_was_not_adapted(logs, tmp_path, monkeypatch):
     predictor, tested = load_predictor(ROOT / "reproduce" / "results" / ROOMS), []
     monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
+    monkeypatch.setattr(adaptation, "TRAINED_WINDOWS", 1)
     monkeypatch.setattr(adaptation, "MAX_WINDOWS", 8)
     origin, checksums = {"weights": "some"}, {path: path.name for path in logs}
     networks = adapted(predictor, origin, checksums, tmp_path, 2)

@@ -7,8 +7,8 @@ compared with the pixels that these beams hit or passed over. Whatever a map fit
 given. The rows go to held_out.csv in the target, their origin to provenance.json. Maps of networks are kept in --kept,
 so that a comparison which was stopped goes on, and a changed map without a network takes minutes.
 
-With --folds, the first network is also adapted to logs, as task=adapt does, and tested on logs of another fold. Only
-its calibration has seen the tested log, by the networks of other folds; `network, uncalibrated` has seen nothing of it.
+With --folds, the networks are adapted to logs, as task=adapt does, and tested on logs of another fold. Only their
+calibration has seen the tested log, by the networks of other folds; `network, uncalibrated` has seen nothing of it.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
@@ -18,6 +18,7 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 
 import argparse
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,12 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.learning import held_out
+from repro.learning.kernels import accelerate
 from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.output import draw
 from repro.runs.provenance import environment
+from repro.scans import Scans
 from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
 from reproduce.real import logs
@@ -43,6 +46,7 @@ RESULTS = Path(__file__).parents[1] / "results"
 TARGET, KEPT = RESULTS / "robot_logs", RESULTS.parents[1] / "outputs" / "real"
 WEIGHTS = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru", "workstation/exp4-unet")
 SAMPLED_WINDOWS, SAMPLED_PIXELS = 100, 100  # of each log, the latter of each window, to which maps are fitted
+BATCH = 16  # windows that are predicted together
 DRAWN = ("freiburg-079-corrected.log.gz", 260)  # log and number of the window that is drawn
 
 
@@ -59,11 +63,16 @@ def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: 
         with open_arrays(kept) as content:
             if all(str(content.get(name)) == value for name, value in origin.items()):
                 return np.rint((LEVELS - 1) * content["free"]).astype(np.int64)
-    free = []
-    for case in tqdm(cases_of(path, predictor), desc=f"{path.name}, network", disable=None):
-        limited = predictor.with_range(case.range_max_m)
-        image = limited.predict(case.window.scans, allow_empty=True)[0].numpy()
-        free.append(image.ravel()[neighbors(compared(case), len(image))].min(1))
+    free, cases = [], list(cases_of(path, predictor))
+    network = predictor.copied_network()
+    accelerate(network, "cpu")
+    predictor = replace(predictor, network=network)
+    for first in tqdm(range(0, len(cases), BATCH), desc=f"{path.name}, network", disable=None):
+        batch = cases[first : first + BATCH]
+        limited = predictor.with_range(batch[0].range_max_m)
+        images = limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True).numpy()
+        for case, image in zip(batch, images, strict=True):
+            free.append(image.ravel()[neighbors(compared(case), len(image))].min(1))
     kept.parent.mkdir(parents=True, exist_ok=True)
     np.savez(kept, free=np.concatenate(free), **origin)  # type: ignore[arg-type]
     return np.rint((LEVELS - 1) * np.concatenate(free)).astype(np.int64)
@@ -177,18 +186,15 @@ def main() -> None:
     parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
     parser.add_argument("--target", type=Path, default=TARGET)
     parser.add_argument("--kept", type=Path, default=KEPT)
-    parser.add_argument("--folds", type=int, default=0, help="adapt the first network to the logs of all folds but one")
+    parser.add_argument("--folds", type=int, default=0, help="adapt the networks to the logs of all folds but one")
     options = parser.parse_args()
     origin = environment()  # before the results change the working tree
     options.target.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     constants: dict[str, Any] = {}
     with one_thread():
-        networks = [(weights, 0) for weights in options.weights]
-        if options.folds:
-            networks.append((options.weights[0], options.folds))
-        for weights, folds in networks:
-            of_weights, chosen = compare_all(options.logs, weights, options.kept, folds)
+        for weights in options.weights:
+            of_weights, chosen = compare_all(options.logs, weights, options.kept, options.folds)
             rows += of_weights
             constants[of_weights[0]["weights"]] = chosen
             write(rows, constants, options, origin)

@@ -12,7 +12,7 @@ from conftest import ROOT, read_calls
 from repro.cli.jobs import resolve
 from repro.cli.tasks import adapt as task
 from repro.learning import adaptation
-from repro.learning.adaptation import UNKNOWN, PartialLoss, adapt, label
+from repro.learning.adaptation import SEEN, UNKNOWN, PartialLoss, adapt, label
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.maps.statistics import Statistics
 from repro.networks.predictor import load_predictor
@@ -39,6 +39,8 @@ def log() -> ScanLog:
 @pytest.fixture
 def short_schedule(monkeypatch):
     monkeypatch.setattr(adaptation, "MAX_WINDOWS", 8)
+    monkeypatch.setattr(adaptation, "DRAWS", 3)
+    monkeypatch.setattr(adaptation, "TRAINED_WINDOWS", 1)
     monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
 
 
@@ -73,10 +75,11 @@ def test_a_view_has_the_beams_within_it_and_labels_are_of_the_others(log, turn):
 
 def test_labels_are_free_obstacle_or_unknown_and_of_separate_parts_of_the_log(log, short_schedule):
     train, val = label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)
-    assert 24 <= len(train.pairs) <= 27  # through three views
-    assert 8 <= len(val.pairs) <= 9  # of the last 12 s
+    assert 21 <= len(train.pairs) <= 27  # through three views
+    assert 7 <= len(val.pairs) <= 9  # of the last 12 s
     for each in (train, val):
-        assert set(each.pairs.maps.unique().tolist()) == {0, 1, UNKNOWN}
+        values = {value + seen for value in (0, 1, UNKNOWN) for seen in (0, SEEN)}
+        assert set(each.pairs.maps.unique().tolist()) == values
         assert each.statistics.quantiles["fov_deg"][2] == pytest.approx(90, abs=1)
 
 
@@ -85,10 +88,18 @@ def test_a_log_that_is_too_short_is_refused(log):
         label(adaptation._part(log, log.stamps < 15), window_of(PREDICTOR), PREDICTOR, View(), seed=0)
 
 
-def test_unknown_pixels_have_no_gradient():
-    logits = torch.zeros(1, 1, 1, 3, requires_grad=True)
-    PartialLoss()(logits, torch.tensor([[[[0, 1, UNKNOWN]]]])).backward()
-    assert logits.grad.flatten().tolist() == pytest.approx([0.25, -0.25, 0])
+def test_the_loss_takes_the_lowest_logit_beside_a_label_and_weighs_seen_and_unseen_pixels_alike():
+    logits = torch.tensor([[[[-1.0, 3, 9, 8, 2, 3, 9, 7, 9]]]], requires_grad=True)
+    target = [UNKNOWN, 1, UNKNOWN, UNKNOWN, UNKNOWN, 0 + SEEN, UNKNOWN, 1 + SEEN, UNKNOWN + SEEN]
+    loss = PartialLoss()(logits, torch.tensor([[[target]]]))
+    loss.backward()
+    softplus = torch.nn.functional.softplus(torch.tensor([1.0, 2, -7]))  # unseen; seen, twice
+    assert loss.item() == pytest.approx(float(softplus[0] + softplus[1:].mean()) / 2)
+    assert logits.grad.flatten().nonzero().flatten().tolist() == [0, 4, 7]
+
+
+def test_windows_without_known_pixels_have_no_loss():
+    assert float(PartialLoss()(torch.zeros(1, 1, 4, 4), torch.full((1, 1, 4, 4), UNKNOWN))) == 0
 
 
 def test_statistics_are_widened_and_keep_their_median():

@@ -63,7 +63,13 @@ def test_a_file_holds_the_whole_predictor(exported):
         again.save_onnx(path)
 
 
-@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (ConvLSTM, "stack4")])
+def centered(channels, frames):
+    network = ConvGRU(channels, frames, centered=True)
+    torch.nn.init.normal_(network.detail_from_distance.weight)
+    return network
+
+
+@pytest.mark.parametrize(("network", "name"), [(ConvGRU, "series4"), (centered, "series4"), (ConvLSTM, "stack4")])
 def test_a_recurrent_network_is_exported(tmp_path, network, name):
     torch.manual_seed(0)
     encoding = create_encoding(name, {"frames": 4})

@@ -76,6 +76,14 @@ def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_
         PredictionStream(fixed, torch.linspace(-1, 1, 5).numpy(), center=center)
 
 
+def test_a_network_that_takes_the_robot_to_be_in_the_middle_needs_a_map_around_it(saved, tmp_path):
+    dataclasses.replace(saved[0], is_centered=True).save(tmp_path / "model")
+    centered = load_predictor(tmp_path / "model")
+    centered.check_center("robot")
+    with pytest.raises(ValueError, match=r"trained with the robot in the middle: expected robot, got \(10\.0, 10\.0\)"):
+        centered.check_center((10.0, 10.0))
+
+
 def test_a_miss_of_a_lidar_that_reaches_less_far_shows_free_space_up_to_its_range(saved):
     predictor = load_predictor(ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru")
     steps = torch.arange(100)

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from repro.networks.convgru import ConvGRU
+from repro.networks.convgru import ConvGRU, _distances
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.create import architecture_of, create_network, load_network
 from repro.networks.model import Model
@@ -94,3 +94,16 @@ def test_a_network_is_saved_and_loaded(network, tmp_path):
     network.save_pretrained(tmp_path)
     with torch.inference_mode():
         assert torch.equal(network(images), load_network(tmp_path, architecture_of(network)).eval()(images))
+
+
+def test_a_network_with_distances_predicts_the_same_before_it_is_trained():
+    network, images = ConvGRU(8, 4, hidden=16, stride=2).eval(), torch.rand(2, 8, 32, 32)
+    assert torch.equal(network.with_distances().eval()(images), network(images))
+
+
+@pytest.mark.parametrize("stride", [1, 4])
+def test_the_distances_of_a_part_of_a_map_are_those_to_the_robot(stride):
+    whole, part = torch.zeros(1, 1, 32 // stride, 32 // stride), torch.zeros(1, 1, 24 // stride, 24 // stride)
+    row, column = 8, 4
+    expected = _distances(whole, stride, None)[..., row // stride :, column // stride : (column + 24) // stride]
+    assert torch.allclose(_distances(part, stride, (16.0 - row, 16.0 - column)), expected, atol=1e-5)

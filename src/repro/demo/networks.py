@@ -58,6 +58,8 @@ def load_demo_network(directory: Path) -> DemoNetwork:
     predictor = load_predictor(directory)
     if predictor.has_fixed:
         raise InputError(f"{directory} was trained with fixed obstacles, which the demo does not have")
+    if predictor.is_centered:
+        raise InputError(f"{directory} takes the robot to be in the middle of the map, which it is not in the demo")
     name = predictor.encoding.name
     if kind_of(name) not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)

@@ -9,38 +9,42 @@ import math
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.optim.lr_scheduler import OneCycleLR
 
 from repro.config import Training
-from repro.learning.held_out import View, labeled, turns_of
+from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
 from repro.learning.losses import bce_loss
 from repro.learning.training import TrainingModule, fit, load_best
 from repro.maps.bits import pack_bits
 from repro.maps.statistics import Statistics, summarize
+from repro.networks.convgru import ConvGRU
 from repro.networks.predictor import Predictor
-from repro.prediction.agreement import Observed
+from repro.prediction.agreement import Observed, last_hits
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings
 from repro.recordings.datasets import Pairs
 from repro.scans import Scans
 from repro.system.errors import InputError
 
-UNKNOWN = 2  # in a map, where 1 is free and 0 an obstacle
-MAX_WINDOWS = 150  # of a log through one view, so that long logs do not outweigh the others
+UNKNOWN, SEEN = 2, 4  # in a map, where 1 is free and 0 an obstacle; SEEN is added where a beam of the window was
+DRAWS, MAX_WINDOWS = 8, 60  # directions of the view of each log, and windows of each, so that no log outweighs others
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
+TRAINED_WINDOWS = 3000  # in all epochs, but at least one: short logs are repeated, and the best epoch is kept
+WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
     min_delta=0.0,
-    patience=2,
-    batch_size=8,
-    max_epochs=2,
+    patience=1000,
+    batch_size=4,
+    max_epochs=1,
     dice_eps=1e-6,
     flip_augmentation=True,
-    ema_decay=0.99,
 )
 
 
@@ -49,7 +53,8 @@ class Labeled:
     """Windows of logs with partial labels.
 
     Args:
-        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 2 unknown.
+        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 2 unknown, and 4 more where a beam of the
+            window has hit or passed over the pixel.
         statistics: those of the windows.
     """
 
@@ -58,18 +63,45 @@ class Labeled:
 
 
 class PartialLoss(nn.Module):
-    """Binary cross-entropy (Eq. 1) on the pixels whose label is known."""
+    """Binary cross-entropy (Eq. 1) of the least probability of free within one pixel, where the label is known.
+
+    Poses and grids are not exact, so a hit may lie beside its pixel. The pixels that the window has seen and the others
+    have the same weight, although fewer of the labels are of unseen pixels.
+    """
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
-        """Compute the loss of logits (B, 1, H, W) against labels (B, 1, H, W), of which 2 is unknown, in float32."""
-        known = (target != UNKNOWN).float()
-        return bce_loss(logits.float(), target.clamp(max=1).float(), known)
+        """Compute the loss of logits (B, 1, H, W) against the maps of `Labeled`, (B, 1, H, W), in float32."""
+        lowest = -nn.functional.max_pool2d(-logits.float(), 3, stride=1, padding=1)
+        seen, value = target >= SEEN, target % SEEN
+        known, free = value != UNKNOWN, value.clamp(max=1).float()
+        groups = (known & seen, known & ~seen)
+        return sum((bce_loss(lowest, free, group.float()) for group in groups), start=lowest.new_zeros(())) / 2
+
+
+class Adaptation(TrainingModule):
+    """Training on random squares of the maps, which takes half the time, with a learning rate that falls to zero."""
+
+    def training_step(self, batch: tuple[Tensor, Tensor], _: int) -> Tensor:
+        size = batch[1].shape[-1]
+        side = 3 * size // 16 * 4
+        row, column = torch.randint(size - side + 1, (2,)).tolist()
+        image, target = (each[..., row : row + side, column : column + side] for each in batch)
+        middle = [(size / 2 - row, size / 2 - column)] if getattr(self.network, "centered", False) else []
+        loss: Tensor = self.loss(self.network(image.to(memory_format=torch.channels_last), *middle), target)
+        self.step_losses.append(loss.detach())
+        return loss
+
+    def configure_optimizers(self) -> Any:
+        optimizer = super().configure_optimizers()
+        steps = int(self.trainer.estimated_stepping_batches)
+        schedule = OneCycleLR(optimizer, self.settings.learning_rate, total_steps=steps, pct_start=WARM_UP)
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
 
 def label(
     log: ScanLog, settings: WindowSettings, predictor: Predictor, view: View, *, seed: int
 ) -> tuple[Labeled, Labeled]:
-    """Return the labeled windows of a log for training, through views in several directions, and those for validation.
+    """Return the labeled windows of a log for training, through views in random directions, and those for validation.
 
     The frame of the log is turned at random for each view: buildings have walls in all directions.
 
@@ -83,16 +115,22 @@ def label(
     Raises:
         InputError: the lidar does not see beyond the view, or the log is too short for both.
     """
+    if not predictor.has_fixed:
+        settings = replace(settings, center="robot")
     rng = np.random.default_rng(seed)
-    views = [replace(view, turn_rad=turn) for turn in turns_of(log, view.fov_rad)]
+    turns = turns_of(log, view.fov_rad)
+    extent = (0.0, 2 * math.pi) if stands(log) else (turns[0], turns[-1])
+    views = [replace(view, turn_rad=float(turn)) for turn in rng.uniform(*extent, DRAWS)]
+    middle = replace(view, turn_rad=turns[len(turns) // 2])
     last_s = max(VALIDATION_SHARE * (log.stamps[-1] - log.stamps[0]), VALIDATION_WINDOWS * settings.duration_s)
     is_first = log.stamps <= log.stamps[-1] - last_s
     limited = predictor.with_range(log.range_max_m)
     first = _windows(_part(log, is_first), settings, limited, views, rng)
-    last = _windows(_part(log, ~is_first), settings, limited, [views[len(views) // 2]], rng)
+    last = _windows(_part(log, ~is_first), settings, limited, [middle], rng)
     if not (first and last):
         raise InputError("no window of the first or of the last part of the log has hits and passes beside the view")
-    return _drawn(first, limited), _drawn(last, limited)
+    reach_m = min(log.range_max_m, view.range_max_m)
+    return _drawn(first, limited, reach_m), _drawn(last, limited, reach_m)
 
 
 def _part(log: ScanLog, kept: np.ndarray) -> ScanLog:
@@ -111,24 +149,26 @@ def _windows(
     log: ScanLog, settings: WindowSettings, predictor: Predictor, views: list[View], rng: np.random.Generator
 ) -> list[tuple[Scans, Observed]]:
     """Return windows of a log through each view, evenly over the log, with hits and passes beside the view."""
-    steps = (log.stamps[-1] - log.stamps[0] - settings.duration_s) / settings.step_s
+    steps = max((log.stamps[-1] - log.stamps[0] - settings.duration_s) / settings.step_s, 0.0)
     stride = max(1.0, steps / MAX_WINDOWS)
-    return [
-        (window.scans, shown)
-        for view in views
-        for window, shown in labeled(_rotated(log, rng), settings, stride, predictor.grid, view)
-        if shown.hits.any() and shown.passed.any()
-    ]
+    windows = []
+    for view in views:
+        first_s = log.stamps[0] + rng.uniform(0, min(stride, steps)) * settings.step_s  # others than of other views
+        turned = _rotated(_part(log, log.stamps >= first_s), rng)
+        labels = labeled(turned, settings, stride, predictor.grid, view)
+        windows += [(window.scans, shown) for window, shown in labels if shown.hits.any() and shown.passed.any()]
+    return windows
 
 
-def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Labeled:
+def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor, reach_m: float) -> Labeled:
     encoding, grid = predictor.encoding, predictor.grid
     images, maps = [], []
     for scans, shown in windows:
         image = encoding.encode(scans.tensors(), grid)
         images.append(pack_bits(image) if encoding.is_binary else image)
-        values = np.where(shown.hits, 0, np.where(shown.passed, 1, UNKNOWN)).astype(np.uint8)
-        maps.append(torch.from_numpy(values)[None, None])
+        values = np.where(shown.hits, 0, np.where(shown.passed, 1, UNKNOWN))
+        values += SEEN * last_hits(scans, grid, reach_m)[1]
+        maps.append(torch.from_numpy(values.astype(np.uint8))[None, None])
     statistics = summarize((scans.tensors() for scans, _ in windows), grid)
     return Labeled(Pairs(torch.cat(images), torch.cat(maps), encoding), statistics)
 
@@ -157,9 +197,13 @@ def adapt(
         InputError: the network cannot be trained, or the validation loss does not fall.
     """
     train, val = (_joined(part, device) for part in zip(*logs, strict=True))
-    network = predictor.copied_network().to(device)
+    network = predictor.copied_network()
+    if isinstance(network, ConvGRU) and not (network.centered or predictor.has_fixed):
+        network = network.with_distances()
+    network.to(device)
     accelerate(network, device)
-    module = TrainingModule(network, train, val, SCHEDULE, seed, PartialLoss())
+    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / len(train)))
+    module = Adaptation(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
     before = _validation_loss(module)
     with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
         fit(module, Path(directory), device, precision)
@@ -170,7 +214,8 @@ def adapt(
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
     statistics = functools.reduce(Statistics.widened, [*known, *(first.statistics for first, _ in logs)])
-    return replace(predictor, network=network.cpu(), statistics=statistics), before, after
+    is_centered = getattr(network, "centered", False)
+    return replace(predictor, network=network.cpu(), statistics=statistics, is_centered=is_centered), before, after
 
 
 def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:

@@ -26,17 +26,21 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         frames: parts of the window, K.
         hidden: channels of the state, a multiple of 16.
         stride: pixels per cell of the state along one side, 2 or 4.
+        centered: the network also gets the distance to the middle of the map, where the robot is: in real logs, pixels
+            that it sees for the first time are less often obstacles the farther away they are.
 
     Raises:
         ValueError: a parameter is not allowed.
     """
 
-    def __init__(self, in_channels: int, frames: int, hidden: Hidden = 48, stride: Literal[2, 4] = 4) -> None:
+    def __init__(
+        self, in_channels: int, frames: int, hidden: Hidden = 48, stride: Literal[2, 4] = 4, centered: bool = False
+    ) -> None:
         check_series(in_channels, frames)
         if hidden < 16 or hidden % 16 or stride not in (2, 4):
             raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
         super().__init__()
-        self.frames = frames
+        self.frames, self.hidden, self.stride, self.centered = frames, hidden, stride, centered
         self.encoder = nn.Sequential(
             *conv_block(in_channels // frames, hidden // 2, stride=2),
             *conv_block(hidden // 2, hidden, stride=stride // 2),
@@ -53,14 +57,48 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
         self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
 
-    def forward(self, images: Tensor) -> Tensor:
-        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W)."""
+        if centered:
+            self.from_distance, self.detail_from_distance = (nn.Conv2d(3, each, 1) for each in (hidden, DETAIL))
+            for layer in (self.from_distance, self.detail_from_distance):
+                for weights in layer.parameters():
+                    nn.init.zeros_(weights)  # the distance has no effect before the training
+
+    def forward(self, images: Tensor, middle: tuple[float, float] | None = None) -> Tensor:
+        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W).
+
+        Args:
+            images: the images.
+            middle: row and column of the robot [px], if the images are a part of a map; None for the middle.
+        """
         encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
-        state = self.context(last_state(encoded, self.gate, self.candidate))
+        state = last_state(encoded, self.gate, self.candidate)
         detail = self.detail(images).relu()
         half_detail = self.half_detail(detail).relu()
-        half = self.decode_half(torch.cat([_resized(state, half_detail), half_detail], dim=1))
-        return self.to_map(self.decode_full(torch.cat([_resized(half, detail), detail], dim=1)))
+        if self.centered:
+            state = state + self.from_distance(_distances(state, self.stride, middle))
+        half = self.decode_half(torch.cat([_resized(self.context(state), half_detail), half_detail], dim=1))
+        full = self.decode_full[0](torch.cat([_resized(half, detail), detail], dim=1))
+        if self.centered:
+            full = full + self.detail_from_distance(_distances(full, 1, middle))
+        return self.to_map(self.decode_full[1](full))
+
+    def with_distances(self) -> "ConvGRU":
+        """Return a network that is `centered` and, before it is trained further, predicts the same maps."""
+        new = ConvGRU(self.detail.in_channels, self.frames, self.hidden, self.stride, centered=True)
+        new.load_state_dict(new.state_dict() | self.state_dict())
+        return new
+
+
+def _distances(images: Tensor, stride: int, middle: tuple[float, float] | None) -> Tensor:
+    """Return powers of the logarithm of the distance to the robot [px], (1, 3, H, W), of the size of some images."""
+    sizes = images.shape[-2:]
+    places = middle or tuple(stride * size / 2 for size in sizes)
+    down, right = (
+        (torch.arange(size, device=images.device) + 0.5) * stride - place
+        for size, place in zip(sizes, places, strict=True)
+    )
+    distance = torch.log1p((down[:, None].square() + right.square()).sqrt()) - 2.5  # around zero
+    return 4 * torch.stack([distance, distance**2, distance**3])[None]
 
 
 def _resized(images: Tensor, like: Tensor) -> Tensor:

@@ -38,6 +38,7 @@ class WindowOfTraining(TypedDict, total=False):
     steps: Annotated[int, Field(ge=1, le=30_000)]
     step_s: Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]
     has_fixed: bool
+    is_centered: bool
 
 
 @with_config(STRICT)

@@ -49,6 +49,7 @@ class Predictor:
         steps: steps of a window in training, T.
         step_s: time of a step in training [s].
         has_fixed: the worlds of the training have fixed obstacles, whose place on the map the network has learned.
+        is_centered: the network takes the robot to be in the middle of the map.
     """
 
     network: Network
@@ -58,6 +59,7 @@ class Predictor:
     steps: int = 100
     step_s: float = 0.1
     has_fixed: bool = False
+    is_centered: bool = False
 
     @property
     def reach_m(self) -> float:
@@ -100,8 +102,11 @@ class Predictor:
             center: `robot`, `start`, or x, y [m].
 
         Raises:
-            ValueError: the map would move with the robot, and the network has learned fixed obstacles.
+            ValueError: the map would move with the robot, and the network has learned fixed obstacles, or it would not,
+                and the network takes the robot to be in the middle.
         """
+        if self.is_centered and center != "robot":
+            raise InputError(f"the network was trained with the robot in the middle: expected robot, got {center}")
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
             raise InputError(
@@ -200,11 +205,13 @@ class Predictor:
         return copy.deepcopy(self.network)
 
     def _description(self) -> dict[str, Any]:
-        content = {
+        content: dict[str, Any] = {
             "encoding": {"name": self.encoding.name, "parameters": self.encoding.parameters},
             "grid": dataclasses.asdict(self.grid),
             "window": {"steps": self.steps, "step_s": self.step_s, "has_fixed": self.has_fixed},
         }
+        if self.is_centered:
+            content["window"]["is_centered"] = True
         return content | ({"statistics": dataclasses.asdict(self.statistics)} if self.statistics else {})
 
 
