@@ -51,8 +51,8 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
             return run.read_metrics()
         config = run.config()
         facts: dict[str, Any] = {}
-        if not config.key.is_baseline and not run.is_trained:
-            raise InputError(f"{run} is not fully trained: train it with task=train first")
+        if not config.key.is_baseline:
+            check_trained(run)
         check_worlds(recordings, config.data.worlds)
         run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
         if config.key.is_baseline:
@@ -73,6 +73,12 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         files = {name: sha256(run.path / name) for name in FILES}
         run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts, files=files)
         return row
+
+
+def check_trained(run: Run) -> None:
+    """Refuse a run that is not trained, with an `InputError`."""
+    if not run.is_trained:
+        raise InputError(f"{run} is not fully trained: train it with task=train first")
 
 
 def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:

@@ -12,8 +12,9 @@ def run(job: Job) -> None:
     """
     from repro.baselines.names import QUICK_BASELINES
     from repro.cli.output import summary_line
-    from repro.evaluation.evaluate import evaluate, evaluate_baseline
+    from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
 
+    check_trained(job.run)
     job.run.check(job.config)
     if job.run.is_evaluated:
         job.run.check_files()
