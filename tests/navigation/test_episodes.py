@@ -339,6 +339,11 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     steps = read_mapping(tmp_path / "truth" / study.ORIGIN, "")["steps"]
     assert [each["commit"] for each in steps] == ["1", "1"], "nothing was driven in between"
     assert driven[before:] == [(name, study.FIRST["test"] + 3, 0.8) for name in SPECS]
+    one = study.Study(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
+    assert set(one.episodes("test", own.tested(), 3)["experiment"]) == {"fast"}
+    options = {"inflations_m": (0.8, 1.6), "people": "aware"}
+    with pytest.raises(InputError, match="episodes with another value of people"):
+        study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, **options).run(study.Seeds(2, 3, 1), {})
 
 
 def test_arms_are_compared_on_the_same_courses():

@@ -97,6 +97,7 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
         if key.model not in ("all_free", *OTHER_BOUNDS):
             shown.setdefault(key.experiment, []).append(runs[key])
     write_tables(outputs.tables, results)
+    replay = outputs.analysis / REPLAY
     report = Report(
         outputs=outputs.path,
         results=results,
@@ -104,7 +105,9 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
         samples=samples_json(outputs, shown),
         origins={str(key.path): run.provenance() for key, run in runs.items()},
-        replay=replay.read_text(encoding="utf-8") if (replay := outputs.analysis / REPLAY).is_file() else "",
+        replay=replay.read_text(encoding="utf-8", errors="replace")
+        if (replay := outputs.analysis / REPLAY).is_file()
+        else "",
     )
     write_text(outputs.path / "report.html", render(report))
     print(f"Page: {outputs.path / 'report.html'}", flush=True)

@@ -151,7 +151,8 @@ def train(
         load_best(module, run.path)
         spec = read_manifest(recordings).world_spec
         window = (spec.steps, spec.world.step_time, bool(spec.fixed))
-        predictor = Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window)
+        is_centered = bool(getattr(module.network, "centered", False))
+        predictor = Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window, is_centered)
         checksum = predictor.save(run.model)
         run.end_step(Status.trained, **facts, weights_sha256=checksum)
         shutil.rmtree(run.path / "checkpoints", ignore_errors=True)

@@ -92,12 +92,14 @@ class Arm:
         candidates: the values of further settings that are tuned, in ascending order.
         is_binary: whether its maps are 0 or 1, so that a threshold has no effect.
         lidar: its field of view: `robot`, that of the world; `circle`, 360 degrees; `none`, which needs no scans.
+        weights: checksum of the weights of its network; empty without one.
     """
 
     maps: Callable[..., np.ndarray]
     candidates: Mapping[str, Sequence[float]] = field(default_factory=dict)
     is_binary: bool = False
     lidar: Literal["robot", "circle", "none"] = "robot"
+    weights: str = ""
 
 
 def _hits(seen: Seen, who: np.ndarray, *, age_s: float) -> np.ndarray:
@@ -168,9 +170,9 @@ CLASSICAL = {
 }
 
 
-def network_arm(predictor: Predictor, *, with_hits: bool = False) -> Arm:
+def network_arm(predictor: Predictor, *, with_hits: bool = False, weights: str = "") -> Arm:
     """Return the arm of a trained network, alone or with recent hits: the larger of the two probabilities."""
-    return Arm(partial(_network_and_hits if with_hits else _network, predictor))
+    return Arm(partial(_network_and_hits if with_hits else _network, predictor), weights=weights)
 
 
 def tracker_arm(settings: Mapping[str, float]) -> Arm:

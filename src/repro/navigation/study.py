@@ -18,6 +18,8 @@ from repro.maps.grid import Grid
 from repro.navigation.arms import Arm
 from repro.navigation.courses import Course, sample_course
 from repro.navigation.episodes import Fleet
+from repro.recordings.format import spec_fingerprint
+from repro.system.errors import InputError
 from repro.system.files import read_mapping, write_json, write_text
 from repro.system.progress import progress
 from repro.world_config import WorldSpec
@@ -27,6 +29,7 @@ THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
 BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
 TEST, CURVE, TRIED, ORIGIN = "test.csv", "curve.csv", "tried.csv", "provenance.json"  # files of an arm
+COURSES = "courses.json"  # what the episodes of an arm are of
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
 Settings = dict[str, Any]
@@ -77,8 +80,12 @@ class Study:
         Args:
             seeds: numbers of courses.
             origin: the provenance of the episodes that are driven now, which is added to that of earlier ones.
+
+        Raises:
+            InputError: the directory has episodes of other worlds, people, maps or weights.
         """
         self.directory.mkdir(parents=True, exist_ok=True)
+        self._check_courses()
         self.driven = 0
         tuned = self.tuned(seeds.validation)
         test = self.episodes("test", tuned, seeds.test)
@@ -93,6 +100,19 @@ class Study:
         if self.driven or not steps:
             steps.append({"seeds": dataclasses.asdict(seeds), "episodes": self.driven, **origin})
         write_json(path, {"steps": steps})
+
+    def _check_courses(self) -> None:
+        """Refuse to mix episodes, and write of what they are."""
+        present: dict[str, Any] = {name: spec_fingerprint(spec) for name, spec in self.specs.items()}
+        present |= {"people": self.people, "grid": dataclasses.asdict(self.grid), "weights": self.arm.weights}
+        path = self.directory / COURSES
+        known = read_mapping(path, "the courses of an arm") if path.is_file() else {}
+        if other := [name for name in present if name in known and known[name] != present[name]]:
+            raise InputError(
+                f"{self.directory} has episodes with another value of {', '.join(other)}: expected those of this call; "
+                "choose other outputs, or delete it"
+            )
+        write_json(path, known | present)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -137,7 +157,7 @@ class Study:
             parts.append(self._drive(missing[first : first + BATCH], settings).assign(split=split))
             write_text(path, pd.concat(parts).to_csv(index=False, float_format="%.4f"))
         rows = pd.read_csv(path)
-        return rows[rows["seed"] < FIRST[split] + count]
+        return rows[(rows["seed"] < FIRST[split] + count) & rows["experiment"].isin(self.specs)]
 
     def fleet(self, names: list[tuple[str, int]], settings: Settings) -> Fleet:
         """Return robots on courses of several experiments, which have the same robot."""

@@ -79,18 +79,31 @@ def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
     from repro.networks.predictor import load_predictor
 
     if name in NETWORK_ARMS:
-        predictor = load_predictor(find("prediction.weights", job.call.prediction.weights))
+        path = find("prediction.weights", job.call.prediction.weights)
+        predictor = load_predictor(path)
         if predictor.grid != grid:
             expected, found = (f"{one.size_px} px, {one.size_m:g} m" for one in (grid, predictor.grid))
             raise InputError(f"prediction.weights: its maps have {found}, expected those of the call, {expected}")
+        if predictor.is_centered:
+            raise InputError(
+                "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
+            )
         with_hits = name == "network_hits"
         label = f"{type(predictor.network).__name__.lower()}-{predictor.encoding.name}{HITS if with_hits else ''}"
-        return label, network_arm(predictor, with_hits=with_hits)
+        return label, network_arm(predictor, with_hits=with_hits, weights=_checksum(path))
     if name == "tracker":
         evaluate_baseline(job.outputs, job.config, name)
         tuned = job.outputs.run(job.config.of_baseline(name).key).provenance().last("evaluated") or {}
         return name, tracker_arm({key: tuned[key] for key in (*TRACKER, "free_steps")})
     return name, CLASSICAL[name]
+
+
+def _checksum(path: Path) -> str:
+    """Return the checksums of the files with weights."""
+    from repro.system.files import sha256
+
+    files = [path] if path.is_file() else sorted([*path.rglob("*.safetensors"), *path.rglob("*.onnx")])
+    return " ".join(map(sha256, files))
 
 
 TASK = Task(
