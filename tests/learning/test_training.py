@@ -95,9 +95,9 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
 def test_the_data_of_a_training_is_freed_before_that_of_the_next_is_loaded(recorded, tmp_path, monkeypatch):
     load, loaded, alive = training.load_pairs_of_run, [], []
 
-    def load_and_watch(*arguments):
+    def load_and_watch(*arguments, **options):
         alive.append(sum(images() is not None for images in loaded))
-        pairs = load(*arguments)
+        pairs = load(*arguments, **options)
         loaded.append(weakref.ref(pairs.stored))
         return pairs
 
