@@ -82,6 +82,13 @@ def test_only_a_training_needs_as_many_pairs_as_its_batches(task, refused):
         assert read_call(*call)
 
 
+def test_weights_to_start_from_are_there_before_anything_is_recorded():
+    for weights in ("", "no/such/weights/here"):
+        [reason] = refuse(f"train.weights='{weights}'")
+        assert reason.startswith(f"train.weights: {weights}: no such weights, expected one of drive")
+    read_call("train.weights=rooms", "model=convgru", "encoding=series10")
+
+
 def test_runtime_settings_do_not_change_the_run():
     def run_config(*overrides):
         return resolve(read_call("exp=3", *overrides)).config

@@ -129,6 +129,8 @@ class Call:
         batch, pairs = self.train.batch_size, self.scale.pairs.train
         if task.trains and batch > pairs:
             yield f"train.batch_size={batch}: must be at most the {pairs} training pairs"
+        if task.trains and self.train.weights is not None and (error := _weights_error(self.train.weights)):
+            yield f"train.weights: {error}"
         if task.trains and (self.runtime.accelerator == "cpu" or not has_gpu()):
             size_px, there = self.scale.size_px, total_memory_gb()
             needed = training_memory_gb(size_px, batch, pairs + self.scale.pairs.val, encoding.most_channels)
@@ -145,6 +147,17 @@ def _model_errors(model: Model) -> list[ConfigError]:
     from repro.networks.create import architecture_errors  # takes some seconds
 
     return architecture_errors(model)
+
+
+def _weights_error(weights: str) -> str | None:
+    """Return why there are no such weights, None if there are."""
+    from repro.networks.weights import locate
+
+    try:
+        locate(weights)
+    except InputError as error:
+        return str(error)
+    return None
 
 
 def _encoding_error(encoding: Encoding) -> str | None:

@@ -171,7 +171,7 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     encoding = train_pairs.encoding
     network = create_network(config.model, encoding.channels, encoding.frames)
     check_interface(network, encoding.channels, config.data.size_px)
-    if config.train.weights:
+    if config.train.weights is not None:
         start_from(network, config.train.weights)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
