@@ -13,15 +13,13 @@ from repro.reporting.claims import (
     Claim,
     Numbers,
     Verdict,
-    analysis_rows,
     count_verdicts,
     judge,
     on_paper,
-    paper_rows,
 )
 from repro.reporting.page import Report, render
-from repro.reporting.paper import audit, read_paper
-from repro.reporting.papers_claims import CLAIMS, verdicts
+from repro.reporting.paper import audit, paper_rows, read_paper
+from repro.reporting.papers_claims import CLAIMS, analysis_rows, verdicts
 from repro.reporting.results import read_frames, read_published
 from repro.reporting.tables import audits
 

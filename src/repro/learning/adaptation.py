@@ -23,7 +23,7 @@ from repro.learning.losses import bce_loss
 from repro.learning.training import TrainingModule, fit, load_best
 from repro.maps.bits import pack_bits
 from repro.maps.statistics import Statistics, summarize
-from repro.networks.convgru import ConvGRU
+from repro.networks.convgru import ConvGRU, is_centered
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, last_hits
 from repro.prediction.logs import ScanLog
@@ -86,7 +86,7 @@ class Adaptation(TrainingModule):
         side = 3 * size // 16 * 4
         row, column = torch.randint(size - side + 1, (2,)).tolist()
         image, target = (each[..., row : row + side, column : column + side] for each in batch)
-        middle = [(size / 2 - row, size / 2 - column)] if getattr(self.network, "centered", False) else []
+        middle = [(size / 2 - row, size / 2 - column)] if is_centered(self.network) else []
         loss: Tensor = self.loss(self.network(image.to(memory_format=torch.channels_last), *middle), target)
         self.step_losses.append(loss.detach())
         return loss
@@ -214,8 +214,8 @@ def adapt(
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
     statistics = functools.reduce(Statistics.widened, [*known, *(first.statistics for first, _ in logs)])
-    is_centered = getattr(network, "centered", False)
-    return replace(predictor, network=network.cpu(), statistics=statistics, is_centered=is_centered), before, after
+    adapted = replace(predictor, network=network.cpu(), statistics=statistics, is_centered=is_centered(network))
+    return adapted, before, after
 
 
 def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:

@@ -11,7 +11,11 @@ from typing import Any
 
 import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
+from torch import nn
 
+from repro.networks.torch_files import read_torch
+from repro.networks.weights import locate
+from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, replacing
 
 log = logging.getLogger(__name__)
@@ -75,3 +79,17 @@ def _is_intact(path: Path) -> bool:
     if damaged:
         log.warning("skipping the damaged checkpoint %s (%s)", path, damaged)
     return not damaged
+
+
+def start_from(network: nn.Module, weights: str) -> None:
+    """Load the weights of another network into a network of the same form.
+
+    Raises:
+        InputError: there are no such weights, or they are of a network of another form.
+    """
+    try:
+        network.load_state_dict(read_torch(locate(weights))[0].state_dict())
+    except RuntimeError as error:
+        raise InputError(
+            f"train.weights={weights}: expected a network of the same form, got another: {error}"
+        ) from error

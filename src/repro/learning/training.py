@@ -23,13 +23,13 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from repro.config import Training
 from repro.learning.callbacks import Budget, Checkpoint, History, Stop
-from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from
+from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from, start_from
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss, ShownLoss
+from repro.maps.statistics import Statistics
+from repro.networks.convgru import is_centered
 from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
-from repro.networks.torch_files import read_torch
-from repro.networks.weights import locate
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
 from repro.runs.config import RunConfig
@@ -149,14 +149,17 @@ def train(
             run.end_step(Status.paused, **facts)
             return run.status
         load_best(module, run.path)
-        spec = read_manifest(recordings).world_spec
-        window = (spec.steps, spec.world.step_time, bool(spec.fixed))
-        is_centered = bool(getattr(module.network, "centered", False))
-        predictor = Predictor(module.network, encoding_of(config), grid_of(config), statistics, *window, is_centered)
-        checksum = predictor.save(run.model)
+        checksum = _predictor(module.network, recordings, config, statistics).save(run.model)
         run.end_step(Status.trained, **facts, weights_sha256=checksum)
         shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
         return run.status
+
+
+def _predictor(network: nn.Module, recordings: Path, config: RunConfig, statistics: Statistics) -> Predictor:
+    """Return a trained network with what a prediction needs."""
+    spec = read_manifest(recordings).world_spec
+    window = (spec.steps, spec.world.step_time, bool(spec.fixed), is_centered(network))
+    return Predictor(network, encoding_of(config), grid_of(config), statistics, *window)
 
 
 def _training_module(recordings: Path, config: RunConfig, device: str) -> TrainingModule:
@@ -177,20 +180,6 @@ def _training_module(recordings: Path, config: RunConfig, device: str) -> Traini
     keep_freed_memory()  # for the training steps; the data is loaded before
     loss = ShownLoss() if shown else MapLoss(config.train.dice_eps)
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed, loss)
-
-
-def start_from(network: nn.Module, weights: str) -> None:
-    """Load the weights of another network into a network of the same form.
-
-    Raises:
-        InputError: there are no such weights, or they are of a network of another form.
-    """
-    try:
-        network.load_state_dict(read_torch(locate(weights))[0].state_dict())
-    except RuntimeError as error:
-        raise InputError(
-            f"train.weights={weights}: expected a network of the same form, got another: {error}"
-        ) from error
 
 
 def fit(

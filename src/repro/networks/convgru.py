@@ -89,6 +89,11 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         return new
 
 
+def is_centered(network: nn.Module) -> bool:
+    """Return whether a network takes the robot to be in the middle of the map."""
+    return isinstance(network, ConvGRU) and network.centered
+
+
 def _distances(images: Tensor, stride: int, middle: tuple[float, float] | None) -> Tensor:
     """Return powers of the logarithm of the distance to the robot [px], (1, 3, H, W), of the size of some images."""
     sizes = images.shape[-2:]

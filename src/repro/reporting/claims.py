@@ -20,10 +20,8 @@ from uncertainties import nominal_value, std_dev, ufloat
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.config import PROJECTION
-from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
-from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.paper import all_free_dice, free_share, read_paper
+from repro.reporting.paper import paper_rows
 from repro.runs.keys import CELL
 
 Z = 1.96  # half-width of a 95 % interval in standard errors
@@ -41,7 +39,7 @@ class Numbers:
     """Numbers by table, metric and cell; each method raises KeyError for a number that has not been measured.
 
     Args:
-        rows: see `analysis_rows` and `paper_rows`.
+        rows: see `papers_claims.analysis_rows` and `paper.paper_rows`.
     """
 
     def __init__(self, rows: pd.DataFrame) -> None:
@@ -121,8 +119,8 @@ def judge(claims: Iterable[Claim], ours: pd.DataFrame, paper: pd.DataFrame | Non
 
     Args:
         claims: the claims, `papers_claims.CLAIMS` in the study.
-        ours: see `numbers.analysis_rows`.
-        paper: see `numbers.paper_rows`.
+        ours: see `papers_claims.analysis_rows`.
+        paper: see `paper.paper_rows`.
 
     Returns:
         one row per claim: id, verdict, ours (the verdict on our numbers alone), paper (holds, fails or no number),
@@ -230,54 +228,3 @@ def _worst(claim: Claim, tested: pd.DataFrame) -> pd.Series:
     """Return the decisive combination: the one closest to failing, or the median one if most have to pass."""
     ordered = tested.assign(margin=_margin(claim, tested)).sort_values("margin", kind="stable")
     return ordered.iloc[(len(ordered) - 1) // 2 if claim.most else 0]
-
-
-def paper_rows() -> pd.DataFrame:
-    """Return the paper's tables as tidy rows, with the implied scores of an all-free prediction on its maps."""
-    table = read_paper()
-    average = table[(table["model"] == "average") & (table["encoding"] == PROJECTION)][[*CELL]]
-    share = free_share(table.loc[average.index])
-    free = average.assign(model="all_free", encoding="", accuracy=share, dice=all_free_dice(share))
-    long = pd.concat([table, free]).melt(CELL, list(METRICS), "metric")
-    return long.assign(of="tables", recency="all", low=float("nan"), high=float("nan"))
-
-
-def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the frames of `evaluation.analysis.gather` as tidy rows.
-
-    Returns:
-        of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
-    """
-    cost = frames["cost"].melt(CELL, ["parameters"], "metric")
-    parts = [
-        frames["intervals"].assign(of="tables", recency="all"),
-        frames["recency"].assign(of="recency"),
-        frames["obstacles"].rename(columns={"last_hit": "recency"}).assign(of="obstacles"),
-        _uncertain(frames["reliability"]).assign(of="uncertain", recency="all"),
-        cost.assign(of="cost", recency="all"),
-    ]
-    rows = pd.concat(parts, ignore_index=True)
-    columns = [*CELL, "of", "recency", "metric", "value", "low", "high"]
-    return rows.assign(experiment=rows["experiment"].astype(str))[columns]
-
-
-def navigation_rows(results: pd.DataFrame) -> pd.DataFrame:
-    """Return the difference of every network to the best classical map in success, see `reporting.navigation.compare`.
-
-    Returns:
-        rows as of `analysis_rows`, of `navigation`.
-    """
-    parts = results["arm"].str.extract(r"^(?P<model>[a-z]+)-(?P<encoding>[a-z0-9]+)$")
-    values = {"value": results["difference"], "low": results["difference_low"], "high": results["difference_high"]}
-    rows = parts.assign(of="navigation", recency="all", metric="difference", experiment=results["experiment"], **values)
-    return rows.dropna(subset=["model"])
-
-
-def _uncertain(diagrams: pd.DataFrame) -> pd.DataFrame:
-    """Return calibration error and Brier skill where each cell is uncertain, over all its pixels."""
-    rows = []
-    for cell, bins in diagrams[diagrams["recency"] == "all"].groupby(CELL):
-        diagram = Reliability(*(bins[name].to_numpy() for name in Reliability.__annotations__))
-        measured = {"error": uncertain_error(diagram), "skill": uncertain_skill(diagram)}
-        rows += [{**dict(zip(CELL, cell, strict=True)), "metric": name, "value": v} for name, v in measured.items()]
-    return pd.DataFrame(rows, columns=[*CELL, "metric", "value"])

@@ -136,3 +136,13 @@ def _agree(
     moved = (rows[names] + np.array(signs) for signs in itertools.product((-half, half), repeat=len(names)))
     gaps = pd.concat([one(terms) - other(terms) for terms in moved], axis=1)
     return (gaps.min(axis=1) <= 0) & (gaps.max(axis=1) >= 0)
+
+
+def paper_rows() -> pd.DataFrame:
+    """Return the paper's tables as tidy rows, with the implied scores of an all-free prediction on its maps."""
+    table = read_paper()
+    average = table[(table["model"] == "average") & (table["encoding"] == PROJECTION)][[*CELL]]
+    share = free_share(table.loc[average.index])
+    free = average.assign(model="all_free", encoding="", accuracy=share, dice=all_free_dice(share))
+    long = pd.concat([table, free]).melt(CELL, list(METRICS), "metric")
+    return long.assign(of="tables", recency="all", low=float("nan"), high=float("nan"))

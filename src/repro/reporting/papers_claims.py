@@ -9,11 +9,13 @@ verdict is also reported at half and double the tolerance.
 import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
 from repro.metrics.names import METRICS
 from repro.networks.model import NETWORKS
-from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, analysis_rows, judge, navigation_rows
+from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, judge
 from repro.reporting.paper import TABLES
 from repro.reporting.results import of_papers_worlds
+from repro.runs.keys import CELL
 
 SEEDS = {  # twice the largest standard deviation of an average row over two seeds, laptop scale, constant learning rate
     **{"ssim": 0.014, "accuracy": 0.002, "dice": 0.001},
@@ -200,3 +202,44 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
         ours = pd.concat([ours, navigation_rows(frames["navigation"])], ignore_index=True)
     judged = judge(CLAIMS, ours)
     return judged.merge(texts, how="left", on="id", validate="1:1")[[*COLUMNS]]
+
+
+def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the frames of `evaluation.analysis.gather` as tidy rows.
+
+    Returns:
+        of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.
+    """
+    cost = frames["cost"].melt(CELL, ["parameters"], "metric")
+    parts = [
+        frames["intervals"].assign(of="tables", recency="all"),
+        frames["recency"].assign(of="recency"),
+        frames["obstacles"].rename(columns={"last_hit": "recency"}).assign(of="obstacles"),
+        _uncertain(frames["reliability"]).assign(of="uncertain", recency="all"),
+        cost.assign(of="cost", recency="all"),
+    ]
+    rows = pd.concat(parts, ignore_index=True)
+    columns = [*CELL, "of", "recency", "metric", "value", "low", "high"]
+    return rows.assign(experiment=rows["experiment"].astype(str))[columns]
+
+
+def navigation_rows(results: pd.DataFrame) -> pd.DataFrame:
+    """Return the difference of every network to the best classical map in success, see `reporting.navigation.compare`.
+
+    Returns:
+        rows as of `analysis_rows`, of `navigation`.
+    """
+    parts = results["arm"].str.extract(r"^(?P<model>[a-z]+)-(?P<encoding>[a-z0-9]+)$")
+    values = {"value": results["difference"], "low": results["difference_low"], "high": results["difference_high"]}
+    rows = parts.assign(of="navigation", recency="all", metric="difference", experiment=results["experiment"], **values)
+    return rows.dropna(subset=["model"])
+
+
+def _uncertain(diagrams: pd.DataFrame) -> pd.DataFrame:
+    """Return calibration error and Brier skill where each cell is uncertain, over all its pixels."""
+    rows = []
+    for cell, bins in diagrams[diagrams["recency"] == "all"].groupby(CELL):
+        diagram = Reliability(*(bins[name].to_numpy() for name in Reliability.__annotations__))
+        measured = {"error": uncertain_error(diagram), "skill": uncertain_skill(diagram)}
+        rows += [{**dict(zip(CELL, cell, strict=True)), "metric": name, "value": v} for name, v in measured.items()]
+    return pd.DataFrame(rows, columns=[*CELL, "metric", "value"])

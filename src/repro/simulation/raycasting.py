@@ -115,21 +115,9 @@ def _cast(
             across, up = centers[place, at, 0] - poses[step, 0], centers[place, at, 1] - poses[step, 1]
             radius = radii[place, at]
             square = across * across + up * up
-            if math.sqrt(square) - radius > range_max_m:
+            if not _may_be_hit(across, up, radius, view[step], range_max_m):
                 continue
-            if square > radius * radius:  # outside of the view, with a margin for rounding
-                aside = math.atan2(up, across) - view[step, 0]
-                aside = abs(aside - 2 * math.pi * round(aside / (2 * math.pi)))
-                if aside > view[step, 1] + math.asin(radius / math.sqrt(square)) + _MARGIN:
-                    continue
-            corners = rings.shape[2]
-            while (
-                corners > 2
-                and rings[place, at, corners - 1, 0] == rings[place, at, corners - 2, 0]
-                and rings[place, at, corners - 1, 1] == rings[place, at, corners - 2, 1]
-            ):
-                corners -= 1  # without those that pad the outline
-            ring = rings[place, at, :corners]
+            ring = _unpadded(rings[place, at])
             if square <= radius * radius and _contains(ring, poses[step]):
                 return index
             for beam in range(ranges.shape[1]):
@@ -140,6 +128,28 @@ def _cast(
                     if distance <= range_max_m and distance < ranges[step, beam]:
                         ranges[step, beam], nearest[step, beam] = distance, index
     return -1
+
+
+@compiled
+def _may_be_hit(across: float, up: float, radius: float, view: np.ndarray, range_max_m: float) -> bool:
+    """Check whether a circle at a place from the robot [m] may be within range and view, see `_cast`."""
+    square = across * across + up * up
+    if math.sqrt(square) - radius > range_max_m:
+        return False
+    if square <= radius * radius:
+        return True
+    aside = math.atan2(up, across) - view[0]
+    aside = abs(aside - 2 * math.pi * round(aside / (2 * math.pi)))
+    return aside <= view[1] + math.asin(radius / math.sqrt(square)) + _MARGIN  # for rounding
+
+
+@compiled
+def _unpadded(ring: np.ndarray) -> np.ndarray:
+    """Return a ring (V, 2) without the corners that pad it, which repeat the last one."""
+    corners = len(ring)
+    while corners > 2 and ring[corners - 1, 0] == ring[corners - 2, 0] and ring[corners - 1, 1] == ring[corners - 2, 1]:
+        corners -= 1
+    return ring[:corners]
 
 
 @compiled
