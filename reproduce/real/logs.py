@@ -49,6 +49,11 @@ class Case:
     moving: np.ndarray | None = None
     block: int = 0
 
+    @property
+    def pixels(self) -> np.ndarray:
+        """Return the flat indices of the pixels that held-out beams show, (P,)."""
+        return np.flatnonzero(self.clear.hits | self.clear.passed)
+
     def groups(self, seen: np.ndarray) -> dict[str, Observed]:
         """Return the pixels that are compared, by kind, given those that a beam of the window has hit or passed over.
 
