@@ -254,6 +254,6 @@ def test_the_page_of_worlds_that_are_not_the_papers_has_no_claims():
     results = read_published(ROOT / "reproduce" / "results" / "laptop")
     frames |= {"audit": audits(results)}
     for claims, number in ((frames["claims"], 1), (frames["claims"].iloc[:0], 0)):
-        page = render(Report(Path("laptop"), results, {**frames, "claims": claims}, {}, "", {}))
+        page = render(Report(Path("laptop"), results, {**frames, "claims": claims}, {}, {}))
         assert page.count('<section id="claims">') == page.count('<ul class="cards">') == number
         assert page.count('href="#claims"') == number

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
@@ -16,12 +15,8 @@ from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
 from repro.reporting.page import Report, render
 from repro.reporting.papers_claims import verdicts
-from repro.reporting.replay import REPLAY
-from repro.reporting.results import keys_of, read_results, read_rows
-from repro.reporting.samples import samples_json
+from repro.reporting.results import keys_of, read_results
 from repro.reporting.tables import audits, write_tables
-from repro.runs.directories import Run
-from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text
@@ -51,8 +46,6 @@ def analyze(outputs: Outputs) -> None:
     results = read_results(outputs, errors)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs, errors)
-    if outputs.generalization.is_file():
-        frames["generalization"] = read_rows(outputs.generalization)
     frames["audit"] = audits(results)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
@@ -72,8 +65,7 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
     for name in set(ANALYZED) - set(frames):
         (directory / f"{name}.csv").unlink(missing_ok=True)
     for name, frame in frames.items():
-        if name != "generalization":  # task=generalization may be writing it
-            write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+        write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(directory, frames)
 
 
@@ -84,30 +76,14 @@ def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
     return True
 
 
-def _has_predictions(run: Run) -> bool:
-    with suppress(InputError):  # of a damaged run, which the analysis has named
-        return run.check_file("predictions.npz").is_file()
-    return False
-
-
 def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
-    runs = {key: outputs.run(key) for key in keys_of(results)}
-    shown: dict[str, list[Run]] = {}
-    for key in lowest_seeds(key for key, run in runs.items() if _has_predictions(run)):
-        if key.model not in ("all_free", *OTHER_BOUNDS):
-            shown.setdefault(key.experiment, []).append(runs[key])
     write_tables(outputs.tables, results)
-    replay = outputs.analysis / REPLAY
     report = Report(
         outputs=outputs.path,
         results=results,
         frames=frames,
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
-        samples=samples_json(outputs, shown),
-        origins={str(key.path): run.provenance() for key, run in runs.items()},
-        replay=replay.read_text(encoding="utf-8", errors="replace")
-        if (replay := outputs.analysis / REPLAY).is_file()
-        else "",
+        origins={str(key.path): outputs.run(key).provenance() for key in keys_of(results)},
     )
     write_text(outputs.path / "report.html", render(report))
     print(f"Page: {outputs.path / 'report.html'}", flush=True)

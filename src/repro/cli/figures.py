@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.recordings.format import SPLITS
 from repro.recordings.reader import read_manifest
-from repro.reporting.figures import write_figures
-from repro.reporting.samples import load_example
+from repro.reporting.figures import load_example, write_figures
 from repro.runs.keys import RunKey, lowest_seeds
 from repro.runs.outputs import Outputs
 from repro.simulation.worlds import sample_world
