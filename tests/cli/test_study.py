@@ -75,6 +75,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     ):
         assert row in text, text
     assert "Of the study's 20 trainings with seed 0: 15 missing" in text
+    assert ", the rest takes about 18 s one after the other." in text
     assert "1 of another world" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
 
