@@ -127,5 +127,5 @@ def test_figures_show_the_network_with_the_lowest_seed(tmp_path, monkeypatch):
     shown = []
     monkeypatch.setattr("repro.cli.figures.load_example", lambda outputs, key: shown.append(key))
     monkeypatch.setattr("repro.cli.figures.write_figures", lambda *_: [])
-    assert draw_figures(Outputs(tmp_path)) == []
+    draw_figures(Outputs(tmp_path))
     assert shown == [RunKey("3", "unet", PROJECTION, 1)]

@@ -1,8 +1,5 @@
 """The analysis of an outputs directory: baselines, intervals, recency, calibration, verdicts on claims, the page."""
 
-import itertools
-import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -16,7 +13,7 @@ from repro.reporting.claims import count_verdicts
 from repro.reporting.page import Report, render
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import keys_of, read_results
-from repro.reporting.tables import audits, write_tables
+from repro.reporting.tables import write_tables
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text
@@ -26,37 +23,25 @@ def analyze(outputs: Outputs) -> None:
     """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
 
     Raises:
-        ValueError: no network has been evaluated, or some runs are damaged; everything else is written.
+        ValueError: no network has been evaluated, or a run is damaged.
     """
-    damaged: list[str] = []
-    errors: list[str] = []
-    results = read_results(outputs, damaged)
+    results = read_results(outputs)
     if results.empty or not (results["encoding"] != "").any():
-        reason = f" ({damaged[0]})" if damaged else ""
-        raise InputError(f"no network has been evaluated in {outputs.path}{reason}: train some first")
+        raise InputError(f"no network has been evaluated in {outputs.path}: train some first")
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
-    configs = {config.experiment: config for config in networks}
-    for experiment, name in itertools.product(sorted(configs), PREDICTORS):
-        if not _applies(name, outputs, experiment):
-            continue
-        try:
-            evaluate_baseline(outputs, configs[experiment], name)
-        except InputError as error:
-            errors.append(str(error))
-    results = read_results(outputs, errors)
+    for experiment, config in sorted({config.experiment: config for config in networks}.items()):
+        spec = read_manifest(outputs.recordings(experiment)).world_spec
+        for name in PREDICTORS:
+            if applies(name, spec):
+                evaluate_baseline(outputs, config, name)
+    results = read_results(outputs)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs, errors)
-    frames["audit"] = audits(results)
+    frames = gather(outputs)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
     if not frames["claims"].empty:  # empty without a run in the paper's worlds
         print(f"claims of the paper: {count_verdicts(frames['claims'])}")
     _write_page(outputs, frames, results)
-    left_out = dict.fromkeys(errors)
-    for message in left_out:
-        print(f"error: left out of the analysis: {message}", file=sys.stderr)
-    if left_out:
-        raise InputError(f"{len(left_out)} runs are left out of the analysis, see above")
 
 
 def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
@@ -67,13 +52,6 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
     for name, frame in frames.items():
         write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(directory, frames)
-
-
-def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
-    """Return whether a baseline applies to the worlds of an experiment; true without readable recordings."""
-    with suppress(InputError):
-        return applies(name, read_manifest(outputs.recordings(experiment)).world_spec)
-    return True
 
 
 def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:

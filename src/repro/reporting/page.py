@@ -10,14 +10,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from repro.baselines.names import rank
-from repro.config import NO_DECAY, PROJECTION
+from repro.config import PROJECTION
 from repro.networks.model import NETWORKS
 from repro.reporting.claims import on_paper
 from repro.reporting.names import machine_title, short_commit
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells, cells_of, interval, with_interval
 from repro.reporting.results import read_frames, read_origins, read_published
-from repro.reporting.tables import HEADS, audits, caption, make_tables, row_title
+from repro.reporting.tables import HEADS, caption, make_tables, row_title
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
@@ -46,7 +46,7 @@ class Report:
     Args:
         outputs: path of the outputs directory.
         results: tidy rows of its runs, see `results.read_results`.
-        frames: the frames of `evaluation.analysis.gather`, `claims`, and `audit`.
+        frames: the frames of `evaluation.analysis.gather`, and `claims`.
         figures: PNG files by name.
         origins: provenance of each run by its path.
     """
@@ -60,7 +60,7 @@ class Report:
 
 def render(report: Report) -> str:
     """Return the report as one string of HTML; worlds that are not the paper's have no claims."""
-    intervals, audit = report.frames["intervals"], report.frames["audit"].query("model == 'average'")
+    intervals = report.frames["intervals"]
     of_cells = intervals.set_index([*CELL, "metric"])
 
     def interval_of(row: dict[str, Any], metric: str) -> str:
@@ -80,7 +80,6 @@ def render(report: Report) -> str:
         seeds=int(intervals["seeds"].max()),
         heads=HEADS,
         tables=[table for table in make_tables(report.results).values() if len(table.frame)],
-        audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
         claims=report.frames["claims"].to_dict("records"),
         figures=report.figures,
         tables_of=tables_of_sections(report.frames, report.origins),
@@ -160,7 +159,7 @@ def render_published(directory: Path) -> str:
     report = Report(
         outputs=Path("outputs", directory.name),
         results=results,
-        frames={**read_frames(directory), "audit": audits(results)},
+        frames=read_frames(directory),
         figures={path.stem: path for folder in (directory, directory / "analysis") for path in folder.glob("*.png")},
         origins=read_origins(directory),
     )
