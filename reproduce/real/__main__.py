@@ -18,6 +18,7 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 
 import argparse
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ from reproduce.real.adapted import adapted
 from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
 from reproduce.real.figure import choose, draw
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
-from reproduce.real.logs import Case, cases_of
+from reproduce.real.logs import Case, cases_of, is_driving, is_standing
 from reproduce.real.measures import MEAN, Measured, count, neighbors, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -145,22 +146,33 @@ def compare_all(
         kept, weights = kept / f"adapted-{folds}", f"{weights}, adapted"
         of_log = adapted(predictor, origin, checksums, kept, folds)
         origin |= {"adapted_to": " ".join(checksums.values())}
-    networks = {}
+    levels: dict[Path, np.ndarray] = {}
+    fitted: dict[str, Fitted] = {}
+    rows: list[dict[str, Any]] = []
     for path in paths:
-        maps_of_log = kept / weights / f"{path.name}.npz"
-        networks[path.name] = predictions(path, of_log[path], {"log": checksums[path], **origin}, maps_of_log)
-    samples = {path.name: sample(path, predictor, networks[path.name]) for path in paths}
+        levels[path] = predictions(
+            path, of_log[path], {"log": checksums[path], **origin}, kept / weights / f"{path.name}.npz"
+        )
+    for kind in filter(None, (list(filter(is_of, paths)) for is_of in (is_driving, is_standing))):
+        samples = {path.name: sample(path, predictor, levels[path]) for path in kind}
+        fitted |= {path.name: fit_others(samples, path.name) for path in kind}
+        rows += [{"weights": weights, **row} for row in compare_kind(kind, predictor, levels, fitted)]
+    constants = {name: each.constants for name, each in fitted.items()}
+    return rows, constants, draw(choose(levels, predictor), of_log, fitted)
+
+
+def compare_kind(
+    paths: list[Path], predictor: Predictor, levels: dict[Path, np.ndarray], fitted: dict[str, Fitted]
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of logs of driving robots or of those of standing lidars, given the levels of the network."""
     maps: dict[str, dict[str, Measured]] = defaultdict(dict)
-    fitted = {path.name: fit_others(samples, path.name) for path in paths}
     groups = tuple[str, ...]()
     for path in paths:
-        groups, measured = compare(path, predictor, networks[path.name], fitted[path.name])
+        groups, measured = compare(path, predictor, levels[path], fitted[path.name])
         for name, each in measured.items():
             maps[name][path.name] = each
-    chosen = choose({path: networks[path.name] for path in paths}, predictor)
-    constants = {name: each.constants for name, each in fitted.items()}
-    rows = [{"weights": weights, **row} for row in rows_of(maps, groups, NETWORK)]
-    return rows, constants, draw(chosen, of_log, fitted)
+    robot = "drives" if is_driving(paths[0]) else "stands"
+    yield from ({"robot": robot, **row} for row in rows_of(maps, groups, NETWORK))
 
 
 def main() -> None:
@@ -194,7 +206,11 @@ def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argpar
     checksums = {path.name: sha256(path) for path in options.logs}
     write_json(options.target / "provenance.json", {"logs": checksums, "constants": constants, **origin})
     shown = table[table["log"] == MEAN]
-    print(shown[["weights", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]].to_string())
+    print(
+        shown[
+            ["weights", "robot", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]
+        ].to_string()
+    )
 
 
 if __name__ == "__main__":

@@ -16,7 +16,12 @@ from reproduce.real.logs import Case, cases_of
 from reproduce.real.measures import auroc, neighbors
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of all windows, that are ranked worse than the drawn one
-TITLES = ("hits of the window, dark is recent", "held-out beams", "network", "regression with continued walls")
+TITLES = (
+    "hits of the window, dark is recent",
+    "held-out hits (red), passed (blue)",
+    "network",
+    "regression with continued walls",
+)
 HIT, PASSED = "#b3261e", "#0b6e99"
 
 
