@@ -7,7 +7,7 @@ ENCODINGS := projection,stack4,stack10,series10
 NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=16000 outputs=outputs/navigation
 DRIVEN := outputs/navigation/runs/expmixed
 PEOPLE := world=rooms exp=crossing scale=workstation navigation.experiments=[crossing] \
-    navigation.inflations_m=[0.4,0.6,0.9,1.4,2.0] navigation.people
+    navigation.inflations_m=[0.4,0.6,0.9,1.4,2.0] prediction.weights=rooms navigation.people
 ARMS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))

@@ -51,9 +51,9 @@ MAIN = "from repro.cli.main import main; sys.exit(main())"
 
 
 def test_networks_are_loaded_by_name(site, tmp_path):
-    names = ["rooms", "drive", "exp1", "exp2", "exp3", "exp4"]
+    names = ["buildings", "rooms", "drive", "exp1", "exp2", "exp3", "exp4"]
     code = "[print(repro.load_predictor(name).grid.size_px) for name in sys.argv[1:]]"
-    assert call(site, tmp_path, code, *names).split() == ["128"] * 6
+    assert call(site, tmp_path, code, *names).split() == ["128"] * len(names)
 
 
 def test_a_log_is_predicted(site, tmp_path):

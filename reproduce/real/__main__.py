@@ -3,16 +3,16 @@
     python -m reproduce.real LOG [LOG ...] [--target DIRECTORY] [--folds FOLDS]
 
 A part of the beams is kept from all maps, see `repro.learning.held_out`; at the end of every window, the maps are
-compared with the pixels that these beams hit or passed over. Whatever a map fits or chooses is from the other logs
-given. The rows go to held_out.csv in the target, their origin to provenance.json. Maps of networks are kept in --kept,
-so that a comparison which was stopped goes on, and a changed map without a network takes minutes.
+compared with the pixels that these beams hit or passed over. Whatever a map without a network fits is from the other
+logs of its kind. The rows go to held_out.csv in the target, their origin to provenance.json. Maps of networks are kept
+in --kept, so that a comparison which was stopped goes on, and a changed map without a network takes minutes.
 
 With --folds, the networks are adapted to logs, as task=adapt does, and tested on logs of another fold. Only their
 calibration has seen the tested log, by the networks of other folds; `network, uncalibrated` has seen nothing of it.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
-https://www.ipb.uni-bonn.de/datasets. Those in results/people are of bags of a standing lidar among people (BSD-3):
+https://www.ipb.uni-bonn.de/datasets, and of bags of a standing lidar among people (BSD-3),
 https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted.
 """
 

@@ -114,7 +114,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=400)
     parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
-    parser.add_argument("--target", type=Path, default=RESULTS / "places" / "upper_bound")
+    parser.add_argument("--target", type=Path, default=RESULTS / "buildings" / "upper_bound")
     options = parser.parse_args()
     origin = environment()  # before the results change the working tree
     with one_thread():

@@ -4,7 +4,7 @@ from repro.networks import weights
 from repro.networks.predictor import load_predictor
 from repro.networks.weights import NAMES, locate
 
-SIDES_M = {"rooms": 25.0, "drive": 50.0, "exp1": 50.0, "exp2": 50.0, "exp3": 50.0, "exp4": 50.0}
+SIDES_M = {"buildings": 25.0, "rooms": 25.0, "drive": 50.0, "exp1": 50.0, "exp2": 50.0, "exp3": 50.0, "exp4": 50.0}
 
 
 @pytest.mark.parametrize("name", SIDES_M)

@@ -1,6 +1,6 @@
 """A trained network together with its encoding and grid, which can be applied to any scans.
 
-    predictor = load_predictor("rooms")
+    predictor = load_predictor("buildings")
     free = predictor.predict(Scans(ranges, angles, poses))
 
 The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for an own
@@ -106,7 +106,10 @@ class Predictor:
                 and the network takes the robot to be in the middle.
         """
         if self.is_centered and center != "robot":
-            raise InputError(f"the network was trained with the robot in the middle: expected robot, got {center}")
+            raise InputError(
+                f"center: the network was trained with the robot in the middle: expected robot, got {center}, for which "
+                "there are other weights, such as rooms"
+            )
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
             raise InputError(
@@ -219,7 +222,7 @@ def load_predictor(weights: str | Path) -> Predictor:
     """Load a predictor in float32 on the CPU; the content of its path decides its kind.
 
     Args:
-        weights: `rooms`, `drive` or `exp1` to `exp4` for weights of this package; a directory that `Predictor.save`
+        weights: `buildings`, `rooms`, `drive` or `exp1` to `exp4` for weights of this package; a directory that `Predictor.save`
             wrote, a run that has one, or an ONNX file; or owner/name of a repository of the Hugging Face Hub.
 
     Raises:

@@ -32,7 +32,7 @@ class Parameter:
 
 
 PARAMETERS = {
-    "weights": Parameter("rooms", "name or directory of the weights"),
+    "weights": Parameter("buildings", "name or directory of the weights"),
     "scan_topic": Parameter("scan", "topic of the LaserScan messages"),
     "odometry": Parameter(False, "take the poses from the topic odom, not from /tf"),
     "frame": Parameter("", "frame of the poses and of the map, such as odom; empty for the topmost one"),
