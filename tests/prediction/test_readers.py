@@ -245,8 +245,7 @@ NO_LOGS = {
     "zip": (content(b"PK\x03\x04" + bytes(99)), "cannot be read"),
     "gzip": (content(PACKED[:-20]), "is damaged"),
     "gzip with other bytes": (content(PACKED[:12] + b"\xff" * 40 + PACKED[52:]), "is damaged"),
-    "gzip of a bag": (content(gzip.compress(b"#ROSBAG V2.0")), "is packed with gzip: unpack it"),
-    "zstd": (content(b"\x28\xb5\x2f\xfd" + bytes(99)), "packed with zstd: unpack it"),
+    "gzip of a bag": (content(gzip.compress(b"#ROSBAG V2.0")), "of no known kind: .*, unpacked"),
     "bag of another name": (content(b"#ROSBAG V2.0\n"), "is a bag: expected a name that ends with .bag, .db3, .mcap"),
     "bag header only": (content(b"#ROSBAG V2.0\n", ".bag"), "the bag cannot be read"),
     "mcap header only": (content(b"\x89MCAP0\r\n", ".mcap"), "the bag cannot be read"),
@@ -269,9 +268,9 @@ NO_LOGS = {
         "expected a positive maximum range above the minimum, 0 m, got 0",
     ),
     "millimeters": (lambda path: carmen(path, IN_MM), "expected meters"),
-    "a million beams": (
-        lambda path: carmen(path, [flaser(n, np.full(1_000_000, 2.0)) for n in range(2)]),
-        "0 scans can be used .2 of 1000000 readings, which do not tell their angles",
+    "many beams": (
+        lambda path: carmen(path, [flaser(n, np.full(10_000, 2.0)) for n in range(2)]),
+        "0 scans can be used .2 of 10000 readings, which do not tell their angles",
     ),
     "a short line": (lambda path: carmen(path, [flaser(0)[:300]]), "line 3 is no FLASER line"),
     "a long line": (lambda path: carmen(path, ["FLASER " + "1" * 10**7]), "has a line of more than 10000000 char"),
