@@ -48,7 +48,7 @@ reproduce: setup ## the whole study: [SCALE=first|laptop|workstation|workstation
 
 analysis: setup ## beyond the paper: other inputs with three seeds, other worlds: [SCALE=laptop]
 	$(PY) run.py -m exp=3,4 encoding=$(ENCODINGS) seed=0,1,2 scale=$(or $(SCALE),laptop) $(ARGS)
-	$(PY) run.py task=generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
+	$(PY) -m reproduce.generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 
 navigation: setup ## do maps help a robot? hours: train two networks, tune and drive with every kind of map

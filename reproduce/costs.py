@@ -10,6 +10,7 @@ Values that cannot be measured stay empty.
 
 import argparse
 import tempfile
+import time
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -23,7 +24,8 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from repro.baselines.names import LIMITS
 from repro.config import RECURRENT
-from repro.learning.cost import seconds_per_image
+from repro.learning.kernels import accelerate, create_optimizer
+from repro.learning.losses import MapLoss
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
@@ -76,11 +78,23 @@ def latency_ms(predictor: Predictor, device: str, repeat: int = 20) -> float:
     return 1000 * float(np.median(times[3:]))
 
 
-def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame) -> float:
-    """Measure a few training steps on one CPU thread and return the time of a training of all published steps [min]."""
+def training_minutes(model: Model, encoding: Encoding, runs: pd.DataFrame, steps: int = 6) -> float:
+    """Measure some training steps on one CPU thread and return the time of a training of all published steps [min]."""
+    size_px, is_mixed = int(runs["size_px"].iloc[0]), resolve_precision("auto", "cpu") == "bf16-mixed"
+    network = create_network(model, encoding.channels, encoding.frames)
+    accelerate(network, "cpu")
+    optimizer, loss = create_optimizer(network, learning_rate=1e-3), MapLoss()
+    image = torch.rand(BATCH, encoding.channels, size_px, size_px).to(memory_format=torch.channels_last)
     with one_thread():
-        size_px, precision = int(runs["size_px"].iloc[0]), resolve_precision("auto", "cpu")
-        seconds = seconds_per_image(model, encoding, size_px, BATCH, precision, 6)
+        for step in range(steps + 1):
+            if step == 1:  # the first step is a warm-up
+                began = time.process_time()  # other processes share the CPU
+            with torch.autocast("cpu", torch.bfloat16, enabled=is_mixed):
+                value = loss(network(image), image[:, :1])
+            optimizer.zero_grad()
+            value.backward()
+            optimizer.step()
+    seconds = (time.process_time() - began) / steps / BATCH
     return seconds * runs["train_pairs"].max() * runs["epochs"].max() / 60
 
 

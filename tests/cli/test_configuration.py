@@ -149,16 +149,13 @@ def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     assert not list(job.outputs.runs())
 
 
-@pytest.mark.parametrize("task", ["world animate=true", "generalization"])
-def test_a_network_is_not_shown_worlds_of_another_call(task, tmp_path):
+def test_a_network_is_not_shown_worlds_of_another_call(tmp_path):
     """A map of 50 m would be predicted from scans of one of 100 m."""
     trained = read_call("exp=3", "scale=first", f"outputs={tmp_path}")
     run = resolve(trained).run
     run.prepare(resolve(trained).config)
     run.begin_step("trained", Status.trained)
-    directory = resolve(trained).recordings
-    directory.mkdir(parents=True)
-    (directory / "manifest.json").write_text("{}")
-    call = read_call(*f"task={task}".split(), "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
+    overrides = ("task=world", "animate=true", "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
+    call = read_call(*overrides)
     with pytest.raises(InputError, match="worlds"):
         call.facts.run(resolve(call))

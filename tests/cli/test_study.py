@@ -4,7 +4,6 @@ import pytest
 from conftest import ROOT, fake_run, run_config
 
 import repro.world_config
-from repro.cli.output import print_tables
 from repro.cli.study import Study, describe_outputs
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.networks.model import NETWORKS
@@ -75,6 +74,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     ):
         assert row in text, text
     assert "Of the study's 20 trainings with seed 0: 15 missing" in text
+    assert ", the rest takes about 18 s one after the other." in text
     assert "1 of another world" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
 
@@ -99,11 +99,3 @@ def test_a_run_that_waits_for_its_recordings_is_missing(tmp_path):
     run.path.mkdir(parents=True)
     (run.path / "run.log").touch()
     assert "24 missing" in describe_outputs(Study(Outputs(tmp_path), EXPERIMENTS, 0, {}), PAIRS)
-
-
-def test_runs_that_cannot_share_a_table_are_an_error_of_the_call(tmp_path, capsys):
-    fake_run(tmp_path, "3", "unet", 0.5)
-    fake_run(tmp_path, "3", "fpn", 0.5, size_px=64)
-    (error,) = print_tables(Outputs(tmp_path), ("main",))
-    assert "differ in size_px (32, 64)" in error
-    assert error in capsys.readouterr().err

@@ -9,7 +9,7 @@ from conftest import damage, world_spec
 
 from repro.recordings import format
 from repro.recordings.format import SPLITS, spec_fingerprint
-from repro.recordings.reader import read_manifest, read_scans, read_shards, recordings_hash
+from repro.recordings.reader import read_manifest, read_shards, recordings_hash
 from repro.simulation import recorder
 from repro.simulation.recorder import record_experiment, record_part, write_shard
 from repro.simulation.simulator import simulate
@@ -46,18 +46,6 @@ def test_recordings_are_those_of_the_simulation(recorded):
             assert np.array_equal(shard.scans.poses[stored], recording.scans.poses)
             assert np.array_equal(shard.seen[stored, : len(recording.seen)], recording.seen)
             assert np.array_equal(shard.states[mine], recording.states.astype(np.float32))
-
-
-def test_scans_of_any_recording_are_found(tmp_path, monkeypatch):
-    monkeypatch.setattr(format, "SHARD_WORLDS", 2)  # the second shard begins at recording 4
-    record_experiment(tmp_path, world_spec("3"), PAIRS, workers=1)
-    world = sample_world(world_spec("3"), SPLITS["train"] + 3)
-    for index, item in ((6, world), (7, reverse_direction(world))):
-        scans = read_scans(tmp_path, "train", index)
-        assert np.array_equal(scans.ranges, simulate(item).scans.ranges.astype(np.float32))
-        assert np.array_equal(scans.poses, simulate(item).scans.poses)
-    with pytest.raises(ValueError, match="8 recordings in train, none of index 8"):
-        read_scans(tmp_path, "train", 8)
 
 
 @pytest.mark.slow

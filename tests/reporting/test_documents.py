@@ -2,7 +2,6 @@ import pandas as pd
 import pytest
 
 from repro.reporting.documents import claims, methods, with_results
-from repro.reporting.page import across
 
 
 def markdown_of(make, intervals, **frames):
@@ -59,13 +58,3 @@ def test_a_published_table_without_a_column_is_named(tmp_path):
     (path / "claims.csv").write_text("id,quote\na,b\n")
     with pytest.raises(ValueError, match=r"laptop: claims needs the table or column 'value': restore the CSV files"):
         with_results("<!-- results: laptop claims -->\n<!-- end -->\n", tmp_path)
-
-
-def test_a_network_may_be_tested_on_more_experiments_than_another():
-    rows = [("1", "1"), ("1", "3"), ("3", "3")]
-    frame = pd.DataFrame(rows, columns=["trained", "tested"]).assign(shift="experiment", model="unet", seed=0)
-    frame = frame.assign(encoding="projection", value=0.5)
-    frame = pd.concat([frame.assign(metric=metric) for metric in ("accuracy", "obstacle_iou")])
-    (table,) = across(frame)
-    assert table.heads == ["Trained on", "tested on 1", "tested on 3"]
-    assert table.rows == [["1", "0.500 / 0.500", "0.500 / 0.500"], ["3", "", "0.500 / 0.500"]]

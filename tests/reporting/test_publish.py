@@ -182,23 +182,6 @@ def test_what_the_published_table_lacks_is_added_once(published, later):
     assert pd.read_csv(analysis / "differences.csv")["value"].tolist() == [0.1, 0.2]
 
 
-def test_the_robustness_of_a_published_network_is_added_without_runs(published, tmp_path):
-    outputs = Outputs(tmp_path / "robustness" / "laptop")
-    outputs.analysis.mkdir(parents=True)
-    columns = ["metric", "value", "low", "high", "shift", "trained", "tested", "seed", "model", "encoding"]
-    noise = ["obstacle_iou", 0.4, 0.3, 0.5, "range noise [m]", "3", "0.1", 0]
-    old, new = [*noise, "unet", "projection"], [*noise, "convgru", "series10"]
-    directory = published / "laptop" / "analysis"
-    pd.DataFrame([old], columns=columns).to_csv(directory / "generalization.csv", index=False)
-    (directory / "generalization.png").write_bytes(b"old")
-    pd.DataFrame([old, new], columns=columns).to_csv(outputs.analysis / "generalization.csv", index=False)
-    runs = read_published(published / "laptop").sort_values(KEY, ignore_index=True)
-    directory = publish(outputs, published) / "analysis"
-    pd.testing.assert_frame_equal(read_published(published / "laptop").sort_values(KEY, ignore_index=True), runs)
-    assert pd.read_csv(directory / "generalization.csv")["model"].tolist() == ["unet", "convgru"]
-    assert (directory / "generalization.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_a_second_publication_changes_nothing_and_a_new_result_of_a_run_replaces_the_old_one(published, later):
     once = read_published(publish(later, published))
     twice = read_published(publish(later, published))

@@ -1,13 +1,9 @@
 """The analysis of an outputs directory: baselines, intervals, recency, calibration, verdicts on claims, the page."""
 
-import itertools
-import sys
-from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import OTHER_BOUNDS
 from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
@@ -16,12 +12,8 @@ from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
 from repro.reporting.page import Report, render
 from repro.reporting.papers_claims import verdicts
-from repro.reporting.replay import REPLAY
-from repro.reporting.results import keys_of, read_results, read_rows
-from repro.reporting.samples import samples_json
-from repro.reporting.tables import audits, write_tables
-from repro.runs.directories import Run
-from repro.runs.keys import lowest_seeds
+from repro.reporting.results import keys_of, read_results
+from repro.reporting.tables import write_tables
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text
@@ -31,39 +23,25 @@ def analyze(outputs: Outputs) -> None:
     """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
 
     Raises:
-        ValueError: no network has been evaluated, or some runs are damaged; everything else is written.
+        ValueError: no network has been evaluated, or a run is damaged.
     """
-    damaged: list[str] = []
-    errors: list[str] = []
-    results = read_results(outputs, damaged)
+    results = read_results(outputs)
     if results.empty or not (results["encoding"] != "").any():
-        reason = f" ({damaged[0]})" if damaged else ""
-        raise InputError(f"no network has been evaluated in {outputs.path}{reason}: train some first")
+        raise InputError(f"no network has been evaluated in {outputs.path}: train some first")
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
-    configs = {config.experiment: config for config in networks}
-    for experiment, name in itertools.product(sorted(configs), PREDICTORS):
-        if not _applies(name, outputs, experiment):
-            continue
-        try:
-            evaluate_baseline(outputs, configs[experiment], name)
-        except InputError as error:
-            errors.append(str(error))
-    results = read_results(outputs, errors)
+    for experiment, config in sorted({config.experiment: config for config in networks}.items()):
+        spec = read_manifest(outputs.recordings(experiment)).world_spec
+        for name in PREDICTORS:
+            if applies(name, spec):
+                evaluate_baseline(outputs, config, name)
+    results = read_results(outputs)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs, errors)
-    if outputs.generalization.is_file():
-        frames["generalization"] = read_rows(outputs.generalization)
-    frames["audit"] = audits(results)
+    frames = gather(outputs)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
     if not frames["claims"].empty:  # empty without a run in the paper's worlds
         print(f"claims of the paper: {count_verdicts(frames['claims'])}")
     _write_page(outputs, frames, results)
-    left_out = dict.fromkeys(errors)
-    for message in left_out:
-        print(f"error: left out of the analysis: {message}", file=sys.stderr)
-    if left_out:
-        raise InputError(f"{len(left_out)} runs are left out of the analysis, see above")
 
 
 def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
@@ -72,42 +50,18 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
     for name in set(ANALYZED) - set(frames):
         (directory / f"{name}.csv").unlink(missing_ok=True)
     for name, frame in frames.items():
-        if name != "generalization":  # task=generalization may be writing it
-            write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
+        write_text(directory / f"{name}.csv", frame.to_csv(index=False, float_format="%.6g"))
     write_analysis_figures(directory, frames)
 
 
-def _applies(name: str, outputs: Outputs, experiment: str) -> bool:
-    """Return whether a baseline applies to the worlds of an experiment; true without readable recordings."""
-    with suppress(InputError):
-        return applies(name, read_manifest(outputs.recordings(experiment)).world_spec)
-    return True
-
-
-def _has_predictions(run: Run) -> bool:
-    with suppress(InputError):  # of a damaged run, which the analysis has named
-        return run.check_file("predictions.npz").is_file()
-    return False
-
-
 def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
-    runs = {key: outputs.run(key) for key in keys_of(results)}
-    shown: dict[str, list[Run]] = {}
-    for key in lowest_seeds(key for key, run in runs.items() if _has_predictions(run)):
-        if key.model not in ("all_free", *OTHER_BOUNDS):
-            shown.setdefault(key.experiment, []).append(runs[key])
     write_tables(outputs.tables, results)
-    replay = outputs.analysis / REPLAY
     report = Report(
         outputs=outputs.path,
         results=results,
         frames=frames,
         figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
-        samples=samples_json(outputs, shown),
-        origins={str(key.path): run.provenance() for key, run in runs.items()},
-        replay=replay.read_text(encoding="utf-8", errors="replace")
-        if (replay := outputs.analysis / REPLAY).is_file()
-        else "",
+        origins={str(key.path): outputs.run(key).provenance() for key in keys_of(results)},
     )
     write_text(outputs.path / "report.html", render(report))
     print(f"Page: {outputs.path / 'report.html'}", flush=True)

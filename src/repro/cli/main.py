@@ -22,6 +22,7 @@ from repro.cli.notes import print_notes
 from repro.cli.tasks import keys_without_effect
 from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
+from repro.system.errors import InputError
 from repro.system.places import conf_directory
 from repro.world_config import plain
 
@@ -121,17 +122,20 @@ def _run_sweep(calls: list[Call], jobs: list[Composed]) -> int:
     if not has_gpu():
         use_one_thread()
     results = launch(jobs, run_composed)
-    left_out: list[str] = []
+    failed = [f"  {_name(job, jobs)}: {line}" for job, line in zip(jobs, results, strict=True) if line]
     if calls[0].task in ("all", "evaluate"):
         from repro.cli.output import print_tables  # imports pandas
 
         tables = tuple({call.decay: "main" if call.decay else "ablation" for call in calls}.values())
         outputs = sorted({Path(call.outputs) for call in calls})
-        left_out = [error for path in outputs for error in print_tables(Outputs(path), tables)]
-    failed = [f"  {_name(job, jobs)}: {line}" for job, line in zip(jobs, results, strict=True) if line]
+        for path in outputs:
+            try:
+                print_tables(Outputs(path), tables)
+            except InputError as error:
+                failed.append(f"  tables: {error}")
     if failed:
         print("failed:", *failed, sep="\n", file=sys.stderr)
-    return int(bool(failed or left_out))
+    return int(bool(failed))
 
 
 def _name(job: Composed, jobs: list[Composed]) -> str:

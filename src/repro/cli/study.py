@@ -53,12 +53,19 @@ class Study:
         runs = self.runs()
         if key not in runs:
             return None
-        trained = [run for run in runs.values() if self.is_trained(run)]
-        seconds = sum(run.provenance().fact("training_seconds") or 0.0 for run in trained)
+        count, left = self.time_left()
         title = f"training exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
-        left = duration(seconds / len(trained) * (len(runs) - len(trained))) if trained else ""
-        estimate = f", the rest takes about {left} one after the other" if left else ""
-        return f"{title} ({len(trained)} of the {len(runs)} trainings of the study are finished{estimate})"
+        return f"{title} ({count} of the {len(runs)} trainings of the study are finished{left})"
+
+    def time_left(self) -> tuple[int, str]:
+        """Return the number of finished trainings, and how long the others take, in words; empty before the first."""
+        runs = self.runs().values()
+        trained = [run for run in runs if self.is_trained(run)]
+        if len(trained) in (0, len(runs)):
+            return len(trained), ""
+        seconds = sum(run.provenance().fact("training_seconds") or 0.0 for run in trained)
+        left = duration(seconds / len(trained) * (len(runs) - len(trained)))
+        return len(trained), f", the rest takes about {left} one after the other"
 
     def is_trained(self, run: Run) -> bool:
         """Whether a training of the study is finished; false if its run cannot be read."""
@@ -102,7 +109,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         f"{outputs.path}\n",
         Cells(("exp.", "recordings"), recorded).to_markdown(),
         Cells(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), rows).to_markdown(),
-        f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}.",
+        f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}{study.time_left()[1]}.",
     ]
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
     return "\n".join(lines)

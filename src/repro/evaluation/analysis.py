@@ -38,21 +38,20 @@ PAPERS_METHOD = ("unet", PROJECTION)  # the paper's best model and its input
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
 
-def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.DataFrame]:
+def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
     """Gather the analysis of all evaluated runs below an outputs directory.
 
     Args:
         outputs: an outputs directory with its runs and recordings.
-        errors: receives the message of every damaged run, whose cell is left out; None raises at the first damaged run.
 
     Returns:
         the tables of `ANALYZED`, each a tidy frame; empty if no run is evaluated.
 
     Raises:
-        ValueError: a recording is damaged, or a run is and `errors` is None, or no network can be analyzed.
+        ValueError: a recording or a run is damaged.
     """
     tables: dict[str, list[pd.DataFrame]] = defaultdict(list)
-    cells = _cells(outputs, errors)
+    cells = _cells(outputs)
     for experiment in sorted({experiment for experiment, *_ in cells}):
         own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
         grid = grid_of(next(iter(own_cells.values()))[0].config())
@@ -61,13 +60,7 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
         counted: dict[Cell, Measured] = {}
         draws: dict[Cell, dict[str, np.ndarray]] = {}
         for cell, runs in progress(own_cells.items(), f"analysis, exp {experiment}"):
-            try:
-                counted[cell], draws[cell], frames = _measure_cell(runs, test, weights)
-            except InputError as error:
-                if errors is None:
-                    raise
-                errors.append(str(error))
-                continue
+            counted[cell], draws[cell], frames = _measure_cell(runs, test, weights)
             for name, frame in frames.items():
                 tables[name].append(_identified(frame, _columns(cell)))
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
@@ -76,8 +69,6 @@ def gather(outputs: Outputs, errors: list[str] | None = None) -> dict[str, pd.Da
             rows = pd.DataFrame(intervals(table)).assign(seeds=common)
             tables["intervals"].append(_identified(rows, _columns(cell)))
         tables["differences"] += [_identified(pd.DataFrame(found), columns) for found, columns in compared(draws)]
-    if errors and "calibration" not in tables:
-        raise InputError(f"no run can be analyzed: {errors[0]}")
     return {name: pd.concat(frames, ignore_index=True) for name, frames in tables.items() if frames}
 
 
@@ -90,18 +81,12 @@ def _columns(cell: Cell) -> dict[str, Any]:
     return dict(zip(CELL, cell, strict=True))
 
 
-def _cells(outputs: Outputs, errors: list[str] | None) -> dict[Cell, list[Run]]:
-    """Return the evaluated runs of each cell, in the order of the tables; copies of other runs are left out."""
+def _cells(outputs: Outputs) -> dict[Cell, list[Run]]:
+    """Return the evaluated runs of each cell, in the order of the tables."""
     cells: dict[Cell, list[Run]] = defaultdict(list)
     for run in outputs.runs():
-        try:
-            key = run.config().key if run.is_evaluated else None
-        except InputError as error:
-            if errors is None:
-                raise
-            errors.append(str(error))
-            continue
-        if key and outputs.run(key) == run:
+        if run.is_evaluated:
+            key = run.config().key
             cells[key.experiment, key.model, key.encoding].append(run)
     return dict(sorted(cells.items(), key=lambda item: (item[0][0], item[0][2].endswith(NO_DECAY), rank(item[0][1]))))
 

@@ -20,7 +20,6 @@ from repro.recordings.format import (
     holds,
     read_shard,
 )
-from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.files import read_typed, sha256
 from repro.world_config import WorldSpec
@@ -97,26 +96,6 @@ def read_shards(directory: Path, split: str, count: int | None = None) -> Iterat
                 state = "is not what was recorded" if path.is_file() else "is missing"
                 raise BrokenShard(f"shard {path} {state}: run the same command with task=record to record it again")
             yield read_shard(path, manifest.fingerprint)
-
-
-def read_recording(directory: Path, split: str, index: int) -> tuple[ShardContent, int]:
-    """Read the shard with one recording of a split; return it and the index of the recording in it.
-
-    Raises:
-        ValueError: the split has no such recording, or a shard fails verification, see `read_shards`.
-    """
-    first = 0
-    for shard in read_shards(directory, split):
-        if first <= index < first + len(shard.scans):
-            return shard, index - first
-        first += len(shard.scans)
-    raise InputError(f"{directory} has {first} recordings in {split}, none of index {index}")
-
-
-def read_scans(directory: Path, split: str, index: int) -> Scans:
-    """Read the scans of one recording of a split, ranges (T, N), see `read_recording`."""
-    shard, at = read_recording(directory, split, index)
-    return shard.scans[at]
 
 
 def check_worlds(directory: Path, fingerprint: str) -> None:

@@ -1,8 +1,6 @@
 """Figures of the analysis: frames in, `Figure` out. All are readable in gray; CSV files beside them hold their data."""
 
-import math
 from collections.abc import Callable, Collection
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from repro.baselines.names import OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY, RECURRENT
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
-from repro.reporting.names import predictor_title, tested_titles
+from repro.reporting.names import predictor_title
 from repro.reporting.plots import (
     ACCENT,
     INK,
@@ -127,38 +125,6 @@ def encodings(frames: DataFrames) -> Figure | None:
     return _dots(rows)
 
 
-def generalization(frames: DataFrames) -> Figure | None:
-    """Plot the obstacle IoU of networks under changed sensors, poses and speeds; None without data."""
-    if "generalization" not in frames:
-        return None
-    rows = frames["generalization"]
-    rows = rows[(rows["shift"] != "experiment") & (rows["metric"] == "obstacle_iou")]
-    if rows.empty:
-        return None
-    rows = rows.assign(title=tested_titles(rows))
-    shifts, names = (list(dict.fromkeys(rows[column])) for column in ("shift", "title"))
-    down = 1 if len(shifts) <= 4 else 2
-    across = math.ceil(len(shifts) / down)
-    size = (0.6 + 2.2 * across, 0.4 + 2.2 * down)
-    figure, axes = plt.subplots(down, across, figsize=size, layout="constrained", sharey=True, squeeze=False)
-    for ax, shift in zip(axes.flat, shifts, strict=False):
-        chosen = rows[rows["shift"] == shift]
-        for name, look in zip(names, cycle(LOOKS), strict=False):
-            line = chosen[chosen["title"] == name]
-            spread = [line["value"] - line["low"], line["high"] - line["value"]]
-            amount = line["tested"].astype(float)
-            ax.errorbar(amount, line["value"], yerr=spread, markersize=3, capsize=2, label=name, **look)
-        ax.set(xlabel=shift)
-    for ax in axes[:, 0]:
-        ax.set_ylabel("obstacle IoU")
-    axes[0, 0].set_ylim(bottom=0)
-    for ax in list(axes.flat)[len(shifts) :]:
-        ax.set_axis_off()
-    if len(names) > 1:
-        one_legend(figure, axes[0])
-    return figure
-
-
 def titled(table: pd.DataFrame) -> pd.DataFrame:
     """Select the obstacle IoU of all cells with decay; add the title and the rank of each predictor."""
     rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
@@ -198,5 +164,4 @@ FIGURES: dict[str, Callable[[DataFrames], Figure | None]] = {
     "reliability": reliability,
     "baselines": baselines,
     "encodings": encodings,
-    "generalization": generalization,
 }

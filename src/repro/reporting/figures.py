@@ -1,6 +1,7 @@
 """The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,66 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repro.config import PROJECTION
+from repro.evaluation.evaluate import read_predictions
+from repro.recordings.datasets import encoding_of, grid_of
+from repro.recordings.reader import read_shards
+from repro.recordings.recorded import true_maps
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import ACCENT, STYLE, save, save_or_delete
-from repro.reporting.samples import Example
+from repro.runs.keys import RunKey
+from repro.runs.outputs import Outputs
+from repro.scans import Scans
 from repro.simulation.motions import recorded_steps
 from repro.simulation.simulator import make
 from repro.simulation.worlds import World, reverse_direction, write_world
+
+
+@dataclass(frozen=True)
+class Example:
+    """A test recording and its prediction.
+
+    Args:
+        experiment: the experiment.
+        encoding: label of the encoding, the paper's projection or its ablation.
+        projection: gray image, 0 black to 255 white, (H, W).
+        prediction: probability of free, (H, W).
+        truth: true map, 1 is free, (H, W).
+        scans: the scans of the recording, ranges (T, N).
+        oldest_gray: gray value of the oldest hit, 1 is white.
+    """
+
+    experiment: str
+    encoding: str
+    projection: np.ndarray
+    prediction: np.ndarray
+    truth: np.ndarray
+    scans: Scans
+    oldest_gray: float
+
+
+def load_example(outputs: Outputs, key: RunKey) -> Example:
+    """Read the first test recording with its input image, the prediction of a run and the true map.
+
+    Args:
+        outputs: an outputs directory with this network evaluated.
+        key: key of the run.
+
+    Raises:
+        ValueError: the run or its recordings do not exist or cannot be read.
+    """
+    run = outputs.run(key)
+    config, shard = run.config(), next(read_shards(outputs.recordings(key.experiment), "test"))
+    assert config.encoding, "a network has an encoding"
+    grid = grid_of(config)
+    return Example(
+        key.experiment,
+        key.encoding,
+        encoding_of(config).encode(shard.scans[:1].tensors(), grid)[0, 0].numpy(),
+        read_predictions(run)[0],
+        true_maps(shard, grid)[0].numpy(),
+        shard.scans[0],
+        config.encoding.parameters["oldest_gray"],
+    )
 
 
 def write_figures(directory: Path, worlds: dict[str, World], examples: list[Example]) -> list[Path]:

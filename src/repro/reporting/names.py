@@ -1,7 +1,5 @@
 """Names of experiments, models, predictors, machines and commits, and durations, in tables, figures and messages."""
 
-import pandas as pd
-
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.config import NO_DECAY, PROJECTION
 
@@ -28,13 +26,6 @@ def experiment_title(experiment: str, form: str) -> str:
 def model_title(model: str) -> str:
     """Return the title of a model in `TITLES`, or its name."""
     return TITLES.get(model, model)
-
-
-def tested_titles(rows: pd.DataFrame) -> list[str]:
-    """Return the title of the network of each row with model, encoding and seed, with the seed if there are several."""
-    several = rows["seed"].nunique() > 1
-    names = zip(rows["model"], rows["encoding"], rows["seed"], strict=True)
-    return [predictor_title(*name) + (f", seed {seed}" if several else "") for *name, seed in names]
 
 
 def predictor_title(model: str, encoding: str) -> str:

@@ -1,7 +1,6 @@
-"""The HTML report: one self-contained file with tables, claims, figures, samples and provenance."""
+"""The HTML report: one self-contained file with tables, claims, figures and provenance."""
 
 import base64
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,18 +10,17 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from repro.baselines.names import rank
-from repro.config import NO_DECAY, PROJECTION
+from repro.config import PROJECTION
 from repro.networks.model import NETWORKS
 from repro.reporting.claims import on_paper
-from repro.reporting.names import machine_title, short_commit, tested_titles
+from repro.reporting.names import machine_title, short_commit
 from repro.reporting.plots import DataFrames
-from repro.reporting.render import Cells, cells_of, interval, number, with_interval
+from repro.reporting.render import Cells, cells_of, interval, with_interval
 from repro.reporting.results import read_frames, read_origins, read_published
-from repro.reporting.tables import HEADS, audits, caption, make_tables, row_title
+from repro.reporting.tables import HEADS, caption, make_tables, row_title
 from repro.runs.keys import CELL
 from repro.runs.provenance import Provenance
 
-SAMPLES = re.compile(r'<script id="data" type="application/json">(.*?)</script>', re.DOTALL)
 PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 CALIBRATION = {
     "brier": ("Brier", 4),
@@ -48,25 +46,21 @@ class Report:
     Args:
         outputs: path of the outputs directory.
         results: tidy rows of its runs, see `results.read_results`.
-        frames: the frames of `evaluation.analysis.gather`, `claims`, and `audit`.
+        frames: the frames of `evaluation.analysis.gather`, and `claims`.
         figures: PNG files by name.
-        samples: see `samples.samples_json`; empty without samples.
         origins: provenance of each run by its path.
-        replay: page that replays a course of task=navigate; empty without one.
     """
 
     outputs: Path
     results: pd.DataFrame
     frames: DataFrames
     figures: dict[str, Path]
-    samples: str
     origins: dict[str, Provenance]
-    replay: str = ""
 
 
 def render(report: Report) -> str:
     """Return the report as one string of HTML; worlds that are not the paper's have no claims."""
-    intervals, audit = report.frames["intervals"], report.frames["audit"].query("model == 'average'")
+    intervals = report.frames["intervals"]
     of_cells = intervals.set_index([*CELL, "metric"])
 
     def interval_of(row: dict[str, Any], metric: str) -> str:
@@ -86,11 +80,8 @@ def render(report: Report) -> str:
         seeds=int(intervals["seeds"].max()),
         heads=HEADS,
         tables=[table for table in make_tables(report.results).values() if len(table.frame)],
-        audit=audit.assign(decay=~audit["encoding"].str.endswith(NO_DECAY)).to_dict("records"),
         claims=report.frames["claims"].to_dict("records"),
-        browser=report.samples,
         figures=report.figures,
-        replay=report.replay,
         tables_of=tables_of_sections(report.frames, report.origins),
     )
 
@@ -131,23 +122,8 @@ def tables_of_sections(frames: DataFrames, origins: dict[str, Provenance]) -> di
             ),
             cells_of(_sorted(frames["cost"]), CELL, COST, "Size of the networks, and time and memory of a training"),
         ],
-        "generalization": across(frames["generalization"]) if "generalization" in frames else [],
         "provenance": [_origins(origins)],
     }
-
-
-def across(frame: pd.DataFrame) -> list[Cells]:
-    """Return for each network obstacle IoU and accuracy, trained on one experiment (row), tested on one (column)."""
-    rows = frame[frame["shift"] == "experiment"]
-    rows = rows[rows["metric"].isin(["obstacle_iou", "accuracy"])].sort_values("metric", ascending=False, kind="stable")
-    tables = []
-    for title, own_rows in rows.groupby(tested_titles(rows), sort=False):
-        trained, tested = (list(dict.fromkeys(own_rows[name])) for name in ("trained", "tested"))
-        texts = own_rows["value"].map(number).groupby([own_rows["trained"], own_rows["tested"]]).agg(" / ".join)
-        cells = [[name, *(texts.get((name, on), "") for on in tested)] for name in trained]
-        heads = ["Trained on", *(f"tested on {name}" for name in tested)]
-        tables.append(Cells(heads, cells, f"{title}: obstacle IoU / accuracy"))
-    return tables
 
 
 def _sorted(frame: pd.DataFrame) -> pd.DataFrame:
@@ -174,19 +150,17 @@ def _origins(origins: dict[str, Provenance]) -> Cells:
 
 
 def render_published(directory: Path) -> str:
-    """Return the report of a published directory that has one; the samples stay those of the present report.
+    """Return the report of a published directory.
 
     Raises:
         ValueError: a table or the provenance cannot be read.
     """
     results = read_published(directory)
-    samples = SAMPLES.search((directory / "report.html").read_text(encoding="utf-8"))
     report = Report(
         outputs=Path("outputs", directory.name),
         results=results,
-        frames={**read_frames(directory), "audit": audits(results)},
+        frames=read_frames(directory),
         figures={path.stem: path for folder in (directory, directory / "analysis") for path in folder.glob("*.png")},
-        samples=samples[1] if samples else "",
         origins=read_origins(directory),
     )
     return render(report)

@@ -25,12 +25,8 @@ FACTS = ("train_pairs", "test_pairs", "epochs", "training_seconds")
 FROM_GIT = "restore it from git"
 
 
-def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFrame:
+def read_results(outputs: Outputs) -> pd.DataFrame:
     """Read every evaluated run below an outputs directory, one row each.
-
-    Args:
-        outputs: the outputs directory.
-        errors: receives the message of every damaged run, which is then left out; None raises at the first damaged run.
 
     Returns:
         experiment, model, encoding, seed, all metrics, and scale, size_px, train_pairs, test_pairs, epochs,
@@ -38,18 +34,10 @@ def read_results(outputs: Outputs, errors: list[str] | None = None) -> pd.DataFr
         no run is evaluated.
 
     Raises:
-        ValueError: a run is damaged and `errors` is None, or the runs have different resolutions or numbers of pairs,
+        ValueError: a run is damaged, or the runs have different resolutions or numbers of pairs,
             or seeds of one network different settings, and cannot share a table.
     """
-    rows = []
-    for run in outputs.runs():
-        try:
-            if run.status is Status.evaluated:
-                rows.append(_row(outputs, run))
-        except InputError as error:
-            if errors is None:
-                raise
-            errors.append(str(error))
+    rows = [_row(outputs, run) for run in outputs.runs() if run.status is Status.evaluated]
     if not rows:
         return pd.DataFrame()
     table = _with_all_metrics(pd.DataFrame(rows).astype({"seed": "Int64"}))  # baselines have no seed

@@ -7,10 +7,10 @@ import pandas as pd
 
 from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
 from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
-from repro.metrics.names import HEADINGS, METRICS, TABLE_METRICS
+from repro.metrics.names import HEADINGS, TABLE_METRICS
 from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title, predictor_title
-from repro.reporting.paper import audit, read_paper
+from repro.reporting.paper import read_paper
 from repro.reporting.render import Cells, number
 from repro.reporting.results import of_papers_worlds, settings_of
 from repro.runs.keys import CELL
@@ -149,14 +149,6 @@ def averages_of(results: pd.DataFrame) -> pd.DataFrame:
     networks = results[results["model"].isin(NETWORKS)]
     complete = networks.groupby(keys).filter(lambda rows: len(rows) == len(NETWORKS))
     return complete.groupby(keys, as_index=False)[list(TABLE_METRICS)].mean().assign(model="average")
-
-
-def audits(results: pd.DataFrame) -> pd.DataFrame:
-    """Audit the paper's tables and ours, see `audit.audit`; the column `source` is `paper` or `ours`."""
-    rows = results[results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY]) & results["model"].isin(NETWORKS)]
-    ours = pd.concat([rows, averages_of(rows)]).groupby(CELL, as_index=False)[list(METRICS)].mean()
-    tables = {"paper": of_papers_worlds(read_paper(), results), "ours": ours}
-    return pd.concat([audit(table).assign(source=source) for source, table in tables.items()])
 
 
 def caption(results: pd.DataFrame) -> str:

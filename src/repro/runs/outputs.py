@@ -4,7 +4,7 @@ outputs/<scale>/
     recordings/exp3/                    see `recordings.reader`
     runs/exp3/unet/projection/seed0/    a run directory, see `runs.directories`
     baselines/exp3/tracker/             run directory of a baseline, which has no encoding, seed or weights
-    tables/ figures/ analysis/ worlds/ predictions/ exports/ generalization/
+    tables/ figures/ analysis/ worlds/ predictions/ exports/
     report.html
 """
 
@@ -33,11 +33,6 @@ class Outputs:
     @property
     def analysis(self) -> Path:
         return self.path / "analysis"
-
-    @property
-    def generalization(self) -> Path:
-        """Rows of task=generalization, which task=analysis shows."""
-        return self.analysis / "generalization.csv"
 
     @property
     def tables(self) -> Path:

@@ -51,8 +51,8 @@ def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], analysis: P
     import pandas as pd
 
     from repro.navigation.study import TEST
+    from repro.reporting.animation import REPLAY, telling_course, watch, write_replay
     from repro.reporting.navigation import BEST_OF, best_classical, title_of
-    from repro.reporting.replay import REPLAY, telling_course, watch, write_replay
 
     directory = study.directory.parent
     rows = {name: directory / name / TEST for name in (study.name, *BEST_OF)}
@@ -65,7 +65,7 @@ def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], analysis: P
     fleets = [one.fleet([course], one.tested()) for one in studies]
     drives = [watch(fleet, title_of(one.name)) for fleet, one in zip(fleets, studies, strict=True)]
     goals, range_max_m = fleets[0].courses[0].goals, fleets[0].range_max_m
-    path = (analysis / REPLAY).with_suffix(".gif")
+    path = analysis / REPLAY
     write_replay(drives, goals, path, size_m=study.grid.size_m, range_max_m=range_max_m)
     print(f"{path}: experiment {course[0]}, course {course[1]}")
 

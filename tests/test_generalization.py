@@ -1,0 +1,102 @@
+import math
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ROOT, world_spec
+from reproduce import generalization
+
+from repro import world_config
+from repro.maps.grid import Grid
+from repro.networks.predictor import load_predictor
+from repro.recordings.reader import read_shards
+from repro.recordings.recorded import load_recorded
+from repro.reporting.results import read_rows
+from repro.simulation.raycasting import scan
+from repro.simulation.recorder import record_experiment
+from repro.simulation.worlds import sample_world
+
+RESULTS = ROOT / "reproduce" / "results"
+
+
+def test_a_wider_view_has_more_beams_and_the_same_worlds():
+    spec = world_spec("4")
+    wide = generalization.with_field_of_view(spec, 180)
+    assert wide.lidar.angle_range == pytest.approx(math.pi)
+    assert wide.lidar.number == 200
+    assert generalization.with_field_of_view(spec, 90).lidar.number == 100
+    assert sample_world(spec, 7)["obstacle"] == sample_world(wide, 7)["obstacle"]
+    near = generalization.with_range(spec, 10)
+    assert near.lidar.range_max == 10
+    assert sample_world(spec, 7)["obstacle"] == sample_world(near, 7)["obstacle"]
+    fast = generalization.with_speed(spec, 2)
+    assert fast.obstacles.behavior.speed_m_s == (0.4, 1.4)
+    assert spec.obstacles.behavior.speed_m_s == (0.2, 0.7)
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+@pytest.mark.parametrize("experiment", ["1", "4"])
+def test_turned_recordings_are_those_of_turned_worlds(tmp_path, experiment, degrees):
+    """The recorder's ray casting in the turned world gives the same ranges at the turned poses."""
+    record_experiment(tmp_path, world_spec(experiment), {"test": 2}, workers=1)
+    plain, (shard,) = load_recorded(tmp_path, "test", Grid(64, 50.0)), read_shards(tmp_path, "test")
+    test, angle = generalization.turned(plain, degrees), math.radians(degrees)
+    cos, sin = round(math.cos(angle)), round(math.sin(angle))
+    states = shard.states.astype(float)
+    states[..., :2] = (states[..., :2] - 25) @ np.array([[cos, sin], [-sin, cos]]) + 25
+    states[..., 2] += angle
+    assert np.array_equal(test.maps[0, 0].numpy(), np.rot90(plain.maps[0, 0].numpy(), degrees // 90))
+    for poses, recorded in zip(test.scans.poses.numpy(), test.scans.ranges.numpy(), strict=True):
+        ranges, _ = scan(poses, test.scans.angles.numpy(), shard.outlines, states, test.range_max_m)
+        same = np.isfinite(ranges) == np.isfinite(recorded)
+        assert same.mean() > 0.9999  # the recorded states are rounded to 32 bits
+        both = same & np.isfinite(ranges)
+        assert np.abs(ranges[both] - recorded[both]).max() < 1e-3
+
+
+def test_the_figure_has_a_panel_per_change_and_a_line_per_network():
+    figure = generalization.figure_of(read_rows(RESULTS / "laptop" / "analysis" / "generalization.csv"))
+    assert len([ax for ax in figure.axes if ax.axison]) == 5
+    assert len(figure.axes[0].containers) == 2
+    plt.close(figure)
+
+
+@pytest.fixture(scope="module")
+def changed_recordings(tmp_path_factory):
+    """Return a directory of recordings that the networks of an experiment share."""
+    return tmp_path_factory.mktemp("changed")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("weights", "published", "experiment"),
+    [
+        ("workstation-16000/exp4-convgru", "workstation-16000", "4"),
+        ("workstation/exp4-unet", "workstation", "4"),
+        ("drive-16000/expmixed-convgru", "drive-16000", "mixed"),
+    ],
+)
+def test_the_published_rows_are_those_of_the_published_weights(
+    weights, published, experiment, changed_recordings, monkeypatch
+):
+    worlds = {"maximum range [m]": (generalization.with_range, (15,))}
+    worlds["obstacles' speed [times]"] = (generalization.with_speed, (2,))
+    monkeypatch.setattr(generalization, "CHANGES", {"scans skipped": (generalization.skipped_scans, (4.0,))})
+    monkeypatch.setattr(generalization, "WORLDS", worlds)
+    monkeypatch.setattr(generalization, "START_HEADINGS", (180,))
+    world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
+    spec = world_config.world_spec(world_config.read_world(world), experiment)
+    predictor = load_predictor(RESULTS / weights)
+    recordings = changed_recordings / experiment
+    tables = [generalization.under_changes(predictor, spec, recordings, 200, workers=2)]
+    if experiment == "4":
+        record_experiment(recordings / "test", spec, {"test": 500}, workers=2)
+        tables.append(generalization.across_start_headings(predictor, recordings / "test"))
+
+    rows = read_rows(RESULTS / published / "analysis" / "generalization.csv")
+    rows = rows[(rows["model"] == weights.rpartition("-")[2]) & (rows["trained"] == experiment)]
+    both = pd.concat(tables).merge(rows, on=["shift", "tested", "metric"], suffixes=("", "_published"))
+    of_all = {"scans skipped", "maximum range [m]", "obstacles' speed [times]"}
+    assert set(both["shift"]) == (of_all | {"start heading [deg]"} if experiment == "4" else of_all)
+    assert both["value"].to_numpy() == pytest.approx(both["value_published"].to_numpy(), abs=2e-3)
