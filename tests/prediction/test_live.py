@@ -163,17 +163,6 @@ def test_a_localizer_may_stamp_its_poses_ahead_of_time(ahead):
     assert [frame for _, frame, _ in robot.maps] == ["map"] * (40 - STEPS + 1)
 
 
-def test_a_lidar_upside_down_may_have_no_pose_for_a_while():
-    robot = Robot(is_mounted=False)
-    half_turn_about_x = ROS.types["Quaternion"](1.0, 0.0, 0.0, 0.0)
-    robot.mapper.add_transforms(mount(half_turn_about_x), is_static=True)
-    for step in range(60):
-        if step not in range(40, 40 + 2 * MAX_OTHERS):
-            robot.mapper.add_transforms(base(step))
-        robot.mapper.add_scan(scan(step, ranges=EXAMPLE["ranges"][step, ::-1].astype(np.float32)))
-    assert not any("the beams of the lidar have changed" in each for each in robot.warnings)
-
-
 def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second():
     robot = Robot(is_mounted=False)
     for step in range(30):
@@ -240,18 +229,6 @@ def test_scans_without_poses_do_not_pile_up():
     assert len(robot.warnings) == 5
 
 
-def test_a_scan_after_a_gap_of_poses_is_skipped():
-    robot = Robot(is_mounted=False)
-    for step in (0, 1, 25):
-        if step == 25:
-            robot.mapper.add_scan(scan(10))
-        robot.mapper.add_odometry(ROS.odometry(time_of(step), POSES[step], "laser"))
-    assert robot.warnings == [
-        "a scan is skipped: it is without a pose: it needs poses of laser in odom before and after 1001.00 s, at most "
-        "1 s apart; there are poses from 1000.00 to 1002.50 s"
-    ]
-
-
 def test_a_scan_waits_for_the_poses_of_the_robot():
     """The mounting of the lidar alone does not place it."""
     robot = Robot()
@@ -275,27 +252,6 @@ def test_the_window_begins_again_when_the_poses_are_in_another_frame():
         robot.mapper.add_transforms(base(step))
     assert robot.warnings == ["the poses are in the frame map now, not in odom: the window begins again"]
     assert [frame for _, frame, _ in robot.maps] == ["map"] * (45 - 15 - STEPS + 1)
-
-
-def test_a_tilted_lidar_is_skipped_with_its_reason():
-    robot = Robot(is_mounted=False)
-    on_its_side = ROS.types["Quaternion"](math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-    robot.mapper.add_transforms(mount(on_its_side), is_static=True)
-    robot.mapper.add_transforms(base(0))
-    robot.mapper.add_scan(scan(0))
-    robot.mapper.add_transforms(base(1))
-    assert robot.warnings == [
-        "laser is tilted by 90 degrees: expected a horizontal lidar, within 30 degrees",
-        "a scan is skipped: it is tilted by more than 30 degrees",
-    ]
-
-
-def test_poses_of_a_second_source_are_named_once():
-    robot = Robot(is_mounted=False)
-    for step in range(3):
-        robot.mapper.add_transforms(base(step))
-        robot.mapper.add_transforms(transform(step, "odom_combined", "base_link", POSES[step]))
-    assert robot.warnings == ["poses of base_link in odom_combined are left out: it has poses in odom"]
 
 
 def test_maps_go_on_after_the_clock_was_set_back():
@@ -331,15 +287,6 @@ def test_maps_go_on_after_one_wrong_time(kind, wrong):
     for (sent, _, predicted), batch in zip(robot.maps[-20:], maps[-20:], strict=True):
         assert sent.stamp.sec >= START_S
         assert predicted.free == pytest.approx(batch.free, abs=1e-5)
-
-
-def test_settings_that_a_node_cannot_have_are_refused_at_the_start():
-    for wrong, message in (
-        ({"center": "start"}, "center: expected robot"),
-        ({"range_max_m": -1.0}, "range_max_m: exp"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            Robot(**wrong)
 
 
 def test_the_maximum_range_of_a_driver_may_be_replaced():

@@ -5,8 +5,6 @@ import sys
 
 from conftest import ROOT
 
-from repro.system.compiled import compiled
-
 CALL = """
 import numpy as np
 from repro.maps import visibility
@@ -27,9 +25,3 @@ def test_a_function_is_compiled_once(tmp_path):
     cache = {"NUMBA_CACHE_DIR": str(tmp_path)}
     assert hits_of(**cache) == "0"
     assert hits_of(**cache) == "1"
-
-
-def test_a_function_without_a_place_for_its_code_is_compiled():
-    namespace: dict = {}
-    exec("def doubled(number):\n    return 2 * number", namespace)  # numba keeps code beside a source file alone
-    assert compiled(namespace["doubled"])(21) == 42
