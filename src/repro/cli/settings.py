@@ -67,13 +67,9 @@ class Runtime:
     accelerator: Annotated[Literal["auto", "cpu", "gpu"], AfterValidator(_has_device)]
     precision: Precision
     max_minutes: NotNegative | None
-    part: Annotated[int, Field(ge=0)]
-    parts: Annotated[int, Field(ge=1, le=10_000)]
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "Runtime":
-        if self.part >= self.parts:
-            raise Refused(f"runtime.part={self.part}: must be below runtime.parts={self.parts}")
         if self.precision.startswith("16") and (self.accelerator == "cpu" or not has_gpu()):
             raise Refused(f"runtime.precision={self.precision}: float16 needs a GPU, use auto, 32-true or bf16-mixed")
         return self
