@@ -24,7 +24,7 @@ TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Po
 
 def main() -> None:
     rospy.init_node("map_prediction")
-    values = {name: rospy.get_param(f"~{name}", parameter.default) for name, parameter in PARAMETERS.items()}
+    values = {name: rospy.get_param(f"~{name}", default) for name, (default, _) in PARAMETERS.items()}
     publisher = rospy.Publisher("predicted_map", OccupancyGrid, queue_size=10, latch=True)
     try:
         mapper = create_mapper(values, TYPES, publisher.publish, rospy.logwarn)

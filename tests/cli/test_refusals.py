@@ -78,7 +78,6 @@ CALLS = {
     "task=demo seed=1": "seed=1: has no effect with task=demo, demo.networks chooses the network",
     "task=world prediction.fov_deg=60": "prediction.fov_deg=60: is for task=adapt, navigate, predict only",
     "task=world publish.force=true": "publish.force=true: is for task=export, publish only",
-    "runtime.parts=2": "runtime.parts=2: is for task=record only",
     # predictions
     "task=predict scans=README.md prediction.center=here": "prediction.center=here: must be robot, start, or [x,y]",
     "task=predict scans=README.md prediction.center=[nan,1]": "must be robot, start, or [x,y]",
@@ -118,7 +117,6 @@ CALLS = {
     "train.batch_size=100000 scale.pairs.train=200000": "GB of memory, this machine has",
     "runtime.accelerator=cpu runtime.precision=16-mixed": "float16 needs a GPU",
     "runtime.accelerator=gpu": "no CUDA GPU is visible",
-    "runtime.part=1": "runtime.part=1: must be below runtime.parts=1",
 }
 PATHS = {  # directories that cannot exist; {tmp} is a directory with a file and a loop of links
     "outputs={tmp}/loop/a": "symbolic links",

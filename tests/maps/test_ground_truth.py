@@ -83,13 +83,6 @@ def test_a_line_occupies_the_pixels_that_it_crosses():
         assert np.array_equal(drawn.flatten().numpy() == 0, truth)
 
 
-def test_a_line_on_the_border_of_pixels_is_drawn_once():
-    wall = padded([there_and_back([[2.0, 5.0], [8.0, 5.0]]), there_and_back([[5.0, 2.0], [5.0, 8.0]])])
-    drawn = rasterize(wall, torch.zeros(2, 3), torch.arange(2), 2, Grid(10, 10.0)) == 0
-    assert drawn[0].any(1).sum() == 1
-    assert drawn[1].any(0).sum() == 1
-
-
 def test_obstacles_of_all_kinds_overlap_on_one_map():
     grid = Grid(64, 20.0)
     outlines = padded([L_SHAPE, L_SHAPE[::-1], U_SHAPE, [[0, 0], [5, 0], [5, 5]], there_and_back([[0, 0], [6, 6]])])

@@ -65,8 +65,3 @@ def test_the_newest_reading_wins():
     assert image[row, 35] == 0  # hit first and last
     assert image[row, 45] == round(255 * 0.4)  # hit in the middle
     assert (image < 255).sum() == 2
-
-
-def test_the_input_of_a_network_is_in_0_to_1():
-    images = torch.tensor([[[[0, 51], [204, 255]]]], dtype=torch.uint8)
-    assert Projection().to_input(images).flatten().tolist() == pytest.approx([0, 0.2, 0.8, 1])

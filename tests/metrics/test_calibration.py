@@ -61,14 +61,6 @@ def test_the_parts_of_the_brier_score_add_up(drawn):
     assert parts["reliability"] - parts["resolution"] + parts["uncertainty"] == pytest.approx(calibration.brier(counts))
 
 
-def test_a_reliability_table_has_all_pixels(drawn):
-    *_, counts = drawn
-    table = calibration.reliability(counts)
-    assert table.pixels.sum() == counts.sum()
-    assert ((table.low <= table.predicted) & (table.predicted <= table.high + 1e-9)).all()
-    assert np.average(table.found, weights=table.pixels) == pytest.approx(counts[0].sum() / counts.sum())
-
-
 def test_uncertain_predictions_are_measured_without_the_sure_ones():
     sure, even = np.zeros((2, 256)), np.zeros((2, 256))
     sure[1, 255] = 1_000_000  # certainly free, and right

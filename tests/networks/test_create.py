@@ -68,15 +68,6 @@ def test_a_network_that_cannot_be_saved_is_refused():
         check_interface(torch.nn.Conv2d(1, 1, 1), 1)
 
 
-def test_a_checked_network_is_unchanged():
-    network = create_network(paper_model("unet")).train()
-    before, state = {name: value.clone() for name, value in network.state_dict().items()}, torch.get_rng_state()
-    check_interface(network, 1)
-    assert network.training
-    assert torch.equal(torch.get_rng_state(), state)
-    assert all(torch.equal(value, before[name]) for name, value in network.state_dict().items())
-
-
 def test_unknown_architecture_lists_the_known_ones():
     with pytest.raises(ValueError, match=r"model\.architecture=resnet: must be one of") as caught:
         create_network(paper_model("resnet"))

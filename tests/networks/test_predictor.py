@@ -2,6 +2,7 @@ import dataclasses
 import re
 import shutil
 
+import numpy as np
 import pytest
 import segmentation_models_pytorch as smp
 import torch
@@ -180,7 +181,10 @@ def example_of(document, name):
 
 @pytest.mark.slow
 def test_the_example_of_the_readme_predicts_a_map_for_every_full_window(tmp_path, monkeypatch):
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (tmp_path / "examples").mkdir()
+    log = dict(np.load(ROOT / "examples" / "rooms.npz"))
+    first = {name: array[:105] if len(array.shape) and len(array) > 105 else array for name, array in log.items()}
+    np.savez(tmp_path / "examples" / "rooms.npz", **first)
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(example_of("README.md", "PredictionStream"), names)

@@ -77,17 +77,6 @@ def test_a_series_that_is_none_is_refused(channels, frames, message, network_cla
         network_class(channels, frames)
 
 
-@pytest.mark.parametrize("parameters", [{"hidden": 24}, {"stride": 8}])
-def test_a_convgru_of_another_size_is_refused(parameters):
-    with pytest.raises(ValueError, match=r"multiple of 16 and stride 2 or 4, got (24 and 4|48 and 8)"):
-        ConvGRU(8, 4, **parameters)
-
-
-def test_an_unknown_parameter_is_refused():
-    with pytest.raises(ValueError, match=r"model.parameters=\{'depth': 3\}.*depth"):
-        create_network(Model("convgru", parameters={"depth": 3}), 8, 4)
-
-
 @pytest.mark.parametrize("network", [ConvGRU(8, 4, hidden=16, stride=2), ConvLSTM(8, 4, hidden=16)])
 def test_a_network_is_saved_and_loaded(network, tmp_path):
     network, images = network.eval(), torch.rand(1, 8, 32, 32)

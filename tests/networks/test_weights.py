@@ -2,7 +2,7 @@ import pytest
 
 from repro.networks import weights
 from repro.networks.predictor import load_predictor
-from repro.networks.weights import NAMES, locate
+from repro.networks.weights import locate
 
 SIDES_M = {"buildings": 25.0, "rooms": 25.0, "drive": 50.0, "exp1": 50.0, "exp2": 50.0, "exp3": 50.0, "exp4": 50.0}
 
@@ -12,11 +12,6 @@ def test_the_weights_of_the_package_have_names(name):
     predictor = load_predictor(name)
     assert (predictor.grid.size_px, predictor.grid.size_m) == (128, SIDES_M[name])
     assert predictor.statistics
-
-
-def test_the_weights_of_the_package_are_small():
-    assert set(SIDES_M) == set(NAMES)
-    assert sum(path.stat().st_size for name in NAMES for path in locate(name).iterdir()) < 3e6
 
 
 def test_a_path_is_taken_before_the_hub(tmp_path, monkeypatch):

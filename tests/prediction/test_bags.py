@@ -1,6 +1,5 @@
 """Bags of ROS 1 and ROS 2, written by rosbags."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -75,10 +74,3 @@ def test_the_parts_of_a_bag_in_a_directory_are_one_log(tmp_path):
     log = read(tmp_path)
     assert log.skipped == {"not later than the one before": SCANS}
     expect(replace(log, skipped={}), atol=2e-3)
-
-
-def test_a_directory_of_a_bag_has_regular_files_only(tmp_path):
-    directory = bag(tmp_path / "log", 2, poses="tf")
-    os.mkfifo(directory / "pipe")
-    with pytest.raises(ValueError, match="pipe: expected a regular file in the directory of a bag"):
-        read(directory)

@@ -1,6 +1,7 @@
 """Messages as they arrive: the maps are those of the batch, whatever the order of scans and poses."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -79,6 +80,11 @@ def driven(count: int, changed=None, predictor=PREDICTOR, **changes) -> Robot:
     return Robot(predictor, is_mounted=False).drive(count, changed, **changes)
 
 
+@cache
+def usual(count: int) -> list[StreamMap]:
+    return expected(PREDICTOR, count)
+
+
 def expected(predictor, count: int, center=(25.0, 25.0), ranges=EXAMPLE["ranges"]) -> list[StreamMap]:
     log = ScanLog(time_of(np.arange(count)), ranges[:count].astype(np.float32), EXAMPLE["angles"], POSES[:count])
     windows = cut(log, WindowSettings(center, STEPS, STEP_S), STEP_S, 50.0)
@@ -117,13 +123,13 @@ def test_maps_with_odometry_are_those_of_the_batch():
 
 
 def test_scans_wait_for_transforms_that_lag_more_and_more():
-    """As on a busy computer: up to 8 s behind the scans, and then in time again."""
+    """As on a busy computer: up to 4 s behind the scans, and then in time again."""
     robot = Robot()
     robot.mapper.add_transforms(base(-1))
-    sent, count = 0, 200
+    sent, count = 0, 110
     for step in range(count):
         robot.mapper.add_scan(scan(step))
-        while sent <= step - min(step // 2, 80) or sent <= (step - 100 if step < 150 else step):
+        while sent <= step - min(step // 2, 40) or (sent <= step and step > 100):
             robot.mapper.add_transforms(base(sent))
             sent += 1
     check(robot, count)
@@ -155,17 +161,6 @@ def test_a_localizer_may_stamp_its_poses_ahead_of_time(ahead):
             robot.mapper.add_transforms(base(step - 2))
     assert robot.warnings == []
     assert [frame for _, frame, _ in robot.maps] == ["map"] * (40 - STEPS + 1)
-
-
-def test_a_lidar_upside_down_may_have_no_pose_for_a_while():
-    robot = Robot(is_mounted=False)
-    half_turn_about_x = ROS.types["Quaternion"](1.0, 0.0, 0.0, 0.0)
-    robot.mapper.add_transforms(mount(half_turn_about_x), is_static=True)
-    for step in range(60):
-        if step not in range(40, 40 + 2 * MAX_OTHERS):
-            robot.mapper.add_transforms(base(step))
-        robot.mapper.add_scan(scan(step, ranges=EXAMPLE["ranges"][step, ::-1].astype(np.float32)))
-    assert not any("the beams of the lidar have changed" in each for each in robot.warnings)
 
 
 def test_a_lidar_that_nobody_places_is_at_the_robot_after_a_second():
@@ -234,18 +229,6 @@ def test_scans_without_poses_do_not_pile_up():
     assert len(robot.warnings) == 5
 
 
-def test_a_scan_after_a_gap_of_poses_is_skipped():
-    robot = Robot(is_mounted=False)
-    for step in (0, 1, 25):
-        if step == 25:
-            robot.mapper.add_scan(scan(10))
-        robot.mapper.add_odometry(ROS.odometry(time_of(step), POSES[step], "laser"))
-    assert robot.warnings == [
-        "a scan is skipped: it is without a pose: it needs poses of laser in odom before and after 1001.00 s, at most "
-        "1 s apart; there are poses from 1000.00 to 1002.50 s"
-    ]
-
-
 def test_a_scan_waits_for_the_poses_of_the_robot():
     """The mounting of the lidar alone does not place it."""
     robot = Robot()
@@ -271,27 +254,6 @@ def test_the_window_begins_again_when_the_poses_are_in_another_frame():
     assert [frame for _, frame, _ in robot.maps] == ["map"] * (45 - 15 - STEPS + 1)
 
 
-def test_a_tilted_lidar_is_skipped_with_its_reason():
-    robot = Robot(is_mounted=False)
-    on_its_side = ROS.types["Quaternion"](math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-    robot.mapper.add_transforms(mount(on_its_side), is_static=True)
-    robot.mapper.add_transforms(base(0))
-    robot.mapper.add_scan(scan(0))
-    robot.mapper.add_transforms(base(1))
-    assert robot.warnings == [
-        "laser is tilted by 90 degrees: expected a horizontal lidar, within 30 degrees",
-        "a scan is skipped: it is tilted by more than 30 degrees",
-    ]
-
-
-def test_poses_of_a_second_source_are_named_once():
-    robot = Robot(is_mounted=False)
-    for step in range(3):
-        robot.mapper.add_transforms(base(step))
-        robot.mapper.add_transforms(transform(step, "odom_combined", "base_link", POSES[step]))
-    assert robot.warnings == ["poses of base_link in odom_combined are left out: it has poses in odom"]
-
-
 def test_maps_go_on_after_the_clock_was_set_back():
     """As with a bag that is played again; the mounting of the lidar is sent once."""
     robot = Robot()
@@ -311,7 +273,7 @@ def test_maps_go_on_after_the_clock_was_set_back():
 def test_maps_go_on_after_one_wrong_time(kind, wrong):
     robot = Robot()
     robot.mapper.add_transforms(base(-1))
-    count, late = 140, 60
+    count, late = 110, 40
     for step in range(count):
         robot.mapper.add_scan(scan(step))
         if step == late:
@@ -320,20 +282,11 @@ def test_maps_go_on_after_one_wrong_time(kind, wrong):
             where.header = ROS.header(time_of(wrong), where.header.frame_id)
             (robot.mapper.add_scan if kind == "scan" else robot.mapper.add_transforms)(message)
         robot.mapper.add_transforms(base(step))
-    maps = expected(PREDICTOR, count)
+    maps = usual(count)
     assert len(robot.maps) >= len(maps) - 2 * STEPS
-    for (sent, _, predicted), batch in zip(robot.maps[-40:], maps[-40:], strict=True):
+    for (sent, _, predicted), batch in zip(robot.maps[-20:], maps[-20:], strict=True):
         assert sent.stamp.sec >= START_S
         assert predicted.free == pytest.approx(batch.free, abs=1e-5)
-
-
-def test_settings_that_a_node_cannot_have_are_refused_at_the_start():
-    for wrong, message in (
-        ({"center": "start"}, "center: expected robot"),
-        ({"range_max_m": -1.0}, "range_max_m: exp"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            Robot(**wrong)
 
 
 def test_the_maximum_range_of_a_driver_may_be_replaced():

@@ -28,7 +28,7 @@ from log_files import (
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from repro.prediction.intake import LogScan
-from repro.prediction.logs import ReadOptions, ScanLog, collect
+from repro.prediction.logs import ScanLog, collect
 from repro.prediction.times import TimesLost
 
 COUNTS = "101, 180, 181, 201, 360, 361, 401, 540, 541"  # of readings of FLASER
@@ -73,12 +73,6 @@ def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason,
     assert len(log) == SCANS - 1
     assert log.range_max_m == 81.83
     assert np.isfinite(np.delete(log.ranges, 40, axis=1)).all(), "hits do not become misses"
-
-
-def test_a_parameter_in_the_log_that_makes_the_maximum_range_invalid_skips_the_scans_after_it(tmp_path):
-    written = lines()
-    written.insert(20, "PARAM robot_front_laser_max 0")
-    assert read(carmen(tmp_path / "log", written)).skipped == {"without a valid maximum range": SCANS - 20}
 
 
 def test_the_smallest_of_the_maximum_ranges_holds_for_misses(tmp_path):
@@ -144,15 +138,6 @@ def test_the_beams_are_those_of_the_scans_with_a_pose():
     assert len(log) == 20
     assert log.skipped == {"without a pose": 40}
     assert log.angles == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
-
-
-def test_scans_without_beams_do_not_decide_the_beams():
-    empty = [log_scan(step, 0) for step in range(30)]
-    scans = [log_scan(step) for step in range(30, 39)]
-    log = collect([*empty, *scans, log_scan(90, 2)], "log", WINDOWS)
-    assert log.skipped == {"without beams": 30, "with another number of beams than 5": 1}
-    with pytest.raises(ValueError, match="expected beam angles in radians"):
-        collect([*empty, *(replace(scan, first_angle=-90.0, spacing=45.0) for scan in scans)], "log", WINDOWS)
 
 
 def test_scans_with_a_varying_number_of_readings_are_resampled():
@@ -245,8 +230,7 @@ NO_LOGS = {
     "zip": (content(b"PK\x03\x04" + bytes(99)), "cannot be read"),
     "gzip": (content(PACKED[:-20]), "is damaged"),
     "gzip with other bytes": (content(PACKED[:12] + b"\xff" * 40 + PACKED[52:]), "is damaged"),
-    "gzip of a bag": (content(gzip.compress(b"#ROSBAG V2.0")), "is packed with gzip: unpack it"),
-    "zstd": (content(b"\x28\xb5\x2f\xfd" + bytes(99)), "packed with zstd: unpack it"),
+    "gzip of a bag": (content(gzip.compress(b"#ROSBAG V2.0")), "of no known kind: .*, unpacked"),
     "bag of another name": (content(b"#ROSBAG V2.0\n"), "is a bag: expected a name that ends with .bag, .db3, .mcap"),
     "bag header only": (content(b"#ROSBAG V2.0\n", ".bag"), "the bag cannot be read"),
     "mcap header only": (content(b"\x89MCAP0\r\n", ".mcap"), "the bag cannot be read"),
@@ -269,12 +253,11 @@ NO_LOGS = {
         "expected a positive maximum range above the minimum, 0 m, got 0",
     ),
     "millimeters": (lambda path: carmen(path, IN_MM), "expected meters"),
-    "a million beams": (
-        lambda path: carmen(path, [flaser(n, np.full(1_000_000, 2.0)) for n in range(2)]),
-        "0 scans can be used .2 of 1000000 readings, which do not tell their angles",
+    "many beams": (
+        lambda path: carmen(path, [flaser(n, np.full(10_000, 2.0)) for n in range(2)]),
+        "0 scans can be used .2 of 10000 readings, which do not tell their angles",
     ),
     "a short line": (lambda path: carmen(path, [flaser(0)[:300]]), "line 3 is no FLASER line"),
-    "a long line": (lambda path: carmen(path, ["FLASER " + "1" * 10**7]), "has a line of more than 10000000 char"),
     "words": (lambda path: carmen(path, ["FLASER two 1 2 3"]), "line 3 is no FLASER line"),
 }
 
@@ -294,12 +277,6 @@ def test_a_mounting_places_the_lidar_on_the_robot(tmp_path):
         turn = np.array([[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]])
         assert found[:2] == pytest.approx((x, y) + turn @ (0.2, 0.1))
         assert found[2] == pytest.approx(heading + math.pi)
-
-
-@pytest.mark.parametrize("unused", [{"mounting": (0.0, 0.0, 1.0)}, {"frame": "odom"}, {"odometry_topic": "/odom"}])
-def test_what_the_pose_of_a_lidar_that_stands_makes_useless_is_refused(unused):
-    with pytest.raises(ValueError, match=f"a lidar that stands needs no {next(iter(unused))}"):
-        ReadOptions(pose=(0.0, 0.0, 0.0), **unused)
 
 
 def test_scans_that_were_left_out_are_named_where_the_others_have_no_window(tmp_path):

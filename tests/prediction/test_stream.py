@@ -52,10 +52,10 @@ def feed(stream: PredictionStream, stamps=None, ranges=LOG.ranges, poses=LOG.pos
 
 @pytest.mark.parametrize("center", ["robot", (25.0, 25.0)])
 def test_every_map_is_that_of_the_window_of_the_log(predictor, center):
-    log = ScanLog(LOG.stamps[:30], LOG.ranges[:30], ANGLES, LOG.poses[:30])
+    log = ScanLog(LOG.stamps[:20], LOG.ranges[:20], ANGLES, LOG.poses[:20])
     stream, expected = PredictionStream(predictor, ANGLES, center=center, steps=STEPS), windows(log, center)
     maps = feed(stream, log.stamps)
-    assert [each is None for each in maps] == [number < STEPS - 1 for number in range(30)]
+    assert [each is None for each in maps] == [number < STEPS - 1 for number in range(20)]
     encoded = []
     for each in maps[STEPS - 1 :]:
         window = expected[each.stamp]
@@ -70,7 +70,7 @@ def test_every_map_is_that_of_the_window_of_the_log(predictor, center):
 def test_uneven_scans_are_resampled_to_the_steps(small, rate):
     """Against a search through all scans that are kept, without the code of windows.py."""
     random = np.random.default_rng(rate)
-    stamps = 1e9 + np.cumsum(random.uniform(0.5, 1.5, 6 * rate)) / rate
+    stamps = 1e9 + np.cumsum(random.uniform(0.5, 1.5, 40 + 2 * rate)) / rate
     ranges = random.uniform(2, 12, (len(stamps), 20)).astype(np.float32)
     poses = random.uniform(20, 30, (len(stamps), 3)) * [1, 1, 0.02] + [0, 0, 25]  # headings of a robot
     angles = np.linspace(-0.7, 0.7, 20)

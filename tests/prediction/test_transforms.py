@@ -173,19 +173,6 @@ def test_a_pose_is_final_once_a_later_one_is_known():
     assert not transforms.has_later("laser", 7.01)
 
 
-def test_old_poses_a_frozen_clock_and_made_up_frames_do_not_fill_the_memory():
-    transforms = moving(0.01 * np.arange(1000), range(1000), transforms=Transforms(keep_s=2.0))
-    assert 200 <= len(transforms.edges["base"].stamps) <= 402
-    assert transforms.pose_at("base", 9.99 - 1.9) is not None
-    assert transforms.pose_at("base", 5.0) is None
-    moving([5.0] * 300, range(300), "frozen", transforms=transforms)
-    assert len(transforms.edges["frozen"].stamps) == 1
-    for number in range(1100):
-        transforms.add(f"frame{number}", "odom", 0.0, (0.0, 0.0, 0.0))
-    assert len(transforms.edges) == 1000
-    assert len(transforms.left_out) == 1
-
-
 def test_why_a_frame_has_no_pose():
     transforms = Transforms()
     transforms.add("laser", "base", 0.0, (0, 0, 0), is_static=True)

@@ -106,11 +106,3 @@ def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
         assert np.isnan(held_out[1:4]).all()
         assert held_out[[0, 4]] == pytest.approx(window.scans.ranges[-1, [0, 4]])
         assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"center": "Start"}, {"center": (0.0, np.nan)}, {"steps": 10**9}, {"step_s": 1e-300}, {"spacing": "m"}]
-)
-def test_impossible_windows_are_refused(wrong):
-    with pytest.raises(ValueError, match="expected"):
-        replace(WINDOWS, **wrong)

@@ -120,10 +120,3 @@ def test_an_obstacle_between_walls_stays_between_them():
     assert (places <= [2.7 + 1e-9, 1.7 + 1e-9]).all()
     assert shapely.distance(shapely.LineString(walls[1]), shapely.points(places)).min() >= 0.3 - 1e-9
     assert np.ptp(places, axis=0) == pytest.approx([2.4, 1.4], abs=0.2)  # it uses the room
-
-
-def test_an_obstacle_without_a_free_heading_stands_still():
-    box = [[[0.0, 0.0], [0.62, 0.0], [0.62, 0.62], [0.0, 0.62], [0.0, 0.0]]]
-    zone = {"center_m": (0.0, 0.0), "keep_out_m": 0.0}
-    drift = Drift(seed=1, speed_m_s=1.0, turn_steps=(20, 40), **zone, walls_m=box, radius_m=0.3)
-    assert {drift.velocity(0.31, 0.31, 0.1) for _ in range(50)} == {(0.0, 0.0)}

@@ -1,7 +1,5 @@
 """Worlds as wide as real buildings: walls with a thickness, people who stop, robots that stand, sensors with errors."""
 
-import math
-
 import numpy as np
 import pytest
 import shapely
@@ -87,11 +85,6 @@ def test_people_stop_for_the_given_steps_and_else_walk_at_their_speed():
     assert np.hypot(*walked(stop_share=0.0).T) == pytest.approx(1.3)
 
 
-def test_people_without_turns_walk_straight():
-    velocities = walked(turn_rad=0.0)
-    assert velocities[velocities.any(1)].std(0) == pytest.approx(0)
-
-
 def test_walls_have_the_thickness_drawn_and_closed_doors_shut_the_rooms():
     change = {"thickness_m": (0.3, 0.3), "closed_share": 1.0, "cabinets": None}
     obstacles = sample_rooms(np.random.default_rng(0), SPEC.rooms.model_copy(update=change), 25.0)
@@ -166,11 +159,6 @@ def test_a_margin_without_a_place_is_refused():
     motion = SPEC.motion.model_copy(update={"margin_m": 12.5})
     with pytest.raises(InputError, match=r"no place at 12.5 m or more from the border"):
         sample_world(SPEC.model_copy(update={"motion": motion}), 0)
-
-
-def test_the_view_turns_no_faster_than_the_robot():
-    assert SPEC.motion.standing.turn_rad_s == pytest.approx(1.57 * 2 * math.pi / 6)
-    assert SPEC.motion.standing.turn_rad_s <= SPEC.robot.vel_max[1]
 
 
 def test_errors_of_a_behavior_are_named_as_they_are_written():

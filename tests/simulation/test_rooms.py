@@ -125,13 +125,3 @@ def test_rooms_that_cannot_be_are_refused(name):
         experiment["obstacles"] = list(world["obstacles"].values())
     errors = [str(error) for error in world_errors(world)]
     assert any(reason in error for error in errors), errors
-
-
-def test_rooms_alone_are_a_world_if_they_have_walls():
-    world = copy.deepcopy(WORLD)
-    experiment = world["experiments"]["people"]
-    experiment["obstacles"] = []
-    assert world_errors(world) == []
-    experiment["rooms"] = {**experiment["rooms"], "side_m": [40.0, 60.0]}
-    (error,) = world_errors(world)
-    assert "rooms with sides of [40.0, 60.0] m have no wall on the map: use shorter sides" in str(error)

@@ -7,7 +7,7 @@ from conftest import world_spec
 
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import check_replay, make, simulate
-from repro.simulation.worlds import reverse_direction, sample_world, write_world
+from repro.simulation.worlds import reverse_direction, sample_world
 
 
 def test_a_wall_ahead_is_measured_at_its_distance():
@@ -54,14 +54,6 @@ def test_what_is_no_world_file_is_refused(content, problem, tmp_path):
         path.write_text(content)
     with pytest.raises(ValueError, match=f"world.yaml {problem}.*: expected a world that task=world wrote"):
         make(path)
-
-
-def test_a_behavior_that_irsim_skipped_is_refused(tmp_path):
-    world = sample_world(world_spec("3"), 0)
-    del world["obstacle"][0]["behavior"]["speed_m_s"]
-    write_world(world, tmp_path / "world.yaml")
-    with pytest.raises(ValueError, match="not active"):
-        make(tmp_path / "world.yaml")
 
 
 def test_replay_check_notices_another_scan():

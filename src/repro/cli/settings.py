@@ -67,13 +67,9 @@ class Runtime:
     accelerator: Annotated[Literal["auto", "cpu", "gpu"], AfterValidator(_has_device)]
     precision: Precision
     max_minutes: NotNegative | None
-    part: Annotated[int, Field(ge=0)]
-    parts: Annotated[int, Field(ge=1, le=10_000)]
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "Runtime":
-        if self.part >= self.parts:
-            raise Refused(f"runtime.part={self.part}: must be below runtime.parts={self.parts}")
         if self.precision.startswith("16") and (self.accelerator == "cpu" or not has_gpu()):
             raise Refused(f"runtime.precision={self.precision}: float16 needs a GPU, use auto, 32-true or bf16-mixed")
         return self
@@ -107,7 +103,6 @@ class Prediction:
     mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
     fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
     range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
-    animate: bool
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None

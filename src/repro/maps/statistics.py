@@ -4,10 +4,10 @@ A network gives some map for any scans. Scans whose statistics no training windo
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import torch
+from pydantic.dataclasses import dataclass
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits

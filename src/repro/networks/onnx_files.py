@@ -16,7 +16,6 @@ import torch
 from onnx import ModelProto, TensorProto
 from torch import Tensor, nn
 
-from repro.networks.description import Description, checked
 from repro.system.devices import chosen_threads
 from repro.system.errors import InputError
 from repro.system.files import first_line, replacing
@@ -62,7 +61,7 @@ def write_onnx(path: Path, network: nn.Module, description: dict[str, Any], card
     Args:
         path: the file to create or replace.
         network: a network of torch.
-        description: see `networks.description`, and the `channels` of the encoding.
+        description: see `Predictor.save`, and the `channels` of the encoding.
         card: the model card.
 
     Returns:
@@ -101,7 +100,7 @@ def write_onnx(path: Path, network: nn.Module, description: dict[str, Any], card
     return difference
 
 
-def read_onnx(path: Path) -> tuple[OnnxNetwork, Description]:
+def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
     """Read an ONNX file that `write_onnx` wrote.
 
     Returns:
@@ -113,13 +112,11 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, Description]:
     try:
         content = path.read_bytes()
         model = onnx.load_model_from_string(content)
-        metadata = _metadata(model)
+        description = _description(model)
         _check_structure(model)
-        onnx.checker.check_model(model, full_check=True)
-        checksum = metadata.pop("sha256", None)
-        if _checksum(model, metadata) != checksum:
+        checksum = description.pop("sha256", None)
+        if _checksum(model, description) != checksum:
             raise InputError("it differs from its checksum")
-        description = checked(metadata, "channels")
         network = OnnxNetwork(content)
         _check_output(network, description)
     except Exception as error:  # of protobuf, onnx, ONNX Runtime or ours
@@ -127,14 +124,11 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, Description]:
     return network, description
 
 
-def _metadata(model: ModelProto) -> dict[str, Any]:
+def _description(model: ModelProto) -> dict[str, Any]:
     properties = {each.key: each.value for each in model.metadata_props}
     if DESCRIPTION not in properties:
         raise InputError(f"its metadata lack {DESCRIPTION}")
-    description = json.loads(properties[DESCRIPTION])
-    if not isinstance(description, dict):
-        raise InputError(f"its metadata {DESCRIPTION} are no mapping: {type(description).__name__}")
-    return description
+    return json.loads(properties[DESCRIPTION])
 
 
 def _check_structure(model: ModelProto) -> None:
@@ -147,7 +141,7 @@ def _check_structure(model: ModelProto) -> None:
         raise InputError(f"expected the input {INPUT} and the output {OUTPUT}, it has {names[0]} and {names[1]}")
 
 
-def _check_output(network: OnnxNetwork, description: Description) -> None:
+def _check_output(network: OnnxNetwork, description: dict[str, Any]) -> None:
     size, channels = description["grid"]["size_px"], description["channels"]
     given = network.session.get_inputs()[0]
     if given.type != "tensor(float)" or len(given.shape) != 4 or given.shape[1:] != [channels, size, size]:

@@ -15,7 +15,6 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import nn
 
 from repro.networks.create import architecture_of, check_interface, load_network
-from repro.networks.description import Description, checked
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
@@ -48,11 +47,11 @@ def write_torch(directory: Path, network: nn.Module, description: dict[str, Any]
         return sha256(new / WEIGHTS)
 
 
-def read_torch(directory: Path) -> tuple[nn.Module, Description]:
+def read_torch(directory: Path) -> tuple[nn.Module, dict[str, Any]]:
     """Read the network and the description that `write_torch` wrote.
 
     Raises:
-        ValueError: files are missing, differ from the checksum, describe no predictor, or hold no network.
+        ValueError: files are missing, differ from the checksum, or hold no network.
     """
     content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
     expected = content.pop("sha256", None)
@@ -61,9 +60,8 @@ def read_torch(directory: Path) -> tuple[nn.Module, Description]:
         problem = f"lacks {', '.join(missing)}" if missing else "differs from its checksum"
         raise InputError(f"{directory} {problem}: restore its files, or train or export it again")
     try:
-        description = checked(content, "architecture")
         with contextlib.redirect_stdout(io.StringIO()):  # huggingface_hub prints the source of the weights
-            return load_network(directory, description["architecture"]), description
+            return load_network(directory, content["architecture"]), content
     except Exception as error:  # of smp, safetensors or ours: the files are complete, and hold no network
         raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
 

@@ -52,11 +52,10 @@ def _parts(path: Path) -> list[Path]:
     """Return the paths that together are a bag, in the order of their names, after a check of its files."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     for file in files:
-        if not file.is_file():
-            raise InputError(f"{file}: expected a regular file in the directory of a bag")
         if file.suffix not in SUFFIXES and path.is_file():
             raise InputError(f"{path}: is a bag: expected a name that ends with {', '.join(SUFFIXES)}")
-        _check_profile(file)
+        if file.suffix in SUFFIXES:
+            _check_profile(file)
     if path.is_file() or path / "metadata.yaml" in files:
         return [path]
     parts = [file for file in files if file.suffix in SUFFIXES]

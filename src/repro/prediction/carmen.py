@@ -4,9 +4,8 @@ import gzip
 import logging
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
@@ -19,7 +18,6 @@ FLASER_SPACING_DEG = {101: 1, 180: 1, 181: 1, 201: 0.5, 360: 0.5, 361: 0.5, 401:
 WORDS = ("FLASER", "ROBOTLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "# CARMEN")
 GZIP = b"\x1f\x8b"  # the first bytes of a gzipped file
 RANGE_NAMES = ("front_laser_max", "laser_front_max_range")  # ends of the names of a parameter
-MAX_LINE = 10**7  # characters; a scan of 100,000 readings has a tenth
 
 
 def is_carmen(head: bytes) -> bool:
@@ -40,19 +38,12 @@ def read_carmen(path: Path) -> Iterator[LogScan]:
         opener = gzip.open if file.read(2) == GZIP else open
     try:
         with opener(path, "rt", encoding="utf-8-sig", errors="replace") as lines:
-            yield from carmen_scans(_lines(lines, path), path)
+            yield from carmen_scans(lines, path)
     except (gzip.BadGzipFile, zlib.error, EOFError) as error:
         raise InputError(f"{path}: is damaged ({error})") from error
 
 
-def _lines(file: TextIO, path: Path) -> Iterator[str]:
-    while line := file.readline(MAX_LINE + 1):
-        if len(line) > MAX_LINE:
-            raise InputError(f"{path}: has a line of more than {MAX_LINE} characters: expected one line per scan")
-        yield line
-
-
-def carmen_scans(lines: Iterator[str], path: Path) -> Iterator[LogScan]:
+def carmen_scans(lines: Iterable[str], path: Path) -> Iterator[LogScan]:
     """Read the scans of the front lidar from the lines of a CARMEN log.
 
     Raises:

@@ -36,9 +36,6 @@ class LiveMapper:
         warn: is called with the reason for which a scan is skipped or has no map.
         settings: the windows, see `times.window_of`.
         transforms: the tree of frames, with the frame of the poses and the mounting of the lidar; None for the usual.
-
-    Raises:
-        InputError: the network needs a fixed center.
     """
 
     def __init__(
@@ -49,9 +46,6 @@ class LiveMapper:
         settings: WindowSettings,
         transforms: Transforms | None = None,
     ) -> None:
-        if settings.center == "start":
-            raise InputError("center: expected robot or x, y [m], got 'start', which a log has")
-        predictor.check_center(settings.center)
         self.predictor, self.publish, self.warn, self.settings = predictor, publish, warn, settings
         self.transforms = transforms or Transforms(KEEP_S)
         self.scans = LaserScans(warn)

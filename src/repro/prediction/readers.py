@@ -19,7 +19,6 @@ from repro.system.errors import InputError
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
 HEAD_BYTES = 4096
 BAGS = (b"#ROSBAG V2.0", b"\x89MCAP", b"SQLite format 3")
-PACKED = {GZIP: "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 
 
 def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOptions()) -> ScanLog:  # noqa: B008
@@ -61,11 +60,7 @@ def kind_of(path: Path) -> str:
         return "npz"
     if is_carmen(head) or (head.startswith(GZIP) and is_carmen(_head(path, gzip.open))):
         return "CARMEN"
-    packed = next((name for start, name in PACKED.items() if head.startswith(start)), None)
-    advice = f"packed with {packed}: unpack it, or give the directory of a bag with its metadata.yaml" if packed else ""
-    raise InputError(
-        f"{path}: is {advice or 'of no known kind'}: expected {KINDS}; docs/robot.md converts JSON and CSV"
-    )
+    raise InputError(f"{path}: is of no known kind: expected {KINDS}, unpacked; docs/robot.md converts JSON and CSV")
 
 
 def _head(path: Path, opener: Callable[..., Any]) -> bytes:

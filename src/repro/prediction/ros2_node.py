@@ -6,7 +6,7 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -32,7 +32,7 @@ class MapPrediction(Node):
 
     Raises:
         InputError: a parameter has no value that it can have.
-        ParameterException: it has another type or is outside of its range.
+        ParameterException: it has another type.
     """
 
     def __init__(self) -> None:
@@ -52,16 +52,10 @@ class MapPrediction(Node):
 
     def _declare(self, name: str) -> Any:
         """Declare a parameter and return its value."""
-        parameter = PARAMETERS[name]
-        is_text = isinstance(parameter.default, str)  # which may be a list of numbers
-        descriptor = ParameterDescriptor(description=parameter.description, read_only=True, dynamic_typing=is_text)
-        if parameter.limits is not None:
-            low, high = parameter.limits
-            if isinstance(parameter.default, int):
-                descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
-            else:
-                descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        return self.declare_parameter(name, parameter.default, descriptor).value
+        default, description = PARAMETERS[name]
+        is_text = isinstance(default, str)  # which may be a list of numbers
+        descriptor = ParameterDescriptor(description=description, read_only=True, dynamic_typing=is_text)
+        return self.declare_parameter(name, default, descriptor).value
 
 
 def main() -> None:

@@ -32,9 +32,6 @@ class StreamMap:
         stamp: time of the scan at the end of the window [s].
         unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W); None
             if that is not known.
-
-    Raises:
-        InputError: the probabilities are no map of values from 0 to 1, or the resolution is not positive and finite.
     """
 
     free: np.ndarray
@@ -42,15 +39,6 @@ class StreamMap:
     resolution_m: float
     stamp: float
     unknown: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        is_map = self.free.ndim == 2 and self.free.size and ((self.free >= 0) & (self.free <= 1)).all()  # false for NaN
-        if not is_map or not 0 < self.resolution_m < math.inf:
-            raise InputError(
-                f"expected probabilities from 0 to 1, (H, W), and pixels of a positive size, got {self.free.shape}, "
-                f"{np.min(self.free, initial=math.inf):.4g} to {np.max(self.free, initial=-math.inf):.4g}, and "
-                f"{self.resolution_m} m"
-            )
 
     @property
     def unknown_share(self) -> float:

@@ -10,7 +10,6 @@ from repro.system.errors import InputError
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
 MAX_TILT = math.radians(30)  # of a lidar whose beams are taken as horizontal
-MAX_FRAMES, MAX_MESSAGES = 1000, 100
 
 
 class Transforms:
@@ -53,10 +52,7 @@ class Transforms:
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
         if problem := problem_of(stamp, position, quaternion):
-            self._leave_out(f"poses of {child} are left out: {problem}")
-            return
-        if child not in self.edges and len(self.edges) >= MAX_FRAMES:
-            self._leave_out(f"poses of more than {MAX_FRAMES} frames are left out")
+            self.left_out[f"poses of {child} are left out: {problem}"] = None
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
         edge, given = self.edges.get(child), Edge(parent, is_static, [stamp], [pose], heard_s=self.now_s)
@@ -68,7 +64,7 @@ class Transforms:
             self.edges[child] = given
             self._turn_over(child, edge)
         elif edge.parent != parent:
-            self._leave_out(f"poses of {child} in {parent} are left out: it has poses in {edge.parent}")
+            self.left_out[f"poses of {child} in {parent} are left out: it has poses in {edge.parent}"] = None
         elif not is_static:
             edge.insert(stamp, pose, self.keep_s)
             edge.heard_s = self.now_s
@@ -76,10 +72,6 @@ class Transforms:
     def _turn_over(self, child: str, static: Edge) -> None:
         """Make the static parent of a frame that moves in another one its child, unless it has a parent itself."""
         self.edges.setdefault(static.parent, Edge(child, True, static.stamps, [static.poses[0].inv()]))
-
-    def _leave_out(self, message: str) -> None:
-        if len(self.left_out) < MAX_MESSAGES:
-            self.left_out[message] = None
 
     def note_scan(self, stamp: float) -> None:
         """Note the time of the newest scan [s], where scans and poses arrive live, see `has_later`."""

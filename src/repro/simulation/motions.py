@@ -1,5 +1,8 @@
 """Motions of the robot (rotation, square, waypoints, sweep), independent of IR-SIM.
 
+A motion is a function of the keys of conf/world, of `direction` (1, or -1 for the twin) and of the duration of a step
+[s]. It returns linear and angular velocity of each step [m/s, rad/s], (T, 2).
+
 Paper: "Simulation Approach". Unstated details: DEVIATIONS D2 and D3.
 """
 
@@ -15,16 +18,7 @@ from repro.world_motions import Motion, RandomGoals, Waypoints
 
 
 def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:
-    """Compute the commands of one full turn in place.
-
-    Args:
-        steps: time steps the turn takes, T.
-        direction: 1 for counter-clockwise, -1 for clockwise.
-        step_time: duration of a step [s].
-
-    Returns:
-        linear and angular velocity of each step [m/s, rad/s], (T, 2).
-    """
+    """Compute the commands of one full turn in place, counter-clockwise in direction 1."""
     return np.tile([0.0, direction * 2 * math.pi / (steps * step_time)], (steps, 1))
 
 
@@ -33,16 +27,7 @@ def square_commands(
 ) -> np.ndarray:
     """Compute the commands of one square: along a side to the corner, a quarter turn in place, four times.
 
-    Args:
-        side_m: side of the square [m].
-        drive_steps: time steps along a side.
-        turn_steps: time steps at a corner.
-        first_steps: time steps from the start to the first corner; drive_steps / 2 starts in the middle of a side.
-        direction: 1 for counter-clockwise (turning left), -1 for clockwise.
-        step_time: duration of a step [s].
-
-    Returns:
-        linear and angular velocity of each step [m/s, rad/s], (T, 2) with T = 4 (drive_steps + turn_steps).
+    It begins `first_steps` before a corner; half of `drive_steps` is the middle of a side. Direction 1 turns left.
 
     Raises:
         ValueError: first_steps is longer than a side.
@@ -67,18 +52,7 @@ def waypoint_commands(
 
     The robot starts at the first waypoint, heading for the second. Each turn and each way takes the least number of
     equal steps within the given speeds. A drive that is longer than `steps` ends on the way; after a shorter one the
-    robot stands still.
-
-    Args:
-        points_m: waypoints x, y [m].
-        speed_m_s: largest speed [m/s].
-        turn_rad_s: largest rate of turn [rad/s].
-        steps: time steps, T.
-        direction: 1 from the first waypoint, -1 from the end of the drive back to it.
-        step_time: duration of a step [s].
-
-    Returns:
-        linear and angular velocity of each step [m/s, rad/s], (T, 2).
+    robot stands still. Direction -1 drives from the end of the drive back to the first waypoint.
     """
     parts: list[np.ndarray] = []
     heading, length = None, 0
@@ -99,16 +73,7 @@ def sweep_commands(
 ) -> np.ndarray:
     """Compute the commands of a robot that stands and swings its view about a heading, as a sine.
 
-    Args:
-        swing_rad: amplitude [rad]; 0 is at rest.
-        period_s: duration of a swing to both sides [s].
-        phase_rad: phase of the sine at the start [rad].
-        steps: time steps, T.
-        direction: 1, or -1 for the mirrored swing.
-        step_time: duration of a step [s].
-
-    Returns:
-        linear and angular velocity of each step [m/s, rad/s], (T, 2).
+    A swing to both sides has an amplitude of `swing_rad` and takes `period_s`; it begins at `phase_rad`.
     """
     phases = phase_rad + 2 * math.pi * np.arange(steps + 1) * step_time / period_s
     turn = direction * swing_rad * np.diff(np.sin(phases)) / step_time

@@ -61,23 +61,15 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
     return errors
 
 
-_TAGS = (  # that pydantic adds to the path of a value in a union
-    re.compile(r"()\.<\w+>"),
-    re.compile(r"(\.motions?(?:\.[\w-]+)??)\.(?:rotate|square|waypoints|random_goals)(?=\.\w+(?:\.\d+)*$)"),
-    re.compile(r"(\.behavior)\.\w+(?=\.)"),
-    re.compile(r"(\.shape|\.shapes\.\d+)\.(?:circle|rectangle|polygon|linestring)(?=\.)"),
+_TAG = re.compile(  # that pydantic adds to the path of a value in a union, where it is not the user's name of a part
+    r"(?<!motions)(?<!obstacles)(?<!fixed)(?<!rooms)(?<!experiments)\.(<\w+>|rotate|square|waypoints|random_goals|drift|"
+    r"walk|circle|rectangle|polygon|linestring)(?=\.|$)"
 )
-
-
-def _without_tags(path: str) -> str:
-    for tag in _TAGS:
-        path = tag.sub(r"\1", path)
-    return path
 
 
 def _once(errors: list[ConfigError]) -> list[ConfigError]:
     """Report an error once, not in every experiment that refers to the value; drop pydantic's union tags."""
-    plain = [ConfigError(_without_tags(error.key), error.value, error.expected) for error in errors]
+    plain = [ConfigError(_TAG.sub("", error.key), error.value, error.expected) for error in errors]
     named = {(e.key.split(".")[-1], str(e.value)) for e in plain if not e.key.startswith("world.experiments.")}
     return [
         error
