@@ -203,9 +203,9 @@ def content(data: bytes, suffix: str = ""):
     return lambda path: (path.with_suffix(suffix).write_bytes(data), path.with_suffix(suffix))[1]
 
 
-def truncated(path: Path) -> Path:
-    """Cut off half of a file."""
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+def truncated(path: Path, count: int = 0) -> Path:
+    """Cut off some bytes, or half of a file; SQLite reads the rest of a page as zeros."""
+    path.write_bytes(path.read_bytes()[: -count or path.stat().st_size // 2])
     return path
 
 
@@ -238,8 +238,8 @@ NO_LOGS = {
     "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
     "truncated mcap": (lambda path: truncated(mcap(path)), r"the bag cannot be read .*mcap recover"),
     "truncated database": (
-        lambda path: truncated(next(bag(path, 2, poses="tf", storage=StoragePlugin.SQLITE3).glob("*.db3"))),
-        "the bag cannot be read",
+        lambda path: truncated(next(bag(path, 2, poses="tf", storage=StoragePlugin.SQLITE3).glob("*.db3")), 100),
+        "the bag is truncated",
     ),
     "compressed messages without metadata": (lambda path: mcap(path, **COMPRESSED), "compressed, give its directory"),
     "mcap of ros1": (lambda path: mcap(path, b"ros1"), "profile 'ros2', got 'ros1': .*rosbags-convert"),

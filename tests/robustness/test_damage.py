@@ -66,7 +66,7 @@ def test_a_damaged_run_is_named(copy, name, how):
     assert f"{run_of(copy) / name} {problem}" in call(copy, "report")
 
 
-@pytest.mark.parametrize(("name", "how"), zip(SMALL[:2], TEXT[:2], strict=True))
+@pytest.mark.parametrize(("name", "how"), [*zip(SMALL[:2], TEXT[:2], strict=True)])
 def test_a_damaged_run_is_not_overwritten(copy, name, how):
     """It may hold hours of work: the file is named, with what to do."""
     weights = (run_of(copy) / "model" / "model.safetensors").read_bytes()

@@ -107,8 +107,8 @@ class Predictor:
         """
         if self.is_centered and center != "robot":
             raise InputError(
-                f"center: the network was trained with the robot in the middle: expected robot, got {center}, for which "
-                "there are other weights, such as rooms"
+                f"center: the network was trained with the robot in the middle: expected robot, got {center}, for "
+                "which there are other weights, such as rooms"
             )
         if self.has_fixed and isinstance(center, str):
             side = self.grid.size_m
@@ -222,8 +222,9 @@ def load_predictor(weights: str | Path) -> Predictor:
     """Load a predictor in float32 on the CPU; the content of its path decides its kind.
 
     Args:
-        weights: `buildings`, `rooms`, `drive` or `exp1` to `exp4` for weights of this package; a directory that `Predictor.save`
-            wrote, a run that has one, or an ONNX file; or owner/name of a repository of the Hugging Face Hub.
+        weights: `buildings`, `rooms`, `drive` or `exp1` to `exp4` for weights of this package; a directory that
+            `Predictor.save` wrote, a run that has one, or an ONNX file; or owner/name of a repository of the Hugging
+            Face Hub.
 
     Raises:
         InputError: there are no such weights, their files differ from the saved checksum, or the network is not one

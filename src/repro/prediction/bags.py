@@ -22,6 +22,7 @@ TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 FILTERED = ("filter", "fused", "ekf", "ukf")  # in the names of topics of estimates from several sensors
 SUFFIXES = (".bag", ".db3", ".mcap")
 PROFILE_START = 21  # of its name in an MCAP, after its magic and the head of its first record [bytes]
+PAGE_SIZE = slice(16, 18)  # of the number in the head of a database
 REPAIR = "repair it, such as with rosbag reindex, ros2 bag reindex or mcap recover"
 
 
@@ -55,7 +56,7 @@ def _parts(path: Path) -> list[Path]:
         if file.suffix not in SUFFIXES and path.is_file():
             raise InputError(f"{path}: is a bag: expected a name that ends with {', '.join(SUFFIXES)}")
         if file.suffix in SUFFIXES:
-            _check_profile(file)
+            _check(file)
     if path.is_file() or path / "metadata.yaml" in files:
         return [path]
     parts = [file for file in files if file.suffix in SUFFIXES]
@@ -64,10 +65,18 @@ def _parts(path: Path) -> list[Path]:
     return parts
 
 
-def _check_profile(path: Path) -> None:
-    """Refuse an MCAP of ROS 1, whose messages rosbags would misread."""
+def _check(path: Path) -> None:
+    """Refuse files of which rosbags would lose or misread messages: a database that was not closed, MCAP of ROS 1."""
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise InputError(
+            f"{path}: its last messages are in {log.name}, as of a recorder that was killed: move them into it with "
+            f"sqlite3 {path} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+        )
     with path.open("rb") as file:
         head = file.read(PROFILE_START + 100)
+    if head.startswith(b"SQLite ") and path.stat().st_size % int.from_bytes(head[PAGE_SIZE] or b"\1", "big"):
+        raise InputError(f"{path}: the bag is truncated: {REPAIR}")
     if head.startswith(b"\x89MCAP0\r") and len(head) > PROFILE_START:
         length = int.from_bytes(head[PROFILE_START - 4 : PROFILE_START], "little")
         profile = head[PROFILE_START:][:length].decode(errors="replace")
