@@ -66,7 +66,6 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     options = (
         "prediction.stride_s=10",
         "prediction.center=[12.5,12.5]",
-        "prediction.animate=true",
         "prediction.mcap=true",
     )
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
@@ -76,7 +75,6 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
     assert {path.name for path in directory.iterdir()} == names | {
         "windows.csv",
         "source.json",
-        "animation.gif",
         "rooms.mcap",
     }
     table = pd.read_csv(directory / "windows.csv")

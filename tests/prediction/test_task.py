@@ -32,7 +32,7 @@ def run(tmp_path, monkeypatch):
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
         settings |= dict.fromkeys(("spacing", "pose", "mounting", "frame"), None) | {"inspect": False}
-        settings |= {"fov_deg": None, "range_max_m": None, "animate": False, "scan_topic": None, "odometry_topic": None}
+        settings |= {"fov_deg": None, "range_max_m": None, "scan_topic": None, "odometry_topic": None}
         chosen = SimpleNamespace(**settings | changes)
         job = SimpleNamespace(
             call=SimpleNamespace(prediction=chosen, scans=str(scans)), outputs=SimpleNamespace(path=tmp_path)

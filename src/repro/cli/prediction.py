@@ -18,7 +18,7 @@ from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import SHARES, compare
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, read_maps, window_number, write_animation, write_map, write_probabilities
+from repro.prediction.output import draw, read_maps, write_map, write_probabilities
 from repro.prediction.readers import read_log, topics_of
 from repro.prediction.stream import predict_map
 from repro.prediction.times import TimesLost, WindowSettings, window_of
@@ -29,7 +29,7 @@ from repro.system.progress import progress
 
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # beside <its name>.mcap
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # of earlier versions: the GIF
 
 
 def predict_log(job: Job) -> None:
@@ -63,8 +63,6 @@ def predict_log(job: Job) -> None:
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
-        if settings.animate:
-            write_animation(new / "animation.gif", sorted(new.glob("window-*.png"), key=window_number))
         if mcap:
             mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), min(log.range_max_m, COMPARED_M))
         write_json(new / "source.json", {"log": str(path), "weights": settings.weights})

@@ -1,6 +1,6 @@
-"""Files of a prediction: probabilities, a map for map_server, a figure, and an animation of the figures."""
+"""Files of a prediction: probabilities, a map for map_server, and a figure."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,6 @@ from repro.system.files import open_arrays
 
 FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight
 UNKNOWN = 255  # in a map for map_server
-MAX_FRAMES = 600  # of an animation, which are all in memory while the file is written
-WIDTH, COLORS = 900, 128
-FRAME_MS, LAST_MS = 100, 1000
 
 
 def write_probabilities(path: Path, predicted: StreamMap) -> None:
@@ -104,15 +101,3 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
 def _image(ax: Axes, image: np.ndarray, extent: tuple[float, float, float, float], title: str) -> None:
     ax.imshow(image, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
     ax.set(title=title, xlim=extent[:2], ylim=extent[2:])
-
-
-def write_animation(path: Path, figures: Sequence[Path]) -> None:
-    """Write figures of the same size as a GIF of ten frames per second; of many, each n-th: at most `MAX_FRAMES`."""
-    frames = []
-    for figure in figures[:: 1 + (len(figures) - 1) // MAX_FRAMES]:
-        with Image.open(figure) as content:
-            height = round(content.height * WIDTH / content.width)
-            small = content.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
-        frames.append(small.quantize(COLORS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE))
-    durations = [FRAME_MS] * (len(frames) - 1) + [LAST_MS]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, optimize=False)
