@@ -3,7 +3,6 @@
 python examples/irsim_live.py --exp 4 --seed 1 --save live.gif
 
 The robot repeats the motion of an experiment of the paper; from its 100th scan on, a map is predicted for every scan.
-IR-SIM's A* plans a path on the predicted map, which knows nothing of the true obstacles.
 """
 
 import argparse
@@ -23,7 +22,6 @@ from matplotlib.collections import LineCollection
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.navigation.planning import plan, planner_map
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
@@ -39,19 +37,17 @@ WEIGHTS = {  # by experiment, below reproduce/results
     "3": "workstation-16000/exp3-convgru",
     "4": "workstation-16000/exp4-convgru",
 }
-EVERY = 10  # steps between two planned paths
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One step: true map (H, W), 1 is free; prediction; pose (3,); scan ranges (N,) [m]; path (P, 2) [m]; time [ms]."""
+    """One step: true map (H, W), 1 is free; prediction; pose (3,); scan ranges (N,) [m]; time [ms]."""
 
     step: int
     truth: np.ndarray
     predicted: StreamMap | None
     pose: np.ndarray
     ranges: np.ndarray
-    path: np.ndarray
     latency_ms: float
 
 
@@ -64,32 +60,25 @@ def true_map(env: Any, grid: Grid) -> np.ndarray:
 
 
 def drive(env: Any, predictor: Predictor, options: argparse.Namespace) -> Iterator[Frame]:
-    """Step an environment, and predict and plan after every step."""
+    """Step an environment, and predict after every step."""
     robot, center_m = env.robot, predictor.grid.size_m / 2
     stream = PredictionStream(
         predictor, np.array(robot.lidar.angle_list), center=(center_m, center_m), step_s=env.step_time
     )
     commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
-    goal, path = np.array(options.goal), np.empty((0, 2))
     for step in range(options.steps):
         env.step(commands[step % len(commands)])
         ranges = np.where(robot.lidar.valid, robot.lidar.range_data, np.inf)
         pose, begin = robot.state[:3, 0].copy(), time.perf_counter()
         predicted = stream.update(ranges, pose, step * env.step_time)
         latency_ms = 1e3 * (time.perf_counter() - begin)
-        if predicted and step % EVERY == 0:
-            try:
-                path = plan(planner_map(predicted, options.clearance), pose, goal)
-            except ValueError as error:
-                print(f"step {step}: {error}", flush=True)
-                path = np.empty((0, 2))
-        yield Frame(step, true_map(env, predictor.grid), predicted, pose, ranges, path, latency_ms)
+        yield Frame(step, true_map(env, predictor.grid), predicted, pose, ranges, latency_ms)
 
 
 class View:
     """A figure with the true and the predicted map."""
 
-    def __init__(self, angles: np.ndarray, size_m: float, goal: tuple[float, float]) -> None:
+    def __init__(self, angles: np.ndarray, size_m: float) -> None:
         self.angles = angles
         self.figure, axes = plt.subplots(1, 2, figsize=(9, 4.9), layout="constrained")
         extent = (0, size_m, 0, size_m)
@@ -99,12 +88,9 @@ class View:
         ]
         self.beams = axes[0].add_collection(LineCollection([], colors="#0b6e99", linewidths=0.4, alpha=0.5))
         self.robots = [ax.plot([], [], "o", color="#0b6e99", markersize=7)[0] for ax in axes]
-        self.path = axes[1].plot([], [], color="#b3261e", linewidth=2)[0]
         for ax in axes:
-            ax.plot(*goal, "*", color="#b3261e", markersize=11)
             ax.set(xlim=extent[:2], ylim=extent[2:], xlabel="x [m]")
         axes[0].set(ylabel="y [m]", title="true map, beams of the lidar")
-        self.figure.legend([self.path], ["path of A* on the predicted map"], loc="outside lower right", fontsize=8)
         self.title = axes[1].set_title("")
 
     def show(self, frame: Frame) -> None:
@@ -116,7 +102,6 @@ class View:
         self.beams.set_segments([np.stack([frame.pose[:2], end]) for end in ends])
         for robot in self.robots:
             robot.set_data(frame.pose[:1], frame.pose[1:2])
-        self.path.set_data(frame.path.T)
         if frame.predicted is None:
             self.title.set_text(f"scan {frame.step + 1}: collecting the first window")
             return
@@ -131,8 +116,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--exp", default="4", choices=("1", "2", "3", "4"), help="experiment of the paper")
     parser.add_argument("--seed", type=int, default=0, help="seed of the world")
     parser.add_argument("--steps", type=int, default=200, help="steps of 0.1 s; the first map comes after 100")
-    parser.add_argument("--goal", type=float, nargs=2, default=(47, 47), metavar=("X", "Y"), help="of the path [m]")
-    parser.add_argument("--clearance", type=float, default=1.0, help="from predicted obstacles to the path [m]")
     parser.add_argument("--weights", type=Path, help="directory of a network; by default the one of the experiment")
     parser.add_argument("--every", type=int, default=2, help="steps between two frames of the GIF")
     parser.add_argument("--save", type=Path, help="write a GIF instead of opening a window")
@@ -167,7 +150,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         write_world(sample_world(spec, SHOWN_SEED + options.seed), Path(directory) / "world.yaml")
         env = make(Path(directory) / "world.yaml")
-    view = View(np.array(env.robot.lidar.angle_list), spec.world.width, options.goal)
+    view = View(np.array(env.robot.lidar.angle_list), spec.world.width)
     frames = drive(env, predictor, options)
     if options.save:
         shown = (frame for frame in frames if (frame.step + 1) % options.every == 0)

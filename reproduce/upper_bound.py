@@ -33,7 +33,8 @@ from repro.simulation.worlds import sample_world
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 from repro.system.progress import progress
-from repro.world_config import Drifting, Sized, WorldSpec
+from repro.world_config import WorldSpec
+from repro.world_obstacles import Drifting, Sized
 
 DRAWS = 512  # of each obstacle
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle

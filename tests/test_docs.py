@@ -1,6 +1,5 @@
 """README.md, CONTRIBUTING.md and docs/: tables agree with the results, links exist, commands and recipes run."""
 
-import json
 import os
 import re
 import shlex
@@ -9,12 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from conftest import ROOT, read_calls
 
-from repro.prediction.readers import read_log
-from repro.prediction.times import WindowSettings
 from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
 
@@ -121,20 +117,6 @@ def test_recipe(title, tmp_path):
     run_script("ruff check --quiet . && ruff format --quiet --check .", project)
     for script in scripts:
         run_script(script, project)
-
-
-def test_scans_as_json_become_a_log(tmp_path, monkeypatch):
-    (code,) = (block for _, block in BLOCK.findall((ROOT / "docs" / "robot.md").read_text()) if "scans.jsonl" in block)
-    example = read_log(ROOT / "examples" / "rooms.npz", WindowSettings())
-    monkeypatch.chdir(tmp_path)
-    with Path("scans.jsonl").open("w") as file:
-        for stamp, pose, ranges in zip(example.stamps, example.poses, example.ranges, strict=True):
-            row = {"stamp": stamp, "pose": pose.tolist(), "ranges": np.minimum(ranges, 30).tolist()}
-            file.write(json.dumps(row) + "\n")
-    exec(code, {})
-    log = read_log(Path("log.npz"), WindowSettings())
-    for name in ("stamps", "poses", "ranges", "angles"):
-        assert getattr(log, name) == pytest.approx(getattr(example, name), abs=1e-6), name
 
 
 def documented_commands() -> list[str]:

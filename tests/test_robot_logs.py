@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 import torch
 from conftest import ROOT
+from matplotlib.figure import Figure
 from reproduce.real import __main__ as script
 from reproduce.real import fitting, measures
 from reproduce.real import logs as real_logs
@@ -22,6 +23,7 @@ from sklearn.metrics import roc_auc_score
 from repro.learning import adaptation
 from repro.learning.held_out import View, swinging
 from repro.maps.grid import Grid
+from repro.metrics import calibration
 from repro.metrics.counts import PROBABILITY
 from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
@@ -56,11 +58,12 @@ def test_the_measures_are_those_of_scikit_learn():
     rng = np.random.default_rng(0)
     hits, passed = rng.integers(0, 200, 500), rng.integers(50, 256, 3000)
     counts = np.stack([np.bincount(each, minlength=256) for each in (hits, passed)])
-    auroc, brier, _, found, free = measures.measures(counts, PROBABILITY)
+    auroc, brier, _, found, free, error = measures.measures(counts, PROBABILITY)
     truth, level = np.repeat([0, 1], [500, 3000]), np.concatenate([hits, passed])
     assert auroc == pytest.approx(roc_auc_score(truth, level))
     assert brier == pytest.approx(((level / 255 - truth) ** 2).mean())
     assert (found, free) == pytest.approx(((hits < 127.5).mean(), (passed >= 127.5).mean()))
+    assert error == pytest.approx(calibration.calibration_error(calibration.reliability(counts)), abs=2e-3)
     assert np.isnan(measures.measures(counts * [[0], [1]], PROBABILITY)[0])  # no hits
 
 
@@ -231,7 +234,6 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
 
 @pytest.mark.slow
 def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
-    monkeypatch.setattr(script, "DRAWN", ("dense.log.gz", 2))
     weights = (ROOMS, DRIVE)
     options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept", folds=0)
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
@@ -240,7 +242,7 @@ def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
     assert len(kept) == 4
     first = (tmp_path / "held_out.csv").read_text()
     monkeypatch.setattr(script.Predictor, "predict", None)  # a second comparison takes the maps that were kept
-    monkeypatch.setattr(script, "draw_window", lambda *arguments: None)
+    monkeypatch.setattr(script, "draw", lambda *_: Figure())
     script.main()
     assert (tmp_path / "held_out.csv").read_text() == first
     table = pd.read_csv(tmp_path / "held_out.csv")
@@ -256,7 +258,7 @@ def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
         assert (counts["seen"] + counts["unseen"] == counts["all"]).all()
     assert mean.loc[(weights[0], "network", "seen"), "auroc"] > 0.95
     assert mean.loc[(weights[0], "network", "unseen"), "auroc"] > 0.6
-    assert (tmp_path / "window.png").is_file()
+    assert (tmp_path / "windows.png").is_file()
     provenance = json.loads((tmp_path / "provenance.json").read_text())
     assert list(provenance["logs"]) == ["dense.log.gz", "sparse.log.gz"]
     assert provenance["commit"]

@@ -18,19 +18,20 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 
 import argparse
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from repro.learning import held_out
 from repro.learning.kernels import accelerate
 from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.output import draw
 from repro.runs.provenance import environment
 from repro.scans import Scans
 from repro.system.devices import one_thread
@@ -38,8 +39,9 @@ from repro.system.files import open_arrays, sha256, write_json, write_text
 from reproduce.real import logs
 from reproduce.real.adapted import adapted
 from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
+from reproduce.real.figure import choose, draw
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
-from reproduce.real.logs import Case, cases_of
+from reproduce.real.logs import Case, cases_of, is_driving, is_standing
 from reproduce.real.measures import MEAN, Measured, count, neighbors, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -47,7 +49,6 @@ TARGET, KEPT = RESULTS / "robot_logs", RESULTS.parents[1] / "outputs" / "real"
 WEIGHTS = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru", "workstation/exp4-unet")
 SAMPLED_WINDOWS, SAMPLED_PIXELS = 100, 100  # of each log, the latter of each window, to which maps are fitted
 BATCH = 16  # windows that are predicted together
-DRAWN = ("freiburg-079-corrected.log.gz", 260)  # log and number of the window that is drawn
 
 
 def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: Path) -> np.ndarray:
@@ -72,15 +73,10 @@ def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: 
         limited = predictor.with_range(batch[0].range_max_m)
         images = limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True).numpy()
         for case, image in zip(batch, images, strict=True):
-            free.append(image.ravel()[neighbors(compared(case), len(image))].min(1))
+            free.append(image.ravel()[neighbors(case.pixels, len(image))].min(1))
     kept.parent.mkdir(parents=True, exist_ok=True)
     np.savez(kept, free=np.concatenate(free), **origin)  # type: ignore[arg-type]
     return np.rint((LEVELS - 1) * np.concatenate(free)).astype(np.int64)
-
-
-def compared(case: Case) -> np.ndarray:
-    """Return the flat indices of the pixels that held-out beams show, (P,)."""
-    return np.flatnonzero(case.clear.hits | case.clear.passed)
 
 
 def evidence_at(case: Case, predictor: Predictor, pixels: np.ndarray) -> Evidence:
@@ -93,10 +89,10 @@ def sample(path: Path, predictor: Predictor, network: np.ndarray) -> Sample:
     """Draw pixels of evenly spaced windows of a log, given the levels of the network at all compared pixels."""
     rng = np.random.default_rng(0)
     cases = list(cases_of(path, predictor))
-    first = np.cumsum([0, *(len(compared(case)) for case in cases)])
+    first = np.cumsum([0, *(len(case.pixels) for case in cases)])
     evidence, levels, free = [], [], []
     for number in np.unique(np.linspace(0, len(cases) - 1, SAMPLED_WINDOWS).astype(int)):
-        pixels = compared(cases[number])
+        pixels = cases[number].pixels
         chosen = np.sort(rng.permutation(len(pixels))[:SAMPLED_PIXELS])
         evidence.append(evidence_at(cases[number], predictor, pixels[chosen]))
         levels.append(network[first[number] + chosen])
@@ -112,7 +108,7 @@ def compare(
     first, windows = 0, 0
     names: tuple[str, ...] = ()
     for case in tqdm(cases_of(path, predictor), desc=path.name, disable=None):
-        pixels = compared(case)
+        pixels = case.pixels
         evidence = evidence_at(case, predictor, pixels)
         of_network = np.broadcast_to(network[first : first + len(pixels), None], (len(pixels), 9))
         seen = np.zeros(case.clear.hits.size, bool)
@@ -133,8 +129,8 @@ def compare(
 
 def compare_all(
     paths: list[Path], weights: str, kept: Path, folds: int = 0
-) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Compare all maps of all logs; return the rows of the table and the chosen constants by log.
+) -> tuple[list[dict[str, Any]], dict[str, Any], Figure]:
+    """Compare all maps of all logs; return the rows of the table, the chosen constants by log and five windows.
 
     Args:
         paths: the logs.
@@ -150,33 +146,33 @@ def compare_all(
         kept, weights = kept / f"adapted-{folds}", f"{weights}, adapted"
         of_log = adapted(predictor, origin, checksums, kept, folds)
         origin |= {"adapted_to": " ".join(checksums.values())}
-    networks = {}
+    levels: dict[Path, np.ndarray] = {}
+    fitted: dict[str, Fitted] = {}
+    rows: list[dict[str, Any]] = []
     for path in paths:
-        maps_of_log = kept / weights / f"{path.name}.npz"
-        networks[path.name] = predictions(path, of_log[path], {"log": checksums[path], **origin}, maps_of_log)
-    samples = {path.name: sample(path, predictor, networks[path.name]) for path in paths}
+        levels[path] = predictions(
+            path, of_log[path], {"log": checksums[path], **origin}, kept / weights / f"{path.name}.npz"
+        )
+    for kind in filter(None, (list(filter(is_of, paths)) for is_of in (is_driving, is_standing))):
+        samples = {path.name: sample(path, predictor, levels[path]) for path in kind}
+        fitted |= {path.name: fit_others(samples, path.name) for path in kind}
+        rows += [{"weights": weights, **row} for row in compare_kind(kind, predictor, levels, fitted)]
+    constants = {name: each.constants for name, each in fitted.items()}
+    return rows, constants, draw(choose(levels, predictor), of_log, fitted)
+
+
+def compare_kind(
+    paths: list[Path], predictor: Predictor, levels: dict[Path, np.ndarray], fitted: dict[str, Fitted]
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of logs of driving robots or of those of standing lidars, given the levels of the network."""
     maps: dict[str, dict[str, Measured]] = defaultdict(dict)
-    constants, groups = {}, tuple[str, ...]()
+    groups = tuple[str, ...]()
     for path in paths:
-        fitted = fit_others(samples, path.name)
-        constants[path.name] = fitted.constants
-        groups, measured = compare(path, predictor, networks[path.name], fitted)
+        groups, measured = compare(path, predictor, levels[path], fitted[path.name])
         for name, each in measured.items():
             maps[name][path.name] = each
-    return [{"weights": weights, **row} for row in rows_of(maps, groups, NETWORK)], constants
-
-
-def draw_window(paths: list[Path], weights: str, target: Path) -> None:
-    """Draw the window `DRAWN`, if its log is one of those given."""
-    predictor = load_predictor(RESULTS / weights)
-    for path in paths:
-        for case in cases_of(path, predictor) if path.name == DRAWN[0] else ():
-            if case.window.number == DRAWN[1]:
-                limited = predictor.with_range(case.range_max_m)
-                free = limited.predict(case.window.scans, allow_empty=True)[0].numpy()
-                figure = draw(case.window, free, predictor.grid)
-                figure.axes[1].set_title("predicted map")  # its time is a number of scans
-                figure.savefig(target / "window.png", dpi=120)
+    robot = "drives" if is_driving(paths[0]) else "stands"
+    yield from ({"robot": robot, **row} for row in rows_of(maps, groups, NETWORK))
 
 
 def main() -> None:
@@ -194,11 +190,12 @@ def main() -> None:
     constants: dict[str, Any] = {}
     with one_thread():
         for weights in options.weights:
-            of_weights, chosen = compare_all(options.logs, weights, options.kept, options.folds)
+            of_weights, chosen, figure = compare_all(options.logs, weights, options.kept, options.folds)
             rows += of_weights
             constants[of_weights[0]["weights"]] = chosen
+            if weights == options.weights[0]:
+                figure.savefig(options.target / "windows.png", dpi=110)
             write(rows, constants, options, origin)
-        draw_window(options.logs, options.weights[0], options.target)
 
 
 def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argparse.Namespace, origin: Any) -> None:
@@ -209,7 +206,11 @@ def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argpar
     checksums = {path.name: sha256(path) for path in options.logs}
     write_json(options.target / "provenance.json", {"logs": checksums, "constants": constants, **origin})
     shown = table[table["log"] == MEAN]
-    print(shown[["weights", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]].to_string())
+    print(
+        shown[
+            ["weights", "robot", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]
+        ].to_string()
+    )
 
 
 if __name__ == "__main__":

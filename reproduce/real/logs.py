@@ -49,6 +49,11 @@ class Case:
     moving: np.ndarray | None = None
     block: int = 0
 
+    @property
+    def pixels(self) -> np.ndarray:
+        """Return the flat indices of the pixels that held-out beams show, (P,)."""
+        return np.flatnonzero(self.clear.hits | self.clear.passed)
+
     def groups(self, seen: np.ndarray) -> dict[str, Observed]:
         """Return the pixels that are compared, by kind, given those that a beam of the window has hit or passed over.
 
@@ -61,9 +66,19 @@ class Case:
         return groups
 
 
+def is_standing(path: Path) -> bool:
+    """Return whether a log is a ROS 1 bag of a standing lidar."""
+    return path.suffix == ".bag"
+
+
+def is_driving(path: Path) -> bool:
+    """Return whether a log is a gzipped CARMEN file of a driving robot."""
+    return not is_standing(path)
+
+
 def cases_of(path: Path, predictor: Predictor) -> Iterator[Case]:
     """Yield the windows of a log of a driving robot (gzipped CARMEN) or of a standing lidar (ROS 1 bag)."""
-    return (standing if path.suffix == ".bag" else driving)(path, predictor)
+    return (standing if is_standing(path) else driving)(path, predictor)
 
 
 def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
@@ -79,7 +94,7 @@ def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
 def log_of(path: Path, predictor: Predictor) -> tuple[ScanLog, WindowSettings]:
     """Read a gzipped CARMEN log, whose scans are spaced by distance, or a bag of a standing lidar."""
     settings = window_of(predictor)
-    if path.suffix == ".bag":
+    if is_standing(path):
         return read_log(path, settings, ReadOptions(pose=(0.0, 0.0, 0.0))), settings
     with gzip.open(path, "rt", encoding="utf-8", errors="replace") as lines:
         log = collect(carmen_scans(lines, path), path, WindowSettings(spacing="distance"))

@@ -8,11 +8,11 @@ import numpy as np
 from sklearn.isotonic import IsotonicRegression
 
 from repro.metrics.bootstrap import DRAWS, bounds, draw_weights
-from repro.metrics.calibration import brier, log_loss
+from repro.metrics.calibration import BINS, brier, log_loss
 from repro.metrics.counts import LEVELS, confusion_of
 from repro.prediction.agreement import Observed
 
-MEASURES = ("auroc", "brier", "log_loss", "hits_share", "free_share")
+MEASURES = ("auroc", "brier", "log_loss", "hits_share", "free_share", "calibration_error")
 COMPARED = 3  # the first measures, of which the table has differences
 MEAN = "mean"
 
@@ -70,7 +70,15 @@ def measures(counts: np.ndarray, probability: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         scores = brier(counts, probability), log_loss(counts, probability)
         shares = found / (found + missed), free / (free + wrong)
-        return np.stack([auroc(counts), *scores, *shares], axis=-1)
+        return np.stack([auroc(counts), *scores, *shares, calibration_error(counts, probability)], axis=-1)
+
+
+def calibration_error(counts: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    """Compute the expected calibration error in 15 bins of the probability of free, (...), from (..., 2, 256)."""
+    bins = np.minimum((probability * BINS).astype(int), BINS - 1)
+    in_bin = bins[:, None] == np.arange(BINS)
+    gap = counts[..., 1, :] - counts.sum(-2) * probability
+    return np.abs(gap @ in_bin).sum(-1) / counts.sum((-2, -1))
 
 
 def calibrated(counts: np.ndarray) -> np.ndarray:

@@ -4,51 +4,20 @@ Unknown keys are refused, because IR-SIM would apply them and the recorder would
 """
 
 import copy
-import itertools
 import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-import shapely
 from omegaconf import DictConfig, OmegaConf
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from repro.fields import STRICT, NotNegative, config_errors_of, ordered
+from repro.fields import NotNegative, config_errors_of
 from repro.system.errors import InputError
-
-T = TypeVar("T")
-
-
-def _amount(value: Any) -> str:
-    return "<several>" if isinstance(value, list | tuple) else "<one>"
-
-
-Range = Annotated[tuple[T, T], AfterValidator(ordered)]
-OneOrRange = Annotated[Annotated[T, Tag("<one>")] | Annotated[Range[T], Tag("<several>")], Discriminator(_amount)]
-# Limits within which IR-SIM, the recorder and float32 compute what the value says
-Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
-Coordinate = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]  # [m]
-Point = tuple[Coordinate, Coordinate]
-Duration = Annotated[float, Field(ge=1e-4, le=1000, allow_inf_nan=False)]  # [s]
-Speed = Annotated[float, Field(ge=1e-6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
-Limit = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]  # [m/s] or [rad/s]
-Angle = Annotated[float, Field(ge=-2 * math.pi, le=2 * math.pi, allow_inf_nan=False)]  # [rad]
-Ratio = Annotated[float, Field(ge=0.01, le=100, allow_inf_nan=False)]
-Probability = Annotated[float, Field(ge=0, le=1)]
-Steps = Annotated[int, Field(ge=1, le=1_000_000)]
-WindowSteps = Annotated[int, Field(ge=2, le=1_000_000)]  # steps
-Number = Annotated[int, Field(ge=1, le=1000)]
-MAX_VERTICES, MAX_FIXED = 100, 1000  # of a polygon or line string, of the fixed obstacles of a floor
-
-
-class Part(BaseModel):
-    model_config = ConfigDict(**STRICT, frozen=True)
-
-    def irsim(self) -> dict[str, Any]:
-        """Return the part as IR-SIM reads it, with the keys that were given."""
-        return self.model_dump(mode="json", exclude_unset=True)
+from repro.world_fields import Duration, Length, Limit, Part, Probability, Range, Speed, Steps
+from repro.world_motions import Motion, RandomGoals, Waypoints
+from repro.world_obstacles import Behavior, Disc, FixedList, Populations, Rooms, Shaped, Sized
 
 
 class Map(Part):
@@ -61,7 +30,7 @@ class Map(Part):
 
 
 class Lidar(Part):
-    """IR-SIM's lidar at the center of the robot, with normal noise of the ranges [m] and of the beams' angles [rad]."""
+    """IR-SIM's lidar at the center of the robot, with normal noise of the ranges [m]."""
 
     type: Literal["lidar2d"]
     range_min: Literal[0] = 0
@@ -70,115 +39,18 @@ class Lidar(Part):
     number: Annotated[int, Field(ge=2, le=100_000)]
     noise: bool = False
     std: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] | None = None
-    angle_std: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")
     def _is_complete(self) -> "Lidar":
         if self.angle_range / (self.number - 1) >= math.pi:
             raise InputError("the beams must be less than half a turn apart: use more")
-        if self.noise and self.std is None:
-            raise InputError("noise: true needs std, the standard deviation of the ranges [m]")
-        if not self.noise and (self.std is not None or self.angle_std is not None):
-            raise InputError("std and angle_std need noise: true")
+        if self.noise != (self.std is not None):
+            raise InputError("noise: true and std, the standard deviation of the ranges [m], need one another")
         return self
 
 
 class Kinematics(Part):
     name: Literal["diff"]
-
-
-class Disc(Part):
-    name: Literal["circle"]
-    radius: Length
-
-
-class Rectangle(Part):
-    name: Literal["rectangle"]
-    length: Length
-    width: Length
-
-
-def _simple(vertices: list[Point]) -> list[Point]:
-    """Check that a polygon neither crosses itself nor vanishes; IR-SIM would draw its bounding box instead."""
-    polygon = shapely.Polygon(vertices)
-    if not polygon.is_valid:
-        raise InputError(f"must be a polygon that does not cross or touch itself: {shapely.is_valid_reason(polygon)}")
-    if polygon.area < max(1e-4, 1e-6 * polygon.length**2):
-        raise InputError("must be a polygon with an area: use a linestring for a thin wall")
-    return vertices
-
-
-def _distinct(points: list[Point]) -> list[Point]:
-    if any(a == b for a, b in itertools.pairwise(points)):
-        raise InputError("must not name the same point twice in a row")
-    return points
-
-
-class Polygon(Part):
-    """A polygon, convex or not."""
-
-    name: Literal["polygon"]
-    vertices: Annotated[list[Point], Field(min_length=3, max_length=MAX_VERTICES), AfterValidator(_simple)]
-
-
-class LineString(Part):
-    """A wall without width."""
-
-    name: Literal["linestring"]
-    vertices: Annotated[list[Point], Field(min_length=2, max_length=MAX_VERTICES), AfterValidator(_distinct)]
-
-
-AnyShape = Annotated[Disc | Rectangle | Polygon | LineString, Field(discriminator="name")]
-
-
-class Fixed(Part):
-    """An obstacle that stands in every world, at x, y [m], heading [rad]."""
-
-    shape: AnyShape
-    state: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
-
-
-FixedList = Annotated[list[Fixed], Field(max_length=MAX_FIXED)]
-
-
-class Cabinets(Part):
-    """Boxes against the walls; `per_m` is drawn for each wall, and is their number per meter of a side of it."""
-
-    per_m: Range[Probability]
-    length_m: Range[Length]
-    depth_m: Range[Length]
-
-
-class Rooms(Part):
-    """Walls with doors and corridors that are sampled for every world.
-
-    Args:
-        side_m: sides of rooms [m].
-        door_m: widths of doors [m].
-        corridor_m: widths of corridors [m].
-        corridor_share: probability that a corridor takes the place of a wall.
-        longest_m: the longest side of the rooms of a world, drawn for each world in place of the second of `side_m`.
-        thickness_m: thickness of the walls of a world, drawn for each world [m]; None is no thickness.
-        closed_share: probability that a door is closed.
-        leaf_share: probability that an open door has a leaf, at any angle of up to 120 degrees from its wall.
-        cabinets: boxes against the walls.
-    """
-
-    side_m: Range[Length]
-    door_m: Range[Length]
-    corridor_m: Range[Length]
-    corridor_share: Probability
-    longest_m: Range[Length] | None = None
-    thickness_m: Range[Length] | None = None
-    closed_share: Probability = 0.0
-    leaf_share: Probability = 0.0
-    cabinets: Cabinets | None = None
-
-    @model_validator(mode="after")
-    def _has_doors(self) -> "Rooms":
-        if self.door_m[1] > self.side_m[0]:
-            raise InputError(f"doors of {self.door_m[1]:g} m are wider than the shortest side of {self.side_m[0]:g} m")
-        return self
 
 
 class Robot(Part):
@@ -191,130 +63,8 @@ class Robot(Part):
     sensors: Annotated[list[Lidar], Field(min_length=1, max_length=1)]
 
 
-class Rotation(Part):
-    """A full turn in place; `turned_rad` [rad] is its start heading, or the range of it."""
-
-    name: Literal["rotate"]
-    steps: WindowSteps
-    turned_rad: OneOrRange[Angle] = 0.0
-
-
-class Square(Part):
-    """A square, turned about the center of the map by `turned_rad` [rad], or by an angle in that range."""
-
-    name: Literal["square"]
-    side_m: Length
-    drive_steps: Annotated[int, Field(ge=1, le=100_000)]
-    turn_steps: Annotated[int, Field(ge=1, le=100_000)]
-    first_steps: Annotated[int, Field(ge=0)]
-    turned_rad: OneOrRange[Angle] = 0.0
-
-    @property
-    def steps(self) -> int:
-        return 4 * (self.drive_steps + self.turn_steps)
-
-
-class Waypoints(Part):
-    """Straight drives along given points, with turns in place."""
-
-    name: Literal["waypoints"]
-    points_m: Annotated[list[Point], Field(min_length=2, max_length=1000), AfterValidator(_distinct)]
-    speed_m_s: Speed
-    turn_rad_s: Speed
-    steps: WindowSteps
-
-
-class Standing(Part):
-    """A robot that stands, at any place and heading, and swings its view by `swing_rad` [rad] in `period_s` [s]."""
-
-    share: Probability
-    swing_rad: Range[Annotated[float, Field(ge=0, le=math.pi, allow_inf_nan=False)]]
-    period_s: Range[Duration]
-
-    @property
-    def turn_rad_s(self) -> float:
-        """The largest rate of turn [rad/s]."""
-        return 2 * math.pi * self.swing_rad[1] / self.period_s[0]
-
-
-class RandomGoals(Part):
-    """Straight drives to random goals, with turns in place; a range of speeds is sampled once per world.
-
-    In a part of the worlds, the robot stands. It keeps `margin_m` from the border of the map [m], at least its radius.
-    """
-
-    name: Literal["random_goals"]
-    speed_m_s: OneOrRange[Speed]
-    turn_rad_s: OneOrRange[Speed]
-    steps: WindowSteps
-    margin_m: Length | None = None
-    standing: Standing | None = None
-
-
-Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
-
-
-class Drifting(Part):
-    name: Literal["drift"]
-    speed_m_s: Range[Speed]
-    turn_steps: Range[Steps]
-
-
-class Walking(Part):
-    """Straight ways of `way_steps`, after which a person stops (`stop_share`, `stop_steps`) or turns (`turn_rad`)."""
-
-    name: Literal["walk"]
-    speed_m_s: Range[Speed]
-    way_steps: Range[Steps]
-    turn_rad: Annotated[float, Field(ge=0, le=math.pi, allow_inf_nan=False)]
-    stop_share: Probability
-    stop_steps: Range[Steps]
-
-
-Behavior = Annotated[Drifting | Walking, Field(discriminator="name")]
-
-
-class Sized(Part):
-    """Discs and rectangles of random size."""
-
-    count: Range[Number]
-    radius_m: Range[Length]
-    aspect: Range[Ratio]
-    disc_share: Probability
-    behavior: Behavior | None = None
-
-
-class Shaped(Part):
-    """Obstacles of given shapes, each with the same probability."""
-
-    count: Range[Number]
-    shapes: Annotated[list[AnyShape], Field(min_length=1, max_length=100)]
-    behavior: Behavior | None = None
-
-
-def _kind(value: Any) -> str:
-    return "<shaped>" if isinstance(value, dict) and "shapes" in value else "<sized>"
-
-
-Population = Annotated[Annotated[Sized, Tag("<sized>")] | Annotated[Shaped, Tag("<shaped>")], Discriminator(_kind)]
-Populations = Annotated[
-    Annotated[Population, Tag("<one>")] | Annotated[list[Population], Field(max_length=100), Tag("<several>")],
-    Discriminator(_amount),
-]
-
-
 class Sensing(Part):
-    """What a real lidar and odometry do to the scans of a recording; each value is drawn once per recording.
-
-    Args:
-        range_m: beyond this range a beam has no reading [m].
-        noise_m: standard deviation of the noise of ranges, beside that of the lidar [m].
-        lost_share: share of the beams without a reading.
-        every_beam: only every n-th beam has readings.
-        every_step: a new scan comes every n-th step; the steps between repeat it.
-        odometry: standard deviation of the scale errors of distances and turns.
-        pose_m: standard deviation of independent errors of all poses but the newest [m], see `sensing.noisy_poses`.
-    """
+    """What a real lidar and odometry do to the scans of a recording, see `simulation.sensing`; drawn per recording."""
 
     range_m: Range[Length]
     noise_m: Range[NotNegative]

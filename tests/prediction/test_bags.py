@@ -1,11 +1,7 @@
 """Bags of ROS 1 and ROS 2, written by rosbags."""
 
 import os
-import shutil
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,24 +66,6 @@ def test_a_bag_of_which_messages_are_lost_is_refused(tmp_path):
     path.write_bytes(data[:middle] + bytes(1000) + data[middle + 1000 :])
     with pytest.raises(ValueError, match=r"the bag is damaged: \d+ of 30 messages on /scan can be read; repair it"):
         read(path)
-
-
-def test_a_database_whose_last_messages_are_in_its_log_is_refused_until_it_has_them(tmp_path):
-    """As after a recorder was killed."""
-    directory = bag(tmp_path / "log", 2, poses="tf", storage=StoragePlugin.SQLITE3)
-    (path,) = directory.glob("*.db3")
-    recorder = sqlite3.connect(path)
-    recorder.execute("PRAGMA journal_mode=WAL")
-    recorder.execute("UPDATE messages SET timestamp=timestamp")
-    recorder.commit()
-    killed = Path(shutil.copytree(directory, tmp_path / "killed"))
-    recorder.close()
-    for given in (killed, killed / path.name):
-        with pytest.raises(ValueError, match=r"db3-wal, .* was killed: move them into it with sqlite3 .*'PRAGMA wal"):
-            read(given)
-    with closing(sqlite3.connect(killed / path.name)) as repaired:
-        repaired.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    expect(read(killed), atol=2e-3)
 
 
 def test_the_parts_of_a_bag_in_a_directory_are_one_log(tmp_path):

@@ -81,9 +81,8 @@ def test_a_parameter_in_the_log_that_makes_the_maximum_range_invalid_skips_the_s
     assert read(carmen(tmp_path / "log", written)).skipped == {"without a valid maximum range": SCANS - 20}
 
 
-def test_a_maximum_range_that_changes_is_reported_and_the_smallest_holds_for_misses(tmp_path, caplog):
+def test_the_smallest_of_the_maximum_ranges_holds_for_misses(tmp_path):
     log = read(carmen(tmp_path / "log", lines(robotlaser, {7: robotlaser(7).replace("81.83", "2.5", 1)})))
-    assert "changes up to 81.83 m: misses show free space up to the smallest, 2.5 m" in caplog.text
     assert log.range_max_m == 2.5
     assert np.isinf(log.ranges[7]).sum() == (RANGES[7] >= 2.5).sum()
     assert np.isfinite(np.delete(np.delete(log.ranges, 7, axis=0), 40, axis=1)).all()
@@ -98,13 +97,6 @@ def test_a_given_maximum_range_replaces_that_of_the_log(stated, tmp_path):
     held_out, _ = log.crop(1.0).held_out(0)
     assert np.isinf(held_out[0, 40])
     assert log.range_max_m == 50.0
-
-
-def test_readings_beyond_the_maximum_range_that_vary_are_named(tmp_path, caplog):
-    read(carmen(tmp_path / "log", lines(robotlaser)))
-    assert "vary" not in caplog.text
-    read(carmen(tmp_path / "log", [line.replace("81.83", "2.5", 1) for line in lines(robotlaser)]))
-    assert "readings beyond the maximum range, 2.5 m, vary like hits up to" in caplog.text
 
 
 def test_a_carmen_log_without_a_maximum_range_is_named(tmp_path, caplog):
@@ -163,7 +155,7 @@ def test_scans_without_beams_do_not_decide_the_beams():
         collect([*empty, *(replace(scan, first_angle=-90.0, spacing=45.0) for scan in scans)], "log", WINDOWS)
 
 
-def test_scans_with_a_varying_number_of_readings_are_resampled(caplog):
+def test_scans_with_a_varying_number_of_readings_are_resampled():
     """As of an LD19: 88 to 94 readings between the same limits, most often 91; a ramp tells the angle of a reading."""
     counts = [(91, 91, 88, 94)[step % 4] for step in range(40)]
     scans = [
@@ -174,7 +166,6 @@ def test_scans_with_a_varying_number_of_readings_are_resampled(caplog):
     assert log.skipped == {}
     assert np.abs(log.ranges - np.linspace(2, 3, 91)).max() <= 0.5 / 87 + 1e-6
     assert log.ranges[0] == pytest.approx(np.linspace(2, 3, 91))
-    assert caplog.text.count("the beams vary, such as") == 1
 
 
 def test_readings_at_the_minimum_are_valid_at_the_maximum_misses_and_others_invalid():
@@ -227,9 +218,9 @@ def content(data: bytes, suffix: str = ""):
     return lambda path: (path.with_suffix(suffix).write_bytes(data), path.with_suffix(suffix))[1]
 
 
-def truncated(path: Path, count: int = 0) -> Path:
-    """Cut off some bytes, or half of a file; SQLite reads the rest of a page as zeros."""
-    path.write_bytes(path.read_bytes()[: -count or path.stat().st_size // 2])
+def truncated(path: Path) -> Path:
+    """Cut off half of a file."""
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     return path
 
 
@@ -263,8 +254,8 @@ NO_LOGS = {
     "truncated bag": (lambda path: truncated(bag(path.with_suffix(".bag"), 1, poses="tf")), "the bag cannot be read"),
     "truncated mcap": (lambda path: truncated(mcap(path)), r"the bag cannot be read .*mcap recover"),
     "truncated database": (
-        lambda path: truncated(next(bag(path, 2, poses="tf", storage=StoragePlugin.SQLITE3).glob("*.db3")), 100),
-        "the bag is truncated",
+        lambda path: truncated(next(bag(path, 2, poses="tf", storage=StoragePlugin.SQLITE3).glob("*.db3"))),
+        "the bag cannot be read",
     ),
     "compressed messages without metadata": (lambda path: mcap(path, **COMPRESSED), "compressed, give its directory"),
     "mcap of ros1": (lambda path: mcap(path, b"ros1"), "profile 'ros2', got 'ros1': .*rosbags-convert"),

@@ -10,7 +10,6 @@ import repro
 from repro.cli.inputs import find
 from repro.maps.encodings import create_encoding
 from repro.maps.validity import check_windows
-from repro.navigation.planning import planner_map
 from repro.prediction.readings import readings
 from repro.prediction.stream import StreamMap
 from repro.scans import Scans
@@ -36,7 +35,7 @@ VALUES = {
     "readings of a negative maximum": lambda: readings(np.ones(3), 0.0, -3.0),
     "readings of a minimum above the maximum": lambda: readings(np.ones(3), 5.0, 3.0),
     "beams over one turn and a half": lambda: check_windows(window(np.linspace(-1.5, 1.5, 91) * np.pi), GRID),
-    "probabilities of 7": lambda: planner_map(StreamMap(14 * HALF, (0.0, 0.0), 0.5, 0.0)),
+    "probabilities of 7": lambda: StreamMap(14 * HALF, (0.0, 0.0), 0.5, 0.0),
     "probabilities that are not finite": lambda: StreamMap(np.nan * HALF, (0.0, 0.0), 0.5, 0.0),
     "a row instead of a map": lambda: StreamMap(HALF[0], (0.0, 0.0), 0.5, 0.0),
     "pixels without a size": lambda: StreamMap(HALF, (0.0, 0.0), 0.0, 0.0),

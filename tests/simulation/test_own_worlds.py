@@ -12,7 +12,6 @@ from shapely import LineString, Point
 
 import repro.world_config
 from repro.simulation.obstacle_motions import obstacle_states
-from repro.simulation.recorder import record_experiment
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
@@ -72,7 +71,6 @@ def test_the_worlds_of_conf_agree_with_plain_irsim(name):
 def test_all_shapes_agree_with_plain_irsim(fov, noise):
     for item in both(own_spec(lidar={"angle_range": fov, "number": 91, **noise}), 5):
         recording = simulate(item)
-        assert not recording.is_plain
         assert check_replay(item, recording) < 1e-9
 
 
@@ -117,7 +115,7 @@ def test_noise_has_its_deviation_and_is_reproducible():
     assert hit.sum() > 1000
     assert error.std() == pytest.approx(0.05, rel=0.1)
     assert abs(error.mean()) < 0.01
-    raw = copy.deepcopy(own_spec(lidar={"noise": True, "std": 0.05, "angle_std": None}).raw)
+    raw = copy.deepcopy(own_spec(lidar={"noise": True, "std": 0.05}).raw)
     del raw["robot"]["sensors"][0]["range_min"]
     assert np.array_equal(simulate(sample_world(WorldSpec.parse(raw), 4)).scans.ranges, first)
 
@@ -129,28 +127,16 @@ def test_a_twin_has_other_noise_and_is_undone_by_its_twin():
     assert reverse_direction(twin)["robot"]["state"] == world["robot"]["state"]
 
 
-def test_noise_of_the_angles_is_left_to_plain_irsim(tmp_path, capsys):
-    spec = own_spec(lidar={"noise": True, "std": 0.02, "angle_std": 0.01})
-    recording = simulate(sample_world(spec, 2))
-    assert recording.is_plain
-    assert check_replay(sample_world(spec, 2), recording) == 0
-    assert not np.array_equal(recording.scans.ranges, simulate(sample_world(own_spec(), 2)).scans.ranges)
-    record_experiment(tmp_path, spec, {"train": 2, "val": 2, "test": 2}, workers=1)
-    message = "plain IR-SIM simulated 6 of 6 recordings"
-    assert capsys.readouterr().out.count(message) == 1
-
-
 def test_beams_through_a_corner_are_left_to_plain_irsim():
     motion = {"name": "waypoints", "points_m": [[4.9, 5], [5, 5]], "speed_m_s": 1.0, "turn_rad_s": 1.0, "steps": 20}
     room = [{"shape": {"name": "linestring", "vertices": [[1, 1], [9, 1], [9, 9], [1, 9], [1, 1]]}}]
-    lidar = {"angle_range": math.pi, "number": 181}
-    aligned = sample_world(own_spec(lidar=lidar, fixed=room, obstacles=[], motion=motion), 0)
+    content = {"lidar": {"angle_range": math.pi, "number": 181}, "fixed": room, "obstacles": []}
+    aligned = sample_world(own_spec(**content, motion=motion), 0)
     recording = simulate(aligned)
-    assert recording.is_plain
     assert check_replay(aligned, recording) == 0
     assert np.isfinite(recording.scans.ranges).mean() > 0.99
-    turned = {**motion, "points_m": [[4.9, 5], [5, 5.123]]}
-    assert not simulate(sample_world(own_spec(lidar=lidar, fixed=room, obstacles=[], motion=turned), 0)).is_plain
+    turned = sample_world(own_spec(**content, motion={**motion, "points_m": [[4.9, 5], [5, 5.123]]}), 0)
+    assert 0 < check_replay(turned, simulate(turned)) < 1e-9
 
 
 def test_a_first_beam_through_a_corner_is_left_to_plain_irsim_with_noise():
@@ -160,9 +146,7 @@ def test_a_first_beam_through_a_corner_is_left_to_plain_irsim_with_noise():
     corners = [[[4.5, 4.5], [4.5, 7.5], [3.5, 7.5]], [[12, 1], [13, 1], [13, 3], [12, 3]]]
     fixed = [{"shape": {"name": "polygon", "vertices": each}} for each in corners]
     world = sample_world(own_spec(lidar=lidar, fixed=fixed, obstacles=[], motion=motion), 0)
-    recording = simulate(world)
-    assert recording.is_plain
-    assert check_replay(world, recording) == 0
+    assert check_replay(world, simulate(world)) == 0
 
 
 @pytest.mark.parametrize("seed", range(8))

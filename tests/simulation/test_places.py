@@ -8,17 +8,18 @@ import shapely
 from conftest import ROOT
 
 from repro.scans import Scans
+from repro.simulation import recorder
 from repro.simulation.drift import Walk
 from repro.simulation.motions import sweep_commands
-from repro.simulation.recorder import record_experiment
 from repro.simulation.rooms import sample_rooms
 from repro.simulation.schema import world_errors
 from repro.simulation.sensing import sensed
-from repro.simulation.shapes import geometry, union
+from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
-from repro.world_config import Cabinets, Sensing, read_world, world_spec
+from repro.world_config import Sensing, read_world, world_spec
+from repro.world_obstacles import Cabinets
 
 SPEC = world_spec(read_world(ROOT / "conf" / "world" / "places.yaml"), "people")
 SHARP = {"range_m": (30, 30), "noise_m": (0, 0), "lost_share": (0, 0), "every_beam": (1, 1), "every_step": (1, 1)}
@@ -30,15 +31,28 @@ STANDING = SPEC.model_copy(
 
 @pytest.mark.parametrize("spec", [SPEC, STANDING])
 def test_plain_irsim_records_the_same_and_the_robot_keeps_clear(spec):
-    for seed in range(2):
+    world = sample_world(spec.model_copy(update={"motion": spec.motion.model_copy(update={"steps": 40})}), 0)
+    walls = union(world["obstacle"][: world["custom"]["fixed"]])
+    for each in (world, reverse_direction(world)):
+        check_replay(each, simulate(each))
+        places = drive_robot(each)[:, :2]
+        assert shapely.distance(walls, shapely.LineString(places)) >= 0.3 - 1e-6
+        assert places.min() >= 5 - 1e-6
+        assert places.max() <= 20 + 1e-6
+
+
+@pytest.mark.parametrize("spec", [SPEC, STANDING])
+def test_nobody_starts_in_a_thick_wall_or_a_cabinet(spec):
+    boxes = 0
+    for seed in range(6):
         world = sample_world(spec, seed)
-        walls = union(world["obstacle"][: world["custom"]["fixed"]])
-        for each in (world, reverse_direction(world)):
-            check_replay(each, simulate(each))
-            places = drive_robot(each)[:, :2]
-            assert shapely.distance(walls, shapely.LineString(places)) >= 0.3 - 1e-6
-            assert places.min() >= 5 - 1e-6
-            assert places.max() <= 20 + 1e-6
+        fixed = world["custom"]["fixed"]
+        lines = [shapely.LineString(each["shape"]["vertices"]) for each in world["obstacle"][:fixed]]
+        solid = shapely.union_all([shapely.Polygon(line) for line in lines if line.is_closed])
+        boxes += len([line for line in lines if line.is_closed])
+        for each in [world["robot"], *world["obstacle"][fixed:]]:
+            assert solid.distance(shapely.Point(each["state"][:2])) >= shape_radius(each["shape"]) - 1e-9
+    assert boxes > 100
 
 
 def test_twins_of_a_robot_that_stands_look_the_other_way():
@@ -141,8 +155,9 @@ def test_odometry_drifts_within_the_window():
     assert not noise[-1].any()
 
 
-def test_recordings_have_the_errors_of_the_sensors(tmp_path):
-    record_experiment(tmp_path, SPEC, {"train": 2}, workers=1)
+def test_recordings_have_the_errors_of_the_sensors(tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder, "check_replay", lambda *_: 0.0)  # see above
+    recorder.record_experiment(tmp_path, SPEC, {"train": 2}, workers=1)
     with np.load(tmp_path / "train-0000.npz") as content:
         assert np.isnan(content["ranges"]).any()
 

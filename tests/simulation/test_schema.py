@@ -55,7 +55,7 @@ REFUSED = {
     "101 corners": ({f"{FIXED}.0.shape.vertices": [[k, k] for k in range(101)]}, "vertices", "at most 100 items"),
     "point twice": ({f"{FIXED}.0.shape.vertices": [[0, 0], [0, 0]]}, "vertices", "the same point twice in a row"),
     "off the map": ({f"{FIXED}.13.state": [40, 3, 0]}, "experiments.people", "fixed obstacle 14 is outside the map"),
-    "too many": ({"experiments.people.obstacles.1.count": [900, 900]}, "experiments.people", "no room for"),
+    "too many": ({f"{MOVING}.count": [900, 900], f"{MOVING}.radius_m": [1, 1]}, "experiments.people", "no room for"),
     "no shapes": ({PEOPLE: {"count": [1, 2], "shapes": []}}, "obstacles.people.shapes=[]", "at least 1 item"),
     "two kinds": ({f"{PEOPLE}.shapes": [WALL]}, "obstacles.people.radius_m", "not a known key"),
     "no obstacles": (
@@ -99,8 +99,8 @@ REFUSED = {
     "turned drive": ({MOTION: {**DRIVE, "turned_rad": 1.0}}, "motion.turned_rad=1.0", "not a known key"),
     "endless": ({f"{MOTION}.steps": 10**6}, "experiments.people", "more than 2000000 readings"),
     "long": ({f"{MOTION}.steps": 40_000, f"{LIDAR}.number": 4}, "experiments.people", "longer than 30000"),
-    "noise without std": ({f"{LIDAR}.std": None}, "robot.sensors.0", "noise: true needs std"),
-    "std without noise": ({f"{LIDAR}.noise": False}, "robot.sensors.0", "std and angle_std need noise: true"),
+    "noise without std": ({f"{LIDAR}.std": None}, "robot.sensors.0", "need one another"),
+    "std without noise": ({f"{LIDAR}.noise": False}, "robot.sensors.0", "need one another"),
     "beams too far apart": (
         {f"{LIDAR}.angle_range": 6.28, f"{LIDAR}.number": 2},
         "robot.sensors.0",
@@ -134,7 +134,6 @@ def test_a_wrong_world_is_refused_with_key_and_reason(name):
 ALLOWED = {
     "the office": {},
     "any field of view": {f"{LIDAR}.angle_range": 6.283185307179586, f"{LIDAR}.number": 361},
-    "noise of the angles": {f"{LIDAR}.angle_std": 0.01},
     "walls alone": {"experiments.people.obstacles": []},
     "waypoints": {MOTION: DRIVE},
     "a rotation": {MOTION: {"name": "rotate", "steps": 60}},

@@ -33,9 +33,10 @@ from repro.scans import Scans
 from repro.system.errors import InputError
 
 UNKNOWN, SEEN = 2, 4  # in a map, where 1 is free and 0 an obstacle; SEEN is added where a beam of the window was
-DRAWS, MAX_WINDOWS = 8, 60  # directions of the view of each log, and windows of each, so that no log outweighs others
+DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that swings is in all of them in turn
+MAX_WINDOWS = 60  # of each view, evenly over its log, so that no log outweighs others
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
-TRAINED_WINDOWS = 3000  # in all epochs, but at least one: short logs are repeated, and the best epoch is kept
+TRAINED_WINDOWS = 10_000  # in all epochs, but at least one: short logs are repeated, and the best epoch is kept
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
@@ -119,8 +120,8 @@ def label(
         settings = replace(settings, center="robot")
     rng = np.random.default_rng(seed)
     turns = turns_of(log, view.fov_rad)
-    extent = (0.0, 2 * math.pi) if stands(log) else (turns[0], turns[-1])
-    views = [replace(view, turn_rad=float(turn)) for turn in rng.uniform(*extent, DRAWS)]
+    extent, draws = ((0.0, 2 * math.pi), STANDING_DRAWS) if stands(log) else ((turns[0], turns[-1]), DRAWS)
+    views = [replace(view, turn_rad=float(turn)) for turn in rng.uniform(*extent, draws)]
     middle = replace(view, turn_rad=turns[len(turns) // 2])
     last_s = max(VALIDATION_SHARE * (log.stamps[-1] - log.stamps[0]), VALIDATION_WINDOWS * settings.duration_s)
     is_first = log.stamps <= log.stamps[-1] - last_s

@@ -1,4 +1,4 @@
-"""Scans of npz logs, whose headers are checked before an array is read: a small file may promise a huge one."""
+"""Scans of npz logs."""
 
 import math
 from collections.abc import Iterator
@@ -9,9 +9,7 @@ import numpy as np
 from repro.prediction.intake import LogScan
 from repro.system.errors import InputError
 from repro.system.files import first_line, open_arrays
-from repro.system.memory import available_memory_gb
 
-BYTES_PER_READING = 25  # of memory while a log is read, measured
 ARRAYS = ("ranges", "angles", "poses", "stamps")
 RANGE_MAX = "range_max_m"
 MAX_NAMED = 10  # arrays of a file that a message names
@@ -57,30 +55,16 @@ def _read(path: Path, *, needs_poses: bool) -> dict[str, np.ndarray]:
                     f"{path}: lacks {', '.join(missing)}: expected {', '.join(ARRAYS)}, got "
                     f"{', '.join(list(content)[:MAX_NAMED]) or 'no array'}{hint}"
                 )
-            return {name: _array(path, content, name) for name in (*ARRAYS, RANGE_MAX) if name in content}
+            arrays = {name: content[name] for name in (*ARRAYS, RANGE_MAX) if name in content}
     except InputError:
         raise
     except Exception as error:  # NumPy and zipfile raise many types for damaged files
         expected = f"expected {', '.join(ARRAYS)}"
         raise InputError(f"{path}: cannot be read ({type(error).__name__}: {first_line(error)}): {expected}") from error
-
-
-def _array(path: Path, content: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
-    """Return an array after a check of its header: real numbers, no more than the data in the file and the memory."""
-    assert content.zip, "it is open"
-    with content.zip.open(f"{name}.npy") as file:
-        header = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
-        shape, _, dtype = header[np.lib.format.read_magic(file)[0]](file)
-        stored_bytes = content.zip.getinfo(f"{name}.npy").file_size - file.tell()
-    if dtype.kind not in "fiu":
-        raise InputError(f"{path}: {name}: expected real numbers, got {dtype}")
-    count = math.prod(shape)
-    if count * dtype.itemsize > stored_bytes:
-        raise InputError(f"{path}: {name}: is damaged: shape {shape} of {dtype}, but {stored_bytes} bytes of data")
-    needed_gb, available_gb = count * BYTES_PER_READING / 1e9, available_memory_gb()
-    if needed_gb > available_gb:
-        raise InputError(f"{path}: {name}: needs {needed_gb:.3g} GB of memory, {available_gb:.3g} GB are available")
-    return content[name]
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fiu":
+            raise InputError(f"{path}: {name}: expected real numbers, got {array.dtype}")
+    return arrays
 
 
 def _check_resolution(path: Path, poses: np.ndarray) -> None:

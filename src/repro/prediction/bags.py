@@ -1,7 +1,6 @@
 """Scans with poses from ROS 1 bags, ROS 2 bags and MCAP files, read by rosbags (extra `ros`)."""
 
 import logging
-import math
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +10,7 @@ from typing import Any
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from repro.prediction.intake import MAX_BEAMS, LogScan
+from repro.prediction.intake import LogScan
 from repro.prediction.logs import ReadOptions
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms
 from repro.prediction.transforms import Transforms, without_transform
@@ -20,12 +19,9 @@ from repro.system.errors import InputError
 LOGGER = logging.getLogger(__name__)
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-MAX_MESSAGE_BYTES = 1000 + 8 * MAX_BEAMS  # of a scan with intensities; transforms have fewer
 FILTERED = ("filter", "fused", "ekf", "ukf")  # in the names of topics of estimates from several sensors
 SUFFIXES = (".bag", ".db3", ".mcap")
-PAGE_SIZE = slice(16, 18)  # of the number in the head of a database
 PROFILE_START = 21  # of its name in an MCAP, after its magic and the head of its first record [bytes]
-MAX_METADATA_BYTES = 10**7
 REPAIR = "repair it, such as with rosbag reindex, ros2 bag reindex or mcap recover"
 
 
@@ -60,7 +56,7 @@ def _parts(path: Path) -> list[Path]:
             raise InputError(f"{file}: expected a regular file in the directory of a bag")
         if file.suffix not in SUFFIXES and path.is_file():
             raise InputError(f"{path}: is a bag: expected a name that ends with {', '.join(SUFFIXES)}")
-        _check(file)
+        _check_profile(file)
     if path.is_file() or path / "metadata.yaml" in files:
         return [path]
     parts = [file for file in files if file.suffix in SUFFIXES]
@@ -69,20 +65,10 @@ def _parts(path: Path) -> list[Path]:
     return parts
 
 
-def _check(path: Path) -> None:
-    """Refuse files of which rosbags would lose or misread messages: a database that was not closed, MCAP of ROS 1."""
-    if path.name == "metadata.yaml" and path.stat().st_size > MAX_METADATA_BYTES:
-        raise InputError(f"{path}: has more than {MAX_METADATA_BYTES} bytes")
-    log = path.with_name(f"{path.name}-wal")
-    if log.is_file() and log.stat().st_size:
-        raise InputError(
-            f"{path}: its last messages are in {log.name}, as of a recorder that was killed: move them into it with "
-            f"sqlite3 {path} 'PRAGMA wal_checkpoint(TRUNCATE)'"
-        )
+def _check_profile(path: Path) -> None:
+    """Refuse an MCAP of ROS 1, whose messages rosbags would misread."""
     with path.open("rb") as file:
         head = file.read(PROFILE_START + 100)
-    if head.startswith(b"SQLite ") and path.stat().st_size % int.from_bytes(head[PAGE_SIZE] or b"\1", "big"):
-        raise InputError(f"{path}: the bag is truncated: {REPAIR}")
     if head.startswith(b"\x89MCAP0\r") and len(head) > PROFILE_START:
         length = int.from_bytes(head[PROFILE_START - 4 : PROFILE_START], "little")
         profile = head[PROFILE_START:][:length].decode(errors="replace")
@@ -124,26 +110,9 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
 
 
 def describe_bag(path: Path) -> list[str]:
-    """Return one line for each topic of a bag: its type, messages, rate, and the frame of its first message."""
-    lines = []
+    """Return one line for each topic of a bag: its type and number of messages."""
     with open_bag(path) as bag:
-        duration_s = max(bag.duration * 1e-9, 1e-9)
-        for topic, info in sorted(bag.topics.items()):
-            line = f"{topic}: {info.msgtype}, {info.msgcount} messages, {info.msgcount / duration_s:.1f} per second"
-            if info.msgcount and info.msgtype in (LASER, ODOMETRY):
-                message = _first(bag, path, topic)
-                line += f", frame {message.header.frame_id}"
-                line += f", child {message.child_frame_id}" if info.msgtype == ODOMETRY else _limits(message)
-            lines.append(line)
-    return lines
-
-
-def _limits(message: Any) -> str:
-    first, last = (math.degrees(angle) for angle in (message.angle_min, message.angle_max))
-    return (
-        f", {len(message.ranges)} readings from {first:.0f} to {last:.0f} degrees, {message.range_min:.3g} to "
-        f"{message.range_max:.4g} m"
-    )
+        return [f"{topic}: {info.msgtype}, {info.msgcount} messages" for topic, info in sorted(bag.topics.items())]
 
 
 def _topics(bag: AnyReader, path: Path, kind: str, topic: str | None) -> list[str]:
@@ -170,17 +139,11 @@ def _messages(
     """Yield the messages of some topics with their topic and the time of their arrival [s].
 
     Raises:
-        InputError: a message is larger than any of a lidar, or fewer than the bag counts can be read; rosbags passes
-            over damaged records.
+        InputError: fewer than the bag counts can be read; rosbags passes over damaged records.
     """
     connections = [connection for connection in bag.connections if connection.topic in topics]
     read: Counter[str] = Counter()
     for connection, received, raw in bag.messages(connections) if connections else ():
-        if len(raw) > MAX_MESSAGE_BYTES:
-            raise InputError(
-                f"{path}: a message on {connection.topic} has {len(raw)} bytes: expected at most {MAX_MESSAGE_BYTES}, "
-                f"a scan of {MAX_BEAMS} beams"
-            )
         read[connection.topic] += 1
         yield connection.topic, bag.deserialize(raw, connection.msgtype), received * 1e-9
         if only_first:

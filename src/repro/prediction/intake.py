@@ -1,6 +1,5 @@
 """Scans of a lidar as they arrive, in logs and nodes: which can be used, and their valid readings at the same beams."""
 
-import logging
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -12,10 +11,8 @@ from repro.maps.validity import FULL_TURN
 from repro.prediction.readings import beams_of_turn, readings
 from repro.system.errors import InputError
 
-LOGGER = logging.getLogger(__name__)
 MAX_BEAMS = 100_000
 FIRST_SCANS = 20  # of which the most frequent beams are those of the lidar
-MAX_FAR = 100_000  # values of readings beyond the maximum range, which are counted
 WITHOUT_POSE = "without a pose"
 OTHER_BEAMS = ("with another number of beams", "with other beam angles")
 
@@ -103,20 +100,18 @@ class Intake:
 
     Attributes:
         angles: the angles of the beams [rad], (N,), increasing; empty before they are known.
-        far: number of readings beyond the maximum range by value [m], of some readings of each scan.
         left_out: number of scans that were left out, by reason.
         reasons: those of the scans that were left out by the last call.
     """
 
     def __init__(self, source: str, range_max_m: float | None = None) -> None:
         self.source, self.range_max_m = source, range_max_m
-        self.angles, self.far = np.zeros(0), Counter[float]()
+        self.angles = np.zeros(0)
         self.left_out: Counter[str] = Counter()
         self.reasons: list[str] = []
         self._first: LogScan | None = None
         self._index = np.zeros(0, dtype=int)
         self._waiting: list[LogScan] = []
-        self._resampled = False
 
     def take(self, scan: LogScan) -> list[LogScan]:
         """Take a scan and return those that can be used from now on, in the order of their arrival.
@@ -163,22 +158,8 @@ class Intake:
             elif np.isnan(ranges := resampled.valid_ranges()).all():
                 self._leave_out("without a valid reading")
             else:
-                given = resampled.ranges
-                beyond = given[np.isfinite(given) & (given >= resampled.range_max_m)]
-                if len(self.far) < MAX_FAR:
-                    self.far.update(np.round(beyond[:: max(1, len(beyond) // 10)], 2).tolist())
-                self._say_resampled(scan, resampled)
                 found.append(replace(resampled, ranges=ranges[self._index]))
         return found
-
-    def _say_resampled(self, scan: LogScan, resampled: LogScan) -> None:
-        if resampled is not scan and not self._resampled:
-            self._resampled = True
-            count = len(resampled.ranges)
-            LOGGER.warning(
-                "%s: the beams vary, such as %d and %d: all scans are resampled to the most frequent, %d",
-                *(self.source, count, len(scan.ranges), count),
-            )
 
     def _leave_out(self, reason: str) -> None:
         self.left_out[reason] += 1

@@ -1,6 +1,5 @@
 """A log of a robot: scans with their times and poses, checked scan by scan; what cannot be used is counted."""
 
-import logging
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -11,13 +10,12 @@ import torch
 
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
-from repro.prediction.readings import check_heading, note_on_changes, note_on_far_hits
+from repro.prediction.readings import check_heading
 from repro.prediction.times import NOT_LATER, Clock, TimesLost, WindowSettings, parts_of
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
 
-LOGGER = logging.getLogger(__name__)
 MIN_SCANS = 2
 MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
@@ -173,9 +171,6 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         raise InputError(f"{path}: {len(stamps)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
     log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses), dict(skipped), min(limits))
     _check_values(log, path)
-    for note in (note_on_changes(np.array(limits)), note_on_far_hits(intake.far, log.range_max_m)):
-        if note:
-            LOGGER.warning("%s: %s", path, note)
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
 

@@ -1,7 +1,6 @@
 """Readings of a lidar: hits, misses and invalid ones, and what their values tell about it."""
 
 import math
-from collections import Counter
 from numbers import Real
 
 import numpy as np
@@ -72,23 +71,6 @@ def note_on_repeats(ranges: np.ndarray) -> str | None:
         f"{count} readings are exactly {largest!s} m, which looks like the maximum range of the lidar: "
         f"set prediction.range_max_m={str(largest).removesuffix('.0')}"
     )
-
-
-def note_on_far_hits(far: Counter[float], range_max_m: float) -> str | None:
-    """Return a note if readings beyond the maximum range [m], counted by value, vary like hits, or None."""
-    if len(far) <= MANY or max(far.values()) > sum(far.values()) / 2:
-        return None
-    return (
-        f"readings beyond the maximum range, {range_max_m:.4g} m, vary like hits up to {max(far):.4g} m, and count as "
-        "misses: if the lidar reaches farther, set range_max_m"
-    )
-
-
-def note_on_changes(ranges_m: np.ndarray) -> str | None:
-    """Return a note about maximum ranges [m], (S,), that change between the scans of a log; None if they do not."""
-    low, high = ranges_m.min(), ranges_m.max()
-    text = f"the maximum range changes up to {high:.4g} m: misses show free space up to the smallest, {low:.4g} m"
-    return text if low < high else None
 
 
 def beams_of_turn(angles: np.ndarray) -> int:

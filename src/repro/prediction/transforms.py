@@ -48,7 +48,7 @@ class Transforms:
         """Add the pose of a frame in its parent frame at a time [s]: x, y, z [m] and a quaternion x, y, z, w.
 
         A static pose replaces the one before, and poses that change replace a static one. If the frame has a static
-        parent already, such as `base_link` in `base_footprint`, that one becomes its child. Poses in another parent
+        parent, too, such as `base_link` in `base_footprint`, that one becomes its child. Poses in another parent
         than the first are left out otherwise: the tree of frames would change with each of them. See `Edge.insert`.
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
@@ -59,41 +59,23 @@ class Transforms:
             self._leave_out(f"poses of more than {MAX_FRAMES} frames are left out")
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
-        edge = self.edges.setdefault(child, Edge(parent, is_static))
-        if edge.parent != parent and edge.stamps and self._has_turned(child, parent, pose, is_static=is_static):
-            edge = self.edges[child]
-            if is_static and not edge.is_static:
-                return
-        if not edge.stamps or (edge.is_static and (is_static or edge.parent == parent)):
-            self.edges[child] = Edge(parent, is_static, [stamp], [pose], heard_s=self.now_s)
+        edge, given = self.edges.get(child), Edge(parent, is_static, [stamp], [pose], heard_s=self.now_s)
+        if edge is None or not edge.stamps or (edge.is_static and (is_static or edge.parent == parent)):
+            self.edges[child] = given
+        elif edge.parent != parent and is_static:
+            self._turn_over(child, given)
+        elif edge.parent != parent and edge.is_static and not self.moves(child):
+            self.edges[child] = given
+            self._turn_over(child, edge)
         elif edge.parent != parent:
             self._leave_out(f"poses of {child} in {parent} are left out: it has poses in {edge.parent}")
         elif not is_static:
             edge.insert(stamp, pose, self.keep_s)
             edge.heard_s = self.now_s
 
-    def _has_turned(self, child: str, parent: str, pose: RigidTransform, *, is_static: bool) -> bool:
-        """Return whether a static transform between a frame and one of its two parents is turned over, as it may be."""
-        edge = self.edges[child]
-        other = self.edges.get(parent)
-        if is_static and not edge.is_static:
-            if other is None:
-                self.edges[parent] = Edge(child, True, [0.0], [pose.inv()])
-            return other is None or (other.is_static and other.parent == child)
-        if is_static or not edge.is_static or self.moves(child):
-            return False
-        self._turn_over(child)
-        self.edges[child] = Edge(parent)
-        return True
-
-    def _turn_over(self, child: str) -> None:
-        """Make the static parents of a frame its children."""
-        turned, name = dict[str, Edge](), child
-        while name in self.edges and len(turned) < len(self.edges):
-            above = self.edges[name]
-            turned[above.parent] = Edge(name, True, above.stamps, [above.poses[0].inv()])
-            name = above.parent
-        self.edges |= turned
+    def _turn_over(self, child: str, static: Edge) -> None:
+        """Make the static parent of a frame that moves in another one its child, unless it has a parent itself."""
+        self.edges.setdefault(static.parent, Edge(child, True, static.stamps, [static.poses[0].inv()]))
 
     def _leave_out(self, message: str) -> None:
         if len(self.left_out) < MAX_MESSAGES:
@@ -183,18 +165,14 @@ class Transforms:
         parents = [edge.parent for edge in self._chain(frame)]
         return parents[-1] if parents else frame.lstrip("/")
 
-    def on_robot(self, frame: str) -> PlanarPose | None:
-        """Return the pose of a frame in that of the robot, by the static transforms; None without one."""
-        name, total = frame.lstrip("/"), RigidTransform.identity()
-        for edge in self._chain_of(name):
+    def _is_upside_down(self, frame: str) -> bool:
+        """Return whether the static transforms, where there are some, turn a frame upside down on the robot."""
+        total = RigidTransform.identity()
+        for edge in self._chain_of(frame.lstrip("/")):
             if edge.moves or not edge.poses:
                 break
             total = edge.poses[0] * total
-        return in_plane(total) if name in self.edges else None
-
-    def _is_upside_down(self, frame: str) -> bool:
-        known = self.on_robot(frame)
-        return known is not None and known.is_upside_down
+        return in_plane(total).is_upside_down
 
     def moves(self, frame: str) -> bool:
         """Return whether poses that change place a frame."""

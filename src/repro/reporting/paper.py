@@ -1,4 +1,4 @@
-"""The paper's tables, and what they imply of its test maps (DEVIATIONS, "What the paper's tables imply")."""
+"""The paper's tables, and the properties of its test maps that they imply (DEVIATIONS)."""
 
 from functools import cache
 from importlib.resources import files

@@ -16,11 +16,11 @@ from repro.fields import Finite
 from repro.simulation.shapes import Obstacle
 from repro.system.errors import InputError
 from repro.system.files import check_regular, read_typed
-from repro.world_config import MAX_FIXED, MAX_VERTICES
+from repro.world_obstacles import MAX_FIXED, MAX_VERTICES
 
 MAX_CELLS = 10_000  # along one side of a map
-FORMATS = ("PNG", "PPM", "BMP", "TIFF", "JPEG", "GIF")  # of images; PPM includes PGM. Others may start programs.
-MODES = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")  # of images with up to 8 bits per color
+FORMATS = ("PNG", "PPM", "BMP")  # of images; PPM includes PGM. Others may start programs.
+MODES = ("1", "L", "P", "RGB")  # of images with up to 8 bits per color; map_server takes transparent cells as unknown
 Position = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # [m]; float64 resolves a millimeter there
 UNKNOWN = 205  # gray of an unknown cell from map_saver, which Nav2's default free_thresh would take for free
 
@@ -64,8 +64,7 @@ def read_floor(path: Path) -> Floor:
     Raises:
         ValueError: the map cannot be read, is rotated, has no free cell, or needs too many polygons.
 
-    Source: nav2_map_server, map_io.cpp. Cells that are not opaque are unknown here in both modes; in mode trinary, Nav2
-    averages opacity and color, so that its transparent cells are not free either.
+    Source: nav2_map_server, map_io.cpp.
     """
     content = read_typed(MapFile, path, "floor_map= takes the YAML of a map of map_server")
     if content.origin[2] != 0:
@@ -88,36 +87,25 @@ def read_floor(path: Path) -> Floor:
 
 def _free_cells(path: Path, content: MapFile) -> np.ndarray:
     """Return which cells of an image are free, (H, W), row 0 at the top."""
-    gray, is_opaque = _read_image(path)
+    gray = _read_image(path)
     occupied = (gray if content.negate else 255 - gray) / 255
     is_unknown = (gray == UNKNOWN) & (content.mode == "trinary")
-    return (occupied < content.free_thresh) & is_opaque & ~is_unknown
+    return (occupied < content.free_thresh) & ~is_unknown
 
 
-def _read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return the gray of the cells, 0 to 255, and which cells are opaque, both (H, W)."""
+def _read_image(path: Path) -> np.ndarray:
+    """Return the gray of the cells, 0 to 255, (H, W)."""
     try:
         check_regular(path)
         with Image.open(path, formats=FORMATS) as image:
-            problem = _problem_of(image)
-            if not problem:
-                cells = image.convert("RGBA" if image.has_transparency_data else "L")
+            if max(image.size) > MAX_CELLS:
+                raise InputError(f"{image.size} cells, expected at most {MAX_CELLS} along a side")
+            if image.mode not in MODES or image.has_transparency_data:  # grays of 16 bits would be cut off at 255
+                raise InputError(f"it has Pillow's mode {image.mode}, convert it to 8 bits without transparency")
+            return np.asarray(image.convert("L"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         expected = ", ".join(FORMATS)
         raise InputError(f"{path} cannot be read as an image, expected one of {expected}: {error}") from error
-    if problem:
-        raise InputError(f"{path}: {problem}")
-    gray = np.asarray(cells.convert("L"))
-    return gray, np.asarray(cells.getchannel("A")) == 255 if cells.mode == "RGBA" else np.ones_like(gray, dtype=bool)
-
-
-def _problem_of(image: Image.Image) -> str | None:
-    """Return why an image cannot be converted; None if it can."""
-    if max(image.size) > MAX_CELLS:
-        return f"expected at most {MAX_CELLS} cells along a side, got {image.size}"
-    if image.mode not in MODES:  # the grays of others, such as those of 16 bits, would be cut off at 255
-        return f"expected an image of 8 bits per color, got Pillow's mode {image.mode}: convert it to 8 bits"
-    return None
 
 
 def _largest_area(free: np.ndarray, path: Path) -> np.ndarray:

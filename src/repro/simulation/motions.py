@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from repro.system.errors import InputError
-from repro.world_config import Motion, RandomGoals, Waypoints
+from repro.world_motions import Motion, RandomGoals, Waypoints
 
 
 def rotate_commands(*, steps: int, direction: int, step_time: float) -> np.ndarray:

@@ -8,7 +8,8 @@ import shapely
 
 from repro.simulation.motions import robot_commands, robot_path
 from repro.system.errors import InputError
-from repro.world_config import Map, Motion, RandomGoals, Rotation, Square, Waypoints
+from repro.world_config import Map
+from repro.world_motions import Motion, RandomGoals, Rotation, Square, Waypoints
 
 Behavior = dict[str, Any]  # of the robot, as IR-SIM reads it
 

@@ -7,7 +7,7 @@ import dataclasses
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -38,14 +38,6 @@ from repro.system.progress import progress
 from repro.world_config import WorldSpec
 
 VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
-
-
-@dataclass(frozen=True)
-class Written:
-    """A written shard: its worlds, and those of its recordings that plain IR-SIM simulated."""
-
-    worlds: int
-    plain: int
 
 
 def record_experiment(
@@ -143,8 +135,8 @@ def record_part(
     return all((directory / shard.name).is_file() for shard in shards)
 
 
-def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: int) -> Written:
-    """Record one shard.
+def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: int) -> int:
+    """Record one shard and return its number of worlds.
 
     Args:
         directory: directory of the shards.
@@ -184,7 +176,7 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
     }
     with replacing(directory / shard.name) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
-    return Written(shard.worlds, sum(item.is_plain for item in recordings))
+    return shard.worlds
 
 
 def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
@@ -205,17 +197,10 @@ def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
 def _write_shards(directory: Path, shards: list[Shard], spec: WorldSpec, workers: int, every: int, worlds: int) -> None:
     jobs = (joblib.delayed(write_shard)(directory, shard, spec, every) for shard in shards)
     # processes even inside a worker of a launcher, because IR-SIM keeps its environment in module variables
-    done, plain = worlds - sum(shard.worlds for shard in shards), 0
+    done = worlds - sum(shard.worlds for shard in shards)
     with (
         process_pool(workers, return_as="generator_unordered") as parallel,
         progress(description=f"recording exp {spec.experiment}", total=2 * worlds, initial=2 * done) as bar,
     ):
         for written in parallel(jobs):
-            bar.update(2 * written.worlds)
-            plain += written.plain
-    if plain:
-        print(
-            f"plain IR-SIM simulated {plain} of {2 * (worlds - done)} recordings: those with noise of the angles, or "
-            "with a beam through a corner of a fixed obstacle",
-            flush=True,
-        )
+            bar.update(2 * written)

@@ -12,18 +12,10 @@ from repro.simulation.motions import top_speeds
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.system.errors import InputError
-from repro.world_config import (
-    Experiment,
-    FixedList,
-    Map,
-    Motion,
-    Part,
-    Populations,
-    Robot,
-    Rooms,
-    WorldSpec,
-    world_spec,
-)
+from repro.world_config import Experiment, Map, Robot, WorldSpec, world_spec
+from repro.world_fields import Part
+from repro.world_motions import Motion
+from repro.world_obstacles import FixedList, Populations, Rooms
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
 SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others
@@ -54,13 +46,8 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
     if "experiments" not in world:
         expected = "is missing; worlds are sampled from the keys in docs/worlds.md, a plain world of IR-SIM is not read"
         return [ConfigError("world.experiments", None, expected)]
-    experiments = world["experiments"]
-    numbers = [key for key in experiments if not isinstance(key, str)] if isinstance(experiments, dict) else []
-    if numbers:
-        quoted = ", ".join(f'"{key}"' for key in numbers)
-        return [
-            ConfigError("world.experiments", numbers, f"names of experiments are strings: write {quoted} in the YAML")
-        ]
+    if numbers := [key for key in world["experiments"] or () if not isinstance(key, str)]:
+        return [ConfigError("world.experiments", numbers, f'names are strings: write "{numbers[0]}" in the YAML')]
     try:
         # JSON, for strict types and lists where the schema has tuples; other values of YAML become text
         Worlds.model_validate_json(json.dumps(world, default=str))

@@ -64,6 +64,12 @@ def union(obstacles: Iterable[Obstacle]) -> shapely.Geometry | None:
     return whole
 
 
+def filled(obstacle: Obstacle) -> Obstacle:
+    """Return an obstacle whose line string, if it is closed, counts as the area inside."""
+    line = obstacle["shape"]["vertices"]
+    return {**obstacle, "shape": {"name": "polygon", "vertices": line}} if line[0] == line[-1] else obstacle
+
+
 def boundaries(obstacles: Iterable[Obstacle]) -> list[Line]:
     """Return the outlines of obstacles at their initial states as lines of points x, y [m], closed around areas."""
     lines = []

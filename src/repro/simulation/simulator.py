@@ -5,8 +5,7 @@ outlines, noise and ray-segment equations, all scans at once and without IR-SIM'
 status checks, geometry trees, YAML). The tests require that the two agree to 1e-9 m, and `simulation.recorder` refuses
 a difference of more than 1e-6 m in a sample of the worlds of every recorded experiment.
 
-Two cases are left to IR-SIM: noise of the beams' angles, whose random stream depends on the hits of the scan before,
-and beams through a corner of a fixed obstacle, where rounding decides between a hit and a miss.
+One case is left to IR-SIM: beams through a corner of a fixed obstacle, where rounding decides between a hit and a miss.
 """
 
 import json
@@ -44,14 +43,12 @@ class Recording:
             string goes there and back, so that its outline encloses no area.
         states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
         seen: whether any beam hit each obstacle, (O,), before noise, see `format.ShardContent`; None if unknown.
-        is_plain: whether the ranges are those of plain IR-SIM.
     """
 
     scans: Scans
     outlines: np.ndarray
     states: np.ndarray
     seen: np.ndarray | None
-    is_plain: bool = False
 
 
 def simulate(world: World) -> Recording:
@@ -69,15 +66,12 @@ def simulate(world: World) -> Recording:
         poses = np.concatenate([[world["robot"]["state"]], poses])
         states = np.concatenate([first_states(world)[:, None], states], axis=1)
     ranges, seen = scan(poses, angles, outlines, states, lidar["range_max"])
-    is_plain = (has_noise and (lidar.get("angle_std") or 0) > 0) or (
-        fixed > 0 and grazes(poses, angles, outlines[:fixed], states[:fixed])
-    )
+    grazing = fixed > 0 and grazes(poses, angles, outlines[:fixed], states[:fixed])
     if has_noise:
         ranges = _with_noise(ranges, lidar, world["custom"]["seed"])[1:]
         poses, states = poses[1:], states[:, 1:]
-    if is_plain:
-        return Recording(_replay_world(world).scans, outlines, states, seen, is_plain=True)
-    return Recording(Scans(ranges, angles, poses), outlines, states, seen)
+    scans = _replay_world(world).scans if grazing else Scans(ranges, angles, poses)
+    return Recording(scans, outlines, states, seen)
 
 
 def _with_noise(ranges: np.ndarray, lidar: dict[str, Any], seed: int) -> np.ndarray:

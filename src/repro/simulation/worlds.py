@@ -29,10 +29,12 @@ from repro.simulation.paths import (
 )
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.rooms import check_rooms, sample_rooms
-from repro.simulation.shapes import Line, Obstacle, boundaries, shape_radius, standing, union
+from repro.simulation.shapes import Line, Obstacle, boundaries, filled, shape_radius, standing, union
 from repro.system.errors import InputError
 from repro.system.files import write_text
-from repro.world_config import RandomGoals, Rotation, Shaped, Sized, Square, WorldSpec
+from repro.world_config import WorldSpec
+from repro.world_motions import RandomGoals, Rotation, Square
+from repro.world_obstacles import Shaped, Sized
 
 World = dict[str, Any]
 
@@ -58,7 +60,8 @@ def sample_world(spec: WorldSpec, seed: int) -> World:
     attempts = Attempts()
     for _ in range(_RESTARTS):
         fixed = sample_fixed(rng, spec)
-        walls = union(fixed)
+        given = len(spec.fixed)
+        walls = union([*fixed[:given], *map(filled, fixed[given:])])  # nobody starts in thick walls and cabinets
         drive = _sample_drive(rng, spec, walls)
         site = _site(spec, drive, walls, boundaries(fixed))
         obstacles = sample_obstacles(rng, spec.populations, site, attempts)
