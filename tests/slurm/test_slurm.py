@@ -36,9 +36,9 @@ def slurm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def outputs(slurm, tmp_path_factory):
-    """Two experiments recorded by an array of four jobs, two to each."""
+    """Two experiments recorded by an array of two jobs."""
     found = Outputs(tmp_path_factory.mktemp("outputs") / "first")
-    overrides = ["-m", "task=record", "exp=3,4", "runtime.part=0,1", "runtime.parts=2", *SMALL, f"outputs={found.path}"]
+    overrides = ["-m", "task=record", "exp=3,4", *SMALL, f"outputs={found.path}"]
     done = subprocess.run([sys.executable, "run.py", *overrides], cwd=ROOT, env=slurm, timeout=600)
     assert done.returncode == 0
     assert sorted(found.recorded()) == ["3", "4"]

@@ -6,7 +6,7 @@ Recording again repairs what is missing, truncated or altered, to the same bytes
 import dataclasses
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -94,45 +94,13 @@ def record_experiment(
 
 @contextmanager
 def _exclusive(directory: Path) -> Iterator[None]:
-    """Lock the recordings and those who record a part of them, unless they can only be read, as on a shared disk."""
+    """Lock the recordings, unless they can only be read, as on a shared disk."""
     if not os.access(directory, os.W_OK):
         yield
         return
-    with lock(directory), ExitStack() as parts:  # no part begins while the first is held
-        for path in sorted(directory.glob(".lock-*-of-*")):
-            parts.enter_context(lock(directory, path.name))
+    with lock(directory):
         clear_leftovers(directory)
         yield
-
-
-def record_part(
-    directory: Path,
-    spec: WorldSpec,
-    pairs: dict[str, int],
-    part: int,
-    parts: int,
-    *,
-    workers: int = 2,
-) -> bool:
-    """Record every `parts`-th shard, beginning with number `part`, so that several machines can share one experiment.
-
-    Returns:
-        whether all shards exist; `record_experiment` then only verifies them and writes the manifest.
-
-    Raises:
-        ValueError: see `record_experiment`.
-    """
-    directory.mkdir(parents=True, exist_ok=True)
-    shards, fingerprint = list(shards_of(pairs)), spec_fingerprint(spec)
-    with ExitStack() as locks:
-        with lock(directory):  # while the recordings are completed, temporary files are deleted
-            locks.enter_context(lock(directory, f".lock-{part}-of-{parts}"))
-        if (directory / "manifest.json").is_file():
-            return True
-        missing = [shard for shard in shards[part::parts] if not _is_whole(directory / shard.name, fingerprint, None)]
-        worlds = sum(shard.worlds for shard in shards[part::parts])
-        _write_shards(directory, missing, spec, workers, VERIFY_EVERY, worlds)
-    return all((directory / shard.name).is_file() for shard in shards)
 
 
 def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: int) -> int:

@@ -5,18 +5,13 @@ from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
-    """Record an experiment or a part; compare it with what the paper's tables imply and with the published one."""
-    from repro.simulation.recorder import record_experiment, record_part
+    """Record an experiment; compare it with what the paper's tables imply and with the published one."""
+    from repro.simulation.recorder import record_experiment
 
-    directory, runtime = job.recordings, job.call.runtime
+    directory = job.recordings
     is_new = not (directory / "manifest.json").is_file()
     print(f"{'recording' if is_new else 'checking'} {directory}", flush=True)
-    if runtime.parts > 1:
-        parts = (runtime.part, runtime.parts)
-        if not record_part(directory, job.spec, job.pairs, *parts, workers=runtime.workers):
-            print(f"recorded part {runtime.part} of {runtime.parts}; the last part completes {directory}")
-            return
-    record_experiment(directory, job.spec, job.pairs, workers=runtime.workers)
+    record_experiment(directory, job.spec, job.pairs, workers=job.call.runtime.workers)
     if is_new or job.call.task == "record":
         _describe(job)
 
@@ -42,4 +37,4 @@ def _describe(job: Job) -> None:
         print(f"  {equal} the recordings of {job.reference}")
 
 
-TASK = Task(run, "recordings", own=("runtime.part", "runtime.parts"))
+TASK = Task(run, "recordings")
