@@ -37,7 +37,7 @@ from repro.scans import Scans
 from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
 from reproduce.real import logs
-from reproduce.real.adapted import adapted
+from reproduce.real.adapted import adapted, adapted_to
 from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
 from reproduce.real.figure import choose, draw
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
@@ -127,6 +127,12 @@ def compare(
     return names, measured
 
 
+def origin_of(weights: str) -> dict[str, str]:
+    """Return the checksums of a network, and of the code that cuts and labels windows."""
+    code = {module.__name__: sha256(Path(str(module.__file__))) for module in (logs, held_out)}
+    return {"weights": sha256(RESULTS / weights / "model.safetensors")} | code
+
+
 def compare_all(
     paths: list[Path], weights: str, kept: Path, folds: int = 0
 ) -> tuple[list[dict[str, Any]], dict[str, Any], Figure]:
@@ -139,8 +145,7 @@ def compare_all(
         folds: the network is adapted to the logs of all folds but one, if there are any.
     """
     predictor = load_predictor(RESULTS / weights)
-    origin = {"weights": sha256(RESULTS / weights / "model.safetensors")}
-    origin |= {module.__name__: sha256(Path(str(module.__file__))) for module in (logs, held_out)}
+    origin = origin_of(weights)
     checksums, of_log = {path: sha256(path) for path in paths}, dict.fromkeys(paths, predictor)
     if folds:
         kept, weights = kept / f"adapted-{folds}", f"{weights}, adapted"
@@ -183,7 +188,12 @@ def main() -> None:
     parser.add_argument("--target", type=Path, default=TARGET)
     parser.add_argument("--kept", type=Path, default=KEPT)
     parser.add_argument("--folds", type=int, default=0, help="adapt the networks to the logs of all folds but one")
+    parser.add_argument("--save", type=Path, help="only adapt the first network to all logs, below this directory")
     options = parser.parse_args()
+    if options.save:
+        checksums = {path: sha256(path) for path in options.logs}
+        adapted_to(load_predictor(RESULTS / options.weights[0]), origin_of(options.weights[0]), checksums, options.save)
+        return
     origin = environment()  # before the results change the working tree
     options.target.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []

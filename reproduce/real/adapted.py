@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from repro.learning import adaptation
-from repro.learning.adaptation import Labeled, adapt, label
+from repro.learning.adaptation import adapt, label
 from repro.networks.predictor import Predictor, load_predictor
 from repro.system.devices import resolve_precision
 from repro.system.files import read_mapping, sha256, write_json
@@ -24,23 +24,22 @@ def adapted(
         kept: the directory from which adapted networks are read, or to which they are written.
         folds: number of folds.
     """
-    paths = list(logs)
-    code = origin | {"adaptation": sha256(Path(adaptation.__file__))}
-    windows: dict[Path, tuple[Labeled, Labeled]] = {}
-    found: dict[Path, Predictor] = {}
+    paths, found = list(logs), dict[Path, Predictor]()
     for fold in range(folds):
-        others = [path for number, path in enumerate(paths) if number % folds != fold]
-        source = {**code, **{path.name: logs[path] for path in others}}
-        directory = kept / f"fold-{fold}"
-        if not (directory / SOURCE).is_file() or read_mapping(directory / SOURCE, "networks adapted to logs") != source:
-            for path in others:
-                if path not in windows:
-                    windows[path] = label(*log_of(path, predictor), predictor, VIEW, seed=paths.index(path))
-            print(f"adapting to {', '.join(path.name for path in others)}", flush=True)
-            precision = resolve_precision("auto", "cpu")
-            network, _, _ = adapt(predictor, [windows[path] for path in others], precision=precision)
-            directory.mkdir(parents=True, exist_ok=True)
-            network.save(directory / "model")
-            write_json(directory / SOURCE, source)
-        found |= {path: load_predictor(directory / "model") for path in paths[fold::folds]}
+        others = {path: logs[path] for number, path in enumerate(paths) if number % folds != fold}
+        found |= dict.fromkeys(paths[fold::folds], adapted_to(predictor, origin, others, kept / f"fold-{fold}"))
     return found
+
+
+def adapted_to(predictor: Predictor, origin: dict[str, str], logs: dict[Path, str], directory: Path) -> Predictor:
+    """Return a network that is adapted to logs, from a directory or into it, see `adapted`."""
+    names = {path.name: checksum for path, checksum in logs.items()}
+    source = {**origin, "adaptation": sha256(Path(adaptation.__file__)), **names}
+    if not (directory / SOURCE).is_file() or read_mapping(directory / SOURCE, "networks adapted to logs") != source:
+        print(f"adapting to {', '.join(names)}", flush=True)
+        windows = [label(*log_of(path, predictor), predictor, VIEW, seed=number) for number, path in enumerate(logs)]
+        network, before, after = adapt(predictor, windows, precision=resolve_precision("auto", "cpu"))
+        print(f"validation loss: {before:.4f} before, {after:.4f} adapted", flush=True)
+        network.save(directory / "model")
+        write_json(directory / SOURCE, source)
+    return load_predictor(directory / "model")

@@ -1,0 +1,130 @@
+"""The measure of real logs in simulated places, with the true map of the same time as one of the predictions.
+
+    python -m reproduce.real.bound [--worlds WORLDS] [--weights WEIGHTS ...] [--target DIRECTORY]
+
+A lidar of 180 degrees drives through worlds of `places`. What its beams outside of the view of 90 degrees show at the
+end is compared with the true map, with networks, and with maps without one, which are fitted to other worlds, half as
+many. Robots that stand are left out. The rows go to upper_bound.csv in the target, their origin to provenance.json.
+"""
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from tqdm import tqdm
+
+from repro.learning.held_out import labeled, stands
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.metrics.counts import LEVELS
+from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.logs import ScanLog
+from repro.prediction.times import window_of
+from repro.runs.provenance import environment
+from repro.simulation.simulator import Recording, simulate
+from repro.simulation.worlds import sample_world
+from repro.system.devices import one_thread
+from repro.system.files import write_json, write_text
+from repro.system.places import conf_directory
+from repro.world_config import read_world, world_spec
+from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
+from reproduce.real.fitting import Sample, fit_others, maps_of
+from reproduce.real.logs import VIEW, Case
+from reproduce.real.measures import Measured, calibrated, count, neighbors, rows_of
+
+RESULTS = Path(__file__).parents[1] / "results"
+WEIGHTS = ("rooms-16000/exppeople-convgru", "places/exppeople-convgru")
+TRUTH, FITTED, TESTED = "true map", "fitted", "tested"
+FIRST_SEED = 900_000  # of the worlds; recordings of the study have smaller ones
+GROUPS = ("all", "seen", "unseen")
+
+
+def cases(seeds: range, predictor: Predictor) -> Iterator[tuple[Case, np.ndarray]]:
+    """Yield the window of each world, and its true map at the end, 1 is free, (H, W)."""
+    spec = world_spec(read_world(conf_directory() / "world" / "places.yaml"), "people")
+    spec = spec.with_lidar(angle_range=math.pi, number=181)
+    for seed in tqdm(seeds, disable=None):
+        recording = simulate(sample_world(spec, seed))
+        scans = recording.scans
+        stamps = spec.world.step_time * np.arange(len(scans.poses))
+        log = ScanLog(stamps, scans.ranges.astype(np.float32), scans.angles, scans.poses, range_max_m=VIEW.range_max_m)
+        if not stands(log):
+            for window, clear in labeled(log, window_of(predictor), 1, predictor.grid, VIEW):
+                case = Case(window, VIEW.range_max_m, clear, block=seed)
+                yield case, true_map(recording, window.origin, predictor.grid)
+
+
+def true_map(recording: Recording, origin: tuple[float, float], grid: Grid) -> np.ndarray:
+    """Return the map after the last step, 1 is free, (H, W), with the lower left corner at an origin [m]."""
+    states = recording.states[:, -1] - [*origin, 0]
+    owner = torch.zeros(len(states), dtype=torch.long)
+    tensors = torch.as_tensor(recording.outlines).float(), torch.as_tensor(states).float()
+    return rasterize(*tensors, owner, 1, grid)[0].numpy()
+
+
+def levels_of(case: Case, truth: np.ndarray, networks: dict[str, Predictor]) -> dict[str, np.ndarray]:
+    """Return the levels of the true map and of each network at the compared pixels and those around them, (P, 9)."""
+    free = {TRUTH: truth}
+    for name, predictor in networks.items():
+        limited = predictor.with_range(case.range_max_m)
+        free[name] = limited.predict(case.window.scans, allow_empty=True)[0].numpy()
+    places = neighbors(case.pixels, len(truth))
+    return {name: np.rint((LEVELS - 1) * image.ravel()[places]).astype(np.int64) for name, image in free.items()}
+
+
+def evidence_at(case: Case, grid: Grid) -> Evidence:
+    """Return the evidence of the compared pixels and of those around them, (P, 9)."""
+    return evidence_of(case.window.scans, grid, case.range_max_m).at(neighbors(case.pixels, grid.size_px))
+
+
+def compare(worlds: int, networks: dict[str, Predictor]) -> Iterator[dict[str, object]]:
+    """Yield the rows of all maps, see `rows_of`, with differences of the true map less each other."""
+    predictor = next(iter(networks.values()))
+    others, tested = (range(FIRST_SEED, FIRST_SEED + worlds // 2), range(FIRST_SEED + worlds, FIRST_SEED + 2 * worlds))
+    evidence, levels, free = [], [], []
+    for case, truth in cases(others, predictor):
+        evidence.append(evidence_at(case, predictor.grid))
+        levels.append({name: each.min(1) for name, each in levels_of(case, truth, networks).items()})
+        free.append(case.clear.passed.ravel()[case.pixels])
+    found = np.concatenate(free)
+    joined = {name: np.concatenate([each[name] for each in levels]) for name in levels[0]}
+    fitted = fit_others({FITTED: Sample(join(evidence), joined[TRUTH], found)}, TESTED)
+    counts: dict[str, list[np.ndarray]] = {}
+    for case, truth in cases(tested, predictor):
+        own = evidence_at(case, predictor.grid)
+        seen = np.zeros(truth.size, bool)
+        seen[case.pixels] = own.seen[:, CENTER]
+        groups = list(case.groups(seen.reshape(truth.shape)).values())
+        for name, each in (levels_of(case, truth, networks) | maps_of(own, fitted)).items():
+            counts.setdefault(name, []).append(count(each, groups, case.pixels))
+    probability = fitted.probability | {
+        name: calibrated(np.stack([np.bincount(each[found == truth], minlength=LEVELS) for truth in (0, 1)]))
+        for name, each in joined.items()
+    }
+    maps = {name: {"worlds": Measured(len(each), np.stack(each), probability[name])} for name, each in counts.items()}
+    yield from (row for row in rows_of(maps, GROUPS, TRUTH) if row["log"] != "worlds")
+
+
+def main() -> None:
+    """Compare all maps and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", type=int, default=400)
+    parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
+    parser.add_argument("--target", type=Path, default=RESULTS / "places" / "upper_bound")
+    options = parser.parse_args()
+    origin = environment()  # before the results change the working tree
+    with one_thread():
+        networks = {f"network {name}": load_predictor(RESULTS / name) for name in options.weights}
+        table = pd.DataFrame(compare(options.worlds, networks))
+    options.target.mkdir(parents=True, exist_ok=True)
+    write_text(options.target / "upper_bound.csv", table.to_csv(index=False, float_format="%.4f"))
+    write_json(options.target / "provenance.json", {"worlds": options.worlds, **origin})
+    print(table[["map", "pixels", "windows", "auroc", "auroc_low", "auroc_high"]].to_string())
+
+
+if __name__ == "__main__":
+    main()
