@@ -25,7 +25,8 @@ from torch import Tensor
 from repro.outlines import padded, placed
 from repro.parallel import count_cores
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
-from repro.recordings.recorded import Recorded, Truth
+from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.recorded import Recorded
 from repro.scans import wrapped
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import geometry
@@ -68,15 +69,22 @@ def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     Raises:
         ValueError: the worlds have other laws than the paper's.
     """
-    assert test.truth, "the privileged predictor needs the true obstacles"
-    if not test.truth.spec.is_like_papers:
+    assert test.directory, "the privileged predictor needs the true obstacles"
+    spec = read_manifest(test.directory).world_spec
+    if not spec.is_like_papers:
         raise InputError(
             "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
             "or square, without fixed obstacles or noise of the lidar"
         )
-    predict = partial(_predict, test, test.truth, _sampled(json.dumps(test.truth.spec.raw)))
+    known = [
+        _turned(shard.outlines[shard.world == world], shard.states[shard.world == world])
+        for shard in read_shards(test.directory, "test")
+        for world in range(len(shard.scans) // 2)
+    ]
+    predict = partial(_predict, test, spec, _sampled(json.dumps(spec.raw)))
     with ThreadPoolExecutor(count_cores()) as pool:  # compiled loops release the interpreter
-        free = list(progress(pool.map(predict, range(len(test))), "drawing motions", total=len(test)))
+        drawn = pool.map(predict, [each for each in known for _ in (0, 1)], range(len(test)))
+        free = list(progress(drawn, "drawing motions", total=len(test)))
     return torch.from_numpy(np.stack(free)).float()[:, None], {"draws": DRAWS}
 
 
@@ -98,9 +106,9 @@ def _turned(outlines: np.ndarray, states: np.ndarray) -> Obstacles:
     return Obstacles(corners, np.ascontiguousarray(states[..., :2], dtype=np.float64))
 
 
-def _predict(test: Recorded, truth: Truth, others: Obstacles, index: int) -> np.ndarray:
-    """Compute the probability of free of one recording, (H, W)."""
-    known, grid, scans = _turned(*truth.of_recording(index)), test.grid, test.scans
+def _predict(test: Recorded, spec: WorldSpec, others: Obstacles, known: Obstacles, index: int) -> np.ndarray:
+    """Compute the probability of free of one recording with known obstacles, (H, W)."""
+    grid, scans = test.grid, test.scans
     ranges, angles, poses = (
         np.ascontiguousarray(part, dtype=np.float64) for part in (scans.ranges[index], scans.angles, scans.poses[index])
     )
@@ -116,7 +124,7 @@ def _predict(test: Recorded, truth: Truth, others: Obstacles, index: int) -> np.
     rng = np.random.default_rng(index)
     for corners, path, last in zip(known.corners, known.paths, newest, strict=True):
         if last:
-            ends = _ends(corners, path, last, (reached[last:], angles, poses[last:]), truth.spec, rng)
+            ends = _ends(corners, path, last, (reached[last:], angles, poses[last:]), spec, rng)
             free *= 1 - covered(corners[None], ends)
     if 0 in newest:
         drawn = _apart(others, Obstacles(known.corners[newest > 0], known.paths[newest > 0]))

@@ -50,7 +50,12 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
     log["ranges"] = np.minimum(log["ranges"], 15.0)  # a driver that reports misses at the maximum range
     log["poses"][150:, 0] += 5.0
     np.savez(tmp_path / "log.npz", **log)
-    options = ("prediction.stride_s=100", "prediction.center=[12.5,12.5]", f"outputs={tmp_path}")
+    options = (
+        "prediction.stride_s=100",
+        "prediction.weights=rooms",
+        "prediction.center=[12.5,12.5]",
+        f"outputs={tmp_path}",
+    )
     done = predict(f"scans={tmp_path / 'log.npz'}", *options)
     assert "the maximum range of the lidar is not known: a miss shows free space up to 30 m" in done.stdout
     assert "warning: the poses jump 1 times, the first by 5.1 m at 15.00 s" in done.stdout
@@ -63,7 +68,12 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
-    options = ("prediction.stride_s=10", "prediction.center=[12.5,12.5]", "prediction.mcap=true")
+    options = (
+        "prediction.stride_s=10",
+        "prediction.weights=rooms",
+        "prediction.center=[12.5,12.5]",
+        "prediction.mcap=true",
+    )
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "rooms"

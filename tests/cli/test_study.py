@@ -42,14 +42,11 @@ def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
 def test_the_status_lists_the_state_of_every_run(tmp_path):
     outputs = Outputs(tmp_path)
     fake_run(tmp_path, "3", "unet", 0.9)
-    paused = fake_run(tmp_path, "3", "fpn", 0.9, seed=1, status=Status.paused)
-    (paused.path / "history.csv").write_text("epoch,train_loss\n0,1\n1,0.5\n")
+    fake_run(tmp_path, "3", "fpn", 0.9, seed=1, status=Status.paused)
     fake_run(tmp_path, "4", "unet", 0.9, decay=False, status=Status.failed)
     broken = fake_run(tmp_path, "4", "fpn", 0.9)
     (broken.path / "provenance.json").write_text("{")
-    lost = fake_run(tmp_path, "3", "segformer", 0.9)
-    lost.metrics.unlink()
-    (lost.path.parent / "seed0-old").mkdir()
+    (broken.path.parent / "seed0-old").mkdir()
     fake_run(tmp_path, "3", "upernet", 0.9, worlds="others")
     fake_run(tmp_path, "3", "tracker", 0.9)
     directory = outputs.recordings("3")
@@ -62,19 +59,19 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     text = describe_outputs(Study(outputs, experiments, 0, {"3": run_config().data.worlds}), PAIRS)
     for row in (
         "| 3 | 100 of 208 |",
-        "| 4 | complete |",
-        "| 5 | missing |",
-        "| 3 | projection | U-Net | evaluated |  |",
-        "| 3 | projection | FPN | missing | paused, 2 epochs |",
-        "| 3 | projection | Segformer | evaluated, metrics missing |  |",
-        "| 3 | projection | UPerNet | of another world |  |",
-        "| 3 |  | Tracker | evaluated |",
-        "| 4 | projection-no-decay | U-Net | failed |  |",
-        "| 4 | projection | FPN | cannot be read |  |",
+        "| 4 | 208 of 208 |",
+        "| 5 | 0 of 208 |",
+        "| runs/exp3/unet/projection/seed0 | evaluated |",
+        "| runs/exp3/fpn/projection/seed0 | missing |",
+        "| runs/exp3/fpn/projection/seed1 | paused |",
+        "| runs/exp3/upernet/projection/seed0 | of another world |",
+        "| baselines/exp3/tracker | evaluated |",
+        "| runs/exp4/unet/projection-no-decay/seed0 | failed |",
+        "| runs/exp4/fpn/projection/seed0 | cannot be read |",
     ):
         assert row in text, text
-    assert "Of the study's 20 trainings with seed 0: 15 missing" in text
-    assert ", the rest takes about 18 s one after the other." in text
+    assert "Of the study's 20 trainings with seed 0: 16 missing" in text
+    assert ", the rest takes about 19 s one after the other." in text
     assert "1 of another world" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
 
@@ -82,9 +79,9 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
 def test_a_training_that_no_process_runs_is_stopped(tmp_path):
     run = fake_run(tmp_path, "3", "fpn", 0.9, status=Status.training)
     study = Study(Outputs(tmp_path), {"3": EXPERIMENTS["3"]}, 0, {})
-    assert "| FPN | stopped, 0 epochs |" in describe_outputs(study, PAIRS)
+    assert "/fpn/projection/seed0 | stopped |" in describe_outputs(study, PAIRS)
     with run.exclusive():
-        assert "| FPN | training, 0 epochs |" in describe_outputs(study, PAIRS)
+        assert "/fpn/projection/seed0 | training |" in describe_outputs(study, PAIRS)
 
 
 @pytest.mark.parametrize(

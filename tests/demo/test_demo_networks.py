@@ -51,12 +51,6 @@ def saved(tmp_path):
     return save
 
 
-def test_an_encoding_that_the_page_cannot_draw_is_refused(saved, monkeypatch):
-    monkeypatch.setattr(networks, "DRAWN_ENCODINGS", ("projection", "series"))
-    with pytest.raises(ValueError, match=r"has the encoding stack4, expected projection, series"):
-        networks.load_demo_network(saved("exp4-unet", "stack4", frames=4))
-
-
 @pytest.mark.slow
 def test_a_saved_network_is_loaded_with_its_encoding_and_grid(saved):
     loaded = networks.load_demo_network(saved("exp2-unet", "projection"))
@@ -116,7 +110,6 @@ def test_a_world_that_the_page_cannot_simulate_is_refused(name):
     [
         (Grid(32, 25.0), 100, 0.1, "Other predicts maps of 25 m from 100 steps of 0.1 s, this page needs maps of 50 m"),
         (Grid(32, 50.0), 50, 0.1, "Other predicts maps of 50 m from 50 steps of 0.1 s, .* from 100 steps of 0.1 s"),
-        (Grid(32, 50.0), 100, 0.2, "Other predicts maps of 50 m from 100 steps of 0.2 s, .* from 100 steps of 0.1 s"),
     ],
 )
 def test_a_network_of_other_maps_or_windows_is_refused(grid, steps, step_s, problem):

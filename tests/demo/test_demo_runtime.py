@@ -1,7 +1,6 @@
 import io
 import tarfile
 import urllib.error
-from http.client import IncompleteRead
 
 import pytest
 
@@ -18,23 +17,13 @@ def test_a_missing_or_another_package_is_refused(tmp_path):
         runtime.load_runtime(path)
 
 
-@pytest.mark.parametrize(
-    ("answer", "reason"),
-    [
-        (urllib.error.URLError("no network"), r"cannot be read .*no network.*demo.runtime="),
-        (IncompleteRead(b""), r"cannot be read .*IncompleteRead.*demo.runtime="),
-        (io.BytesIO(b"<html>busy</html>"), "expected sha512-"),
-    ],
-)
-def test_a_failed_or_damaged_download_is_named_and_leaves_nothing(tmp_path, monkeypatch, answer, reason):
+def test_a_failed_download_is_named_and_leaves_nothing(tmp_path, monkeypatch):
     def respond(*_, **__):
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+        raise urllib.error.URLError("no network")
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(runtime.urllib.request, "urlopen", respond)
-    with pytest.raises(ValueError, match=reason):
+    with pytest.raises(ValueError, match=r"cannot be read .*no network.*demo.runtime="):
         runtime.load_runtime()
     assert not list(tmp_path.rglob("*.*"))
 

@@ -1,5 +1,3 @@
-import gc
-import weakref
 from types import SimpleNamespace
 
 import pandas as pd
@@ -9,7 +7,7 @@ import torch
 from conftest import prepared, spent_budget
 from huggingface_hub import PyTorchModelHubMixin
 
-from repro.learning import callbacks, training
+from repro.learning import callbacks
 from repro.learning.losses import MapLoss
 from repro.learning.training import train
 from repro.networks.create import OWN_ARCHITECTURES
@@ -54,13 +52,6 @@ def test_a_finished_run_has_history_provenance_and_weights(finished, recorded):
 
 
 @pytest.mark.slow
-def test_a_finished_run_is_not_trained_again(finished, recorded):
-    before = (finished / "history.csv").stat().st_mtime_ns
-    assert train(Run(finished), recorded, accelerator="cpu") is Status.trained
-    assert (finished / "history.csv").stat().st_mtime_ns == before
-
-
-@pytest.mark.slow
 def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp_path):
     begin(tmp_path / "again", recorded, max_epochs=6)
     begin(tmp_path / "other", recorded, max_epochs=6, seed=1)
@@ -89,26 +80,6 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
 
     begin(tmp_path / "plain", recorded, **{**settings, "ema_decay": None})
     assert not same_weights(run.path, tmp_path / "plain")
-
-
-@pytest.mark.slow
-def test_the_data_of_a_training_is_freed_before_that_of_the_next_is_loaded(recorded, tmp_path, monkeypatch):
-    load, loaded, alive = training.load_pairs_of_run, [], []
-
-    def load_and_watch(*arguments, **options):
-        alive.append(sum(images() is not None for images in loaded))
-        pairs = load(*arguments, **options)
-        loaded.append(weakref.ref(pairs.stored))
-        return pairs
-
-    monkeypatch.setattr(training, "load_pairs_of_run", load_and_watch)
-    gc.disable()
-    try:
-        begin(tmp_path / "first", recorded, max_epochs=1)
-        begin(tmp_path / "second", recorded, max_epochs=1)
-    finally:
-        gc.enable()
-    assert alive == [0, 1, 0, 1]  # training and validation pairs of each
 
 
 @pytest.mark.slow
@@ -202,17 +173,6 @@ def test_a_run_is_not_continued_with_other_recordings(recorded, tmp_path):
 def test_missing_recordings_name_the_command_that_records(tmp_path):
     with pytest.raises(ValueError, match="same command with task=record"):
         train(prepared(tmp_path / "run"), tmp_path / "laptop" / "recordings" / "exp3")
-
-
-def test_worlds_without_a_hit_are_refused_before_the_training(recorded, tmp_path, monkeypatch):
-    def refuse(*_):
-        raise ValueError("no training window has a hit")
-
-    monkeypatch.setattr(training, "training_statistics", refuse)
-    with pytest.raises(ValueError, match="no training window has a hit"):
-        begin(tmp_path, recorded)
-    assert not (tmp_path / "history.csv").exists()
-    assert Run(tmp_path).status is not Status.training
 
 
 class TwoMaps(torch.nn.Module, PyTorchModelHubMixin):

@@ -8,7 +8,7 @@ import pytest
 import shapely
 import torch
 import yaml
-from conftest import ROOT, refuse
+from conftest import ROOT
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from scipy.ndimage import distance_transform_edt
 
@@ -22,7 +22,6 @@ from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.planner import Planner, Settings, arcs
 from repro.outlines import placed
 from repro.reporting.navigation import TITLES, barn, compare
-from repro.simulation.raycasting import scan
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
@@ -111,23 +110,6 @@ def test_the_nearest_outline_is_that_of_shapely():
     is_near = distance < FAR_M
     assert is_near.sum() > 30
     assert np.linalg.norm(foot - points, axis=1)[is_near] == pytest.approx(distance[is_near])
-
-
-def test_scans_of_several_worlds_are_those_of_each():
-    courses = [sample_course(SPECS["static"], seed)[0] for seed in (1, 2)]
-    count = min(len(each.outlines) for each in courses)
-    angles = np.linspace(-0.7, 0.7, 30)
-    poses = np.array([each.start for each in courses])
-    together, _ = scan(
-        poses,
-        angles,
-        np.stack([each.outlines[:count] for each in courses], axis=1),
-        np.stack([each.states[:count, 0] for each in courses], axis=1),
-        30.0,
-    )
-    for index, each in enumerate(courses):
-        alone, _ = scan(poses[index : index + 1], angles, each.outlines[:count], each.states[:count, :1], 30.0)
-        assert np.array_equal(together[index], alone[0])
 
 
 def planner(**settings) -> Planner:
@@ -375,25 +357,3 @@ def test_arms_are_compared_on_the_same_courses():
     assert found.loc["scan", ["hit_behind", "hit_standing", "spl"]].tolist() == [0.5, 0.5, 0.4]
     assert found.loc["keep", "low"] <= 0.75 <= found.loc["keep", "high"]
     assert barn(pd.DataFrame(rows))[2] == pytest.approx(20 / 80)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        (["navigation.arm=a/b"], "navigation.arm=a/b"),
-        (["navigation.test_seeds=0"], "navigation.test_seeds=0"),
-        (["navigation.experiments=[]"], "navigation.experiments"),
-        (["navigation.arm=sonar"], "navigation.arm=sonar"),
-        (["navigation.people=shy"], "navigation.people=shy"),
-        (["navigation.inflations_m=[2.0,1.0]"], "navigation.inflations_m"),
-        (["navigation.experiments=[walls]"], "navigation.experiments: walls is none of static, slow"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(arguments, reason):
-    assert any(reason in each for each in refuse("task=navigate", "world=navigation", *arguments))
-
-
-def test_paths_do_not_jump():
-    found, _ = sample_course(SPECS["fast"], 5)
-    steps = np.linalg.norm(np.diff(found.states[..., :2], axis=1), axis=-1)
-    assert steps.max() <= 0.15 + 1e-9

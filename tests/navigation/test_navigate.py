@@ -43,8 +43,7 @@ def one_candidate(monkeypatch):
 
 
 def navigate(outputs, arm, *arguments) -> None:
-    experiments = [] if any("experiments" in each for each in arguments) else ["navigation.experiments=[static]"]
-    run(outputs, "task=navigate", f"navigation.arm={arm}", *FEW, *experiments, *arguments)
+    run(outputs, "task=navigate", f"navigation.arm={arm}", *FEW, "navigation.experiments=[static]", *arguments)
 
 
 def test_arms_are_driven_and_compared(outputs):
@@ -60,12 +59,6 @@ def test_arms_are_driven_and_compared(outputs):
     assert (outputs / "analysis" / "navigation.json").is_file()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        (["network", "prediction.weights=rooms"], "128 px, 25 m, expected those of the call, 32 px, 50 m"),
-    ],
-)
-def test_what_cannot_be_driven_is_refused(outputs, arguments, reason):
-    with pytest.raises(InputError, match=reason):
-        navigate(outputs, *arguments)
+def test_a_network_of_other_maps_is_refused(outputs):
+    with pytest.raises(InputError, match="128 px, 25 m, expected those of the call, 32 px, 50 m"):
+        navigate(outputs, "network", "prediction.weights=rooms")

@@ -19,7 +19,9 @@ def test_a_path_is_taken_before_the_hub(tmp_path, monkeypatch):
     (tmp_path / "owner" / "name").mkdir(parents=True)
     assert locate("owner/name").resolve() == tmp_path / "owner" / "name"
     for missing in ("room", "owner/other", "owner/name/model", "", "/nowhere/at/all"):
-        with pytest.raises(ValueError, match=f"^{missing}: no such weights, expected one of buildings, drive, exp1, .*, rooms, a"):
+        with pytest.raises(
+            ValueError, match=f"^{missing}: no such weights, expected one of buildings, drive, exp1, .*, rooms, a"
+        ):
             locate(missing)
 
 

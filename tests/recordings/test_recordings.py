@@ -1,4 +1,3 @@
-import json
 import shutil
 
 import numpy as np
@@ -92,17 +91,10 @@ def test_a_damaged_shard_is_never_read_and_recorded_again_and_no_other(copy, how
     assert ("recording again: shard" in capsys.readouterr().out) == (how != "missing")
 
 
-@pytest.mark.parametrize("how", ["cut", "exchanged splits", "another split", "no shards"])
-def test_a_damaged_manifest_is_named_with_a_fix(copy, how):
+def test_a_damaged_manifest_is_named_with_a_fix(copy):
     path = copy / "manifest.json"
     text = path.read_text()
-    content = json.loads(text)
-    splits = {"exchanged splits": {"val": "test", "test": "val"}, "another split": {"val": "other"}}.get(how, {})
-    for entry in content["shards"].values():
-        entry["split"] = splits.get(entry["split"], entry["split"])
-    path.write_text(json.dumps(content | ({"shards": {}} if how == "no shards" else {})))
-    if how == "cut":
-        damage(path, how)
+    damage(path, "cut")
     with pytest.raises(ValueError, match=r"manifest\.json cannot be read .*task=record"):
         read_manifest(copy)
     path.unlink()

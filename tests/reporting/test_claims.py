@@ -190,11 +190,6 @@ def test_robots_are_more_reliable_if_the_interval_of_their_gain_is_above_zero(lo
     assert found.loc[DRIVEN, "verdict"] == expected
 
 
-def test_a_loss_cannot_agree_with_both_numbers_of_the_paper():
-    nine, twelve = (each for each in CLAIMS if each.id in ("decay-costs-nine-percent", "decay-costs-twelve-percent"))
-    assert nine.claimed + nine.tolerance <= twelve.claimed - twelve.tolerance
-
-
 def test_the_papers_errors_are_found_on_its_own_numbers():
     """Compare with the errors of the paper that DEVIATIONS lists, from its tables only."""
     table = judge(CLAIMS, paper_rows()).set_index("id")

@@ -1,6 +1,5 @@
 import json
 import shutil
-from collections.abc import Callable
 
 import pandas as pd
 import pytest
@@ -241,13 +240,6 @@ def test_readme_tables_are_those_of_the_report(study):
     assert with_results(made, results) == made
 
 
-def test_readme_can_show_the_rows_of_one_model(study):
-    made = with_results("<!-- results: laptop unet -->\n<!-- end -->\n", study[1]).splitlines()
-    assert made[1].startswith("**Scale laptop: 32 x 32 px")
-    assert [line.split("(")[0] for line in made[5:-1]] == ["| 3 | U-Net | 0.500 ", "| 3, no decay | U-Net | 0.400 "]
-    assert made[-1] == "<!-- end -->"
-
-
 def test_nothing_evaluated_cannot_be_published(tmp_path):
     (outputs := Outputs(tmp_path / "laptop")).analysis.mkdir(parents=True)
     with pytest.raises(ValueError, match="no network is evaluated"):
@@ -257,52 +249,20 @@ def test_nothing_evaluated_cannot_be_published(tmp_path):
         publish(outputs, tmp_path / "results")
 
 
-def test_a_marker_of_an_unknown_table_names_the_known_ones(study):
-    message = r"laptop unett: expected methods, .*, costs, main, ablation, or a network"
-    with pytest.raises(ValueError, match=message):
-        with_results("<!-- results: laptop unett -->\n<!-- end -->\n", study[1])
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "<!-- results: laptop main -->\nrows\n",
-        "<!-- results: laptop main -->\nrows\n<!-- results: laptop main -->\n<!-- end -->\n",
-    ],
-)
-def test_a_marker_without_an_end_deletes_nothing(text, tmp_path):
+def test_a_marker_without_an_end_deletes_nothing(tmp_path):
+    text = "<!-- results: laptop main -->\nrows\n<!-- results: laptop main -->\n<!-- end -->\n"
     with pytest.raises(ValueError, match="needs its own <!-- end -->"):
         with_results(text, tmp_path)
 
 
-def edited(name: str, value: str, line: int = 2) -> Callable[[str], bytes]:
-    """Return a function that replaces one value of the text of a CSV file, in a line from 1."""
-
-    def edit(text: str) -> bytes:
-        lines = text.splitlines()
-        cells = lines[line - 1].split(",")
-        cells[lines[0].split(",").index(name)] = value
-        return "\n".join([*lines[: line - 1], ",".join(cells), *lines[line:]]).encode()
-
-    return edit
-
-
-DAMAGES = {
-    "blank metric": (edited("accuracy", ""), "one row per run, with accuracy from -1 to 1"),
-    "text in a number": (edited("accuracy", "abc"), "with accuracy from -1 to 1"),
-    "text as seed": (edited("seed", "x", 3), "seed|x|convert"),
-    "no header": (lambda text: text.split("\n", 1)[1].encode(), "lacks the columns experiment, model"),
-    "no rows": (lambda text: text.split("\n")[0].encode(), "expected one row per run"),
-    "a row twice": (lambda text: (text + text.splitlines()[2]).encode(), "expected one row per run"),
-}
-
-
-@pytest.mark.parametrize("name", DAMAGES)
-def test_published_runs_that_are_damaged_are_refused(name, published):
-    damage, message = DAMAGES[name]
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [(",0.5,", ",abc,", "with .* from -1 to 1"), ("experiment,", "e,", "lacks the columns experiment")],
+)
+def test_published_runs_that_are_damaged_are_refused(old, new, message, published):
     path = published / "laptop" / "runs.csv"
-    path.write_bytes(damage(path.read_text()))
-    with pytest.raises(ValueError, match=rf"laptop/runs\.csv cannot be read \(.*({message}).*\): restore"):
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(ValueError, match=rf"laptop/runs\.csv cannot be read \(.*{message}.*\): restore"):
         with_results("<!-- results: laptop main -->\n<!-- end -->", published)
 
 

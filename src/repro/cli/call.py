@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from repro.cli.errors import Refused, did_you_mean
-from repro.cli.settings import Adaptation, Demo, Directory, Navigation, Prediction, Publish, Runtime, Source
+from repro.cli.settings import Adaptation, Demo, Navigation, Prediction, Publish, Runtime, Source, UserPath
 from repro.cli.tasks import Task, tasks
 from repro.config import RECURRENT, Encoding, Scale, Training
 from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
@@ -60,8 +60,8 @@ class Call:
     decay: bool
     oldest_gray: Gray
     seed: Annotated[int, Field(ge=0, lt=2**32)]
-    outputs: Directory
-    recordings: Directory
+    outputs: UserPath
+    recordings: UserPath
     encoding: Encoding
     model: Model
     scale: Scale

@@ -132,16 +132,11 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     """Return the overrides of every job.
 
     Raises:
-        Refused: an override contradicts another, or there are no jobs.
+        Refused: an override is wrong, or there are no jobs.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
     if errors := [error for each in parsed for error in _override_errors(each)]:
         raise Refused(*errors)
-    written: dict[str, str] = {}
-    for each in parsed:
-        before = written.setdefault(each.get_key_element().lstrip("+~"), str(each.input_line))
-        if before != each.input_line:
-            raise Refused(f"{before} and {each.input_line}: {each.key_or_group} is given twice, keep one")
     if not multirun:
         return [overrides]
     jobs = BasicSweeper.split_arguments(parsed, None)[0]

@@ -16,8 +16,9 @@ class Refused(InputError):
 WANTS_TRACEBACKS = bool(os.environ.get("HYDRA_FULL_ERROR"))
 _FREE_SPACE = "free some space and repeat the command; complete files stay complete"
 _WRITABLE = "choose a directory that can be written with outputs="
+_UNUSABLE = (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.ELOOP)
 _FIXES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), _FREE_SPACE) | dict.fromkeys(
-    (errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST, errno.EISDIR), _WRITABLE
+    (*_UNUSABLE, errno.ENAMETOOLONG), _WRITABLE
 )
 
 

@@ -16,9 +16,7 @@ from omegaconf import DictConfig
 from repro.cli.call import Call, read_call
 from repro.cli.compose import Composed, composed, launch
 from repro.cli.errors import WANTS_TRACEBACKS, Refused, explain
-from repro.cli.inputs import name_of
 from repro.cli.jobs import resolve
-from repro.cli.notes import print_notes
 from repro.cli.tasks import keys_without_effect
 from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
@@ -71,14 +69,11 @@ def _run_call() -> int:
     if unknown:
         raise Refused(f"{' '.join(unknown)}: not understood; options come first: run.py -m exp=3,4")
     if any((arguments.help, arguments.hydra_help, arguments.cfg, arguments.info, arguments.shell_completion)):
-        if arguments.cfg or arguments.info:
-            with composed(arguments):  # refuses what cannot be composed
-                pass
         hydra.main(version_base="1.3", config_path=str(conf_directory()), config_name="config")(run_composed)()
         return 0
     with composed(arguments) as jobs:
         calls = read_calls(arguments, jobs)
-        print_notes(calls, arguments.overrides)
+        _say_scale(calls[0], arguments.overrides)
         return _run_sweep(calls, jobs) if arguments.multirun else int(_run_one(calls[0], jobs[0]) is not None)
 
 
@@ -104,11 +99,19 @@ def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call
         raise Refused(*unused)
     if len({call.outputs for call in calls}) < len(calls) and calls[0].facts.once:
         raise Refused(f"task={task}: is done once for all runs; leave out the sweep")
-    targets = [(call.outputs, name_of(Path(call.scans))) for call in calls if call.scans]
-    if len(set(targets)) < len(targets):
-        name = next(name for outputs, name in targets if targets.count((outputs, name)) > 1)
-        raise Refused(f"several predictions would write to predictions/{name}: make a call with outputs= for each")
     return calls
+
+
+def _say_scale(call: Call, overrides: list[str]) -> None:
+    """Print the scale where it was not chosen, and that it is not meant for a CPU."""
+    scale = call.scale
+    if call.facts.names_scale and not any(override.startswith("scale=") for override in overrides):
+        why = "a CUDA GPU is visible" if has_gpu() else "no CUDA GPU is visible"
+        other = "laptop" if scale.name == "paper" else "paper"
+        print(f"scale={scale.name} ({why}): {scale.size_px} px, the whole study takes {scale.takes}", flush=True)
+        print(f"  the other default is scale={other}; scale=first takes minutes", flush=True)
+    if call.facts.trains and scale.name == "paper" and not has_gpu():
+        print("note: scale=paper takes days without a GPU; scale=laptop takes an hour or two", file=sys.stderr)
 
 
 def _run_one(call: Call, job: Composed) -> str | None:

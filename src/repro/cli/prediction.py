@@ -29,7 +29,7 @@ from repro.system.progress import progress
 
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # beside <its name>.mcap
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # of earlier versions: the GIF
 
 
 def predict_log(job: Job) -> None:

@@ -6,7 +6,6 @@ conf/config.yaml explains them, with units and defaults.
 import os
 import stat
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field, model_validator
@@ -18,20 +17,6 @@ from repro.system.errors import InputError
 
 Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true"]  # of Lightning
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
-
-
-def _can_be_made(directory: str) -> str:
-    """Check that a directory exists or can be created; whether it can be written shows when it is."""
-    path = Path(directory).absolute()
-    try:
-        if os.path.lexists(path) and not stat.S_ISDIR(os.stat(path).st_mode):
-            raise InputError("is a file, a directory is needed")
-        os.stat(path)
-    except FileNotFoundError:
-        pass
-    except OSError as error:  # a loop of links, a name that is too long, a file on the way
-        raise InputError(str(error.strerror)) from error
-    return directory
 
 
 def _is_there(name: str) -> str:
@@ -48,7 +33,6 @@ def _is_there(name: str) -> str:
 Text = Annotated[str, Field(min_length=1)]
 UserPath = Annotated[Text, AfterValidator(os.path.expanduser)]
 Source = Annotated[UserPath, AfterValidator(_is_there)]
-Directory = Annotated[UserPath, AfterValidator(_can_be_made)]
 
 
 def _has_device(accelerator: str) -> str:

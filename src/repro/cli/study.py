@@ -10,7 +10,7 @@ from repro.baselines.names import rank
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.networks.model import NETWORKS
 from repro.recordings.format import recordings_in
-from repro.reporting.names import duration, model_title, predictor_title
+from repro.reporting.names import duration, predictor_title
 from repro.reporting.render import Cells
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
@@ -90,25 +90,14 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     outputs, planned, wanted = study.outputs, study.runs(), dataclasses.asdict(pairs)
     existing, others = outputs.named_runs()
     states = {key: _state(run, study) for key, run in (planned | existing).items()}
-    seeds = sorted({key.seed for key in states if key.seed is not None})
-    cells = {(key.experiment, key.encoding, key.model) for key in states}
-    rows = [
-        [experiment, encoding, model_title(model)]
-        + [states.get(RunKey(experiment, model, encoding, s), "") for s in (seeds if encoding else [None, *seeds[1:]])]
-        for experiment, encoding, model in sorted(cells, key=lambda cell: (*cell[:2], rank(cell[2])))
-    ]
+    ordered = sorted(states, key=lambda key: (key.experiment, key.encoding, rank(key.model), str(key.path)))
     counts = {name: recordings_in(outputs.recordings(name), wanted) for name in study.experiments}
-    total = sum(wanted.values())
-    recorded = [
-        (name, "complete" if count == total else f"{count} of {total}" if count else "missing")
-        for name, count in counts.items()
-    ]
-    counted = Counter(states[key].split(",")[0] for key in planned)
-    listed = ", ".join(f"{count} {state}" for state, count in counted.most_common())
+    recorded = [(name, f"{count} of {sum(wanted.values())}") for name, count in counts.items()]
+    listed = ", ".join(f"{count} {state}" for state, count in Counter(states[key] for key in planned).most_common())
     lines = [
         f"{outputs.path}\n",
         Cells(("exp.", "recordings"), recorded).to_markdown(),
-        Cells(("exp.", "input", "model", *(f"seed {seed}" for seed in seeds)), rows).to_markdown(),
+        Cells(("run", "status"), [(key.path, states[key]) for key in ordered]).to_markdown(),
         f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}{study.time_left()[1]}.",
     ]
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
@@ -122,10 +111,7 @@ def _state(run: Run, study: Study) -> str:
     try:
         if study.is_of_another_world(run):
             return "of another world"
-        status = run.status
-        if status in (Status.training, Status.paused):
-            is_stopped = status is Status.training and not is_locked(run.path)
-            return f"{'stopped' if is_stopped else status}, {run.epochs} epoch{'' if run.epochs == 1 else 's'}"
-        return str(status) if status is not Status.evaluated or run.is_evaluated else "evaluated, metrics missing"
+        is_stopped = run.status is Status.training and not is_locked(run.path)
+        return "stopped" if is_stopped else str(run.status)
     except ValueError:
         return "cannot be read"

@@ -1,8 +1,7 @@
-"""Checkpoints that survive interruptions: atomic writes, one previous version, checksums verified before a resume."""
+"""Checkpoints that survive interruptions: atomic writes, checksums verified before a resume."""
 
 import io
 import logging
-import os
 import pickle
 import shutil
 import zipfile
@@ -22,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 class WholeCheckpointIO(TorchCheckpointIO):
-    """Checkpoint writer that replaces a file atomically and keeps the previous version as <name>.before."""
+    """Checkpoint writer that replaces a file atomically."""
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
         content = io.BytesIO()
@@ -31,12 +30,10 @@ class WholeCheckpointIO(TorchCheckpointIO):
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary:
             temporary.write_bytes(content.getbuffer())
-            if path.is_file():
-                os.replace(path, _before(path))
 
 
 def resume_from(directory: Path) -> Path | None:
-    """Return the checkpoint to resume from, the last or the previous one, or None to restart the training.
+    """Return the checkpoint to resume from, or None to restart the training.
 
     A resume also needs intact best weights. Without them the checkpoints are deleted and the training restarts; a
     restarted training ends with the same numbers.
@@ -45,26 +42,20 @@ def resume_from(directory: Path) -> Path | None:
         directory: directory with the checkpoints of a run.
     """
     clear_leftovers(directory)
-    candidates = [path for path in (directory / "last.ckpt", _before(directory / "last.ckpt")) if path.is_file()]
-    intact = next((path for path in candidates if _is_intact(path)), None)
-    if intact and find_best(directory):
-        return intact
-    if candidates:
-        log.warning("no intact checkpoint in %s: the training restarts", directory)
-        shutil.rmtree(directory)
+    last = directory / "last.ckpt"
+    if not last.is_file():
+        return None
+    if _is_intact(last) and find_best(directory):
+        return last
+    log.warning("no intact checkpoint in %s: the training restarts", directory)
+    shutil.rmtree(directory)
     return None
 
 
 def find_best(directory: Path) -> Path | None:
-    """Return the checkpoint of the best weights; the previous one if a process was killed between the two renames."""
+    """Return the checkpoint of the best weights; None if it is missing or damaged."""
     best = directory / "best.ckpt"
-    if not best.is_file() and _before(best).is_file():
-        best = _before(best)
     return best if best.is_file() and _is_intact(best) else None
-
-
-def _before(path: Path) -> Path:
-    return path.with_name(path.name + ".before")
 
 
 def _is_intact(path: Path) -> bool:

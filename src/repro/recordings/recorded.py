@@ -1,4 +1,4 @@
-"""True maps of recordings, and a split with them and its obstacles: the input of baselines and upper bounds."""
+"""True maps of recordings, and a split with them: the input of baselines."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +9,9 @@ from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.outlines import padded
 from repro.recordings.format import ShardContent
 from repro.recordings.reader import read_manifest, read_shards
 from repro.scans import Scans
-from repro.world_config import WorldSpec
 
 
 def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
@@ -26,28 +24,6 @@ def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu
 
 
 @dataclass(frozen=True)
-class Truth:
-    """The true obstacles of all recordings of a split, which no predictor from scans knows.
-
-    Args:
-        outlines: outlines in their own frame [m], (K, V, 2).
-        states: obstacle poses x, y [m], heading [rad], (K, T, 3).
-        world: index of the world of each obstacle, (K,); recordings 2 w and 2 w + 1 are of world w.
-        spec: what decides the worlds.
-    """
-
-    outlines: np.ndarray
-    states: np.ndarray
-    world: np.ndarray
-    spec: WorldSpec
-
-    def of_recording(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the outlines (O, V, 2) and states (O, T, 3) of the obstacles of one recording."""
-        mine = self.world == index // 2
-        return self.outlines[mine], self.states[mine]
-
-
-@dataclass(frozen=True)
 class Recorded:
     """All recordings of one split with their true maps: the input of a baseline, which uses no images.
 
@@ -57,7 +33,7 @@ class Recorded:
         grid: grid of the maps.
         range_max_m: maximum range of the lidar [m].
         step_s: duration of a time step [s].
-        truth: the true obstacles, for upper bounds; None if unknown.
+        directory: where they are stored, with the obstacles that no predictor from scans knows; None if nowhere.
     """
 
     scans: Scans
@@ -65,7 +41,7 @@ class Recorded:
     grid: Grid
     range_max_m: float
     step_s: float
-    truth: Truth | None = None
+    directory: Path | None = None
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -82,13 +58,4 @@ def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
     maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
     spec = read_manifest(recordings).world_spec
     scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
-    return Recorded(scans, maps, grid, spec.lidar.range_max, spec.world.step_time, _truth(shards, spec))
-
-
-def _truth(shards: list[ShardContent], spec: WorldSpec) -> Truth:
-    """Join the obstacles of the shards of a split."""
-    most = max(shard.outlines.shape[1] for shard in shards)
-    outlines = np.concatenate([padded(shard.outlines, most) for shard in shards])
-    first = np.cumsum([0, *(len(shard.scans) // 2 for shard in shards)])
-    world = np.concatenate([shard.world + start for shard, start in zip(shards, first, strict=False)])
-    return Truth(outlines, np.concatenate([shard.states for shard in shards]), world, spec)
+    return Recorded(scans, maps, grid, spec.lidar.range_max, spec.world.step_time, recordings)

@@ -25,23 +25,14 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     Args:
         run: an evaluated run directory.
         target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
-        force: whether to replace existing weights against the checks.
+        force: whether to replace existing weights.
 
     Raises:
-        ValueError: the run is not evaluated, the directory has other files, or without force, the existing weights have
-            a higher resolution, another input, or were trained on other recordings.
+        ValueError: the run is not evaluated, or the directory has other files, or weights that are not to be replaced.
     """
     predictor = _evaluated_predictor(run)
     if (target / "predictor.json").is_file() and not force:
-        existing, used = load_predictor(target), _recordings_of(run)
-        is_coarser, card = existing.grid.size_px > predictor.grid.size_px, target / CARD
-        described = card.read_text(encoding="utf-8") if card.is_file() else ""
-        if is_coarser or existing.encoding != predictor.encoding or used not in described:
-            raise InputError(
-                f"{target} has weights for {existing.grid.size_px} px and {existing.encoding}, {run} has "
-                f"{predictor.grid.size_px} px, {predictor.encoding} and {used}, which may be others: "
-                "publish.force=true replaces them anyway"
-            )
+        raise InputError(f"{target} has weights already: publish.force=true replaces them")
     target.parent.mkdir(parents=True, exist_ok=True)
     # the lock is that of publishing, which moves the parent
     with lock(target.parents[1]), replacing_directory(target, OWN_FILES) as new:
@@ -49,11 +40,6 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
         predictor.save(new, torch.float16)
         where = f"reproduce/results/{'/'.join(target.parts[-2:])}"
         write_text(new / CARD, make_card(run, where, "float16 weights"))
-
-
-def _recordings_of(run: Run) -> str:
-    """Return the words of a model card that identify the worlds and the number of pairs of a run."""
-    return f"recordings {run.provenance().fact('recordings')[:12]}"
 
 
 def export_onnx(run: Run, target: Path) -> float:
@@ -126,7 +112,7 @@ tensors. {"The metadata of the file define" if path.endswith(ONNX) else "`predic
 **Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 
 **Data**: {origin.fact("train_pairs")} simulated pairs ({setup}),
-{_recordings_of(run)}, seed {config.seed}, {origin.fact("epochs")} epochs,
+recordings {origin.fact("recordings")[:12]}, seed {config.seed}, {origin.fact("epochs")} epochs,
 commit {trained["commit"]}.
 
 **Test set** ({origin.fact("test_pairs")} pairs): {", ".join(f"{name} {each:.4f}" for name, each in measured.items())}.
@@ -145,14 +131,7 @@ def _worlds_of(config: RunConfig) -> tuple[str, str]:
 
 
 def hub_metadata(title: str, dataset: str, metrics: dict[str, float], library: str) -> str:
-    """Return the metadata of a model card for the Hugging Face Hub as YAML.
-
-    Args:
-        title: name of the model.
-        dataset: name of the worlds of the test set.
-        metrics: the metrics on the test set by name.
-        library: the library of the network.
-    """
+    """Return the metadata of a model card for the Hugging Face Hub as YAML, from names and metrics on the test set."""
     task: dict[str, Any] = {"task_type": "image-segmentation", "dataset_type": "simulated", "dataset_name": dataset}
     results = [
         EvalResult(**task, dataset_split="test", metric_type=name, metric_value=round(value, 4))

@@ -163,12 +163,6 @@ class Run:
         return None if typed is None else f"python run.py {shlex.join(typed)}"
 
     @property
-    def epochs(self) -> int:
-        """Number of finished epochs."""
-        history = self.path / "history.csv"
-        return max(len(history.read_text(encoding="utf-8").splitlines()) - 1, 0) if history.is_file() else 0
-
-    @property
     def is_trained(self) -> bool:
         return self.status in (Status.trained, Status.evaluated)
 

@@ -46,7 +46,9 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
     if "experiments" not in world:
         expected = "is missing; worlds are sampled from the keys in docs/worlds.md, a plain world of IR-SIM is not read"
         return [ConfigError("world.experiments", None, expected)]
-    if numbers := [key for key in world["experiments"] or () if not isinstance(key, str)]:
+    if isinstance(world["experiments"], dict) and (
+        numbers := [key for key in world["experiments"] if not isinstance(key, str)]
+    ):
         return [ConfigError("world.experiments", numbers, f'names are strings: write "{numbers[0]}" in the YAML')]
     try:
         # JSON, for strict types and lists where the schema has tuples; other values of YAML become text

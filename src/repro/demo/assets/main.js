@@ -36,10 +36,10 @@ export async function start(worker, modules) {
 function frame(now) {
   const stepMs = state.world.stepTime * 1000, elapsed = Math.min(now - state.last, 250);
   state.last = now;
-  state.behind += state.isPlaying ? elapsed * Number(at("rate").value) : 0;
+  state.behind += state.isPlaying ? elapsed : 0;
   for (let i = 0; state.behind >= stepMs && i < MOST_STEPS_PER_FRAME; i++, state.behind -= stepMs) step();
   if (state.behind >= stepMs) state.behind = 0;
-  if (state.isPlaying || state.isUndrawn) showWorld(state.isPlaying ? state.behind / stepMs : 1);
+  if (state.isPlaying || state.isUndrawn) showWorld();
   if (state.isStale && !state.isAsking && !state.hasFailed) predict();
   say(state.world.isStopped ? STOPPED : at("status").textContent === STOPPED ? "" : null);
   requestAnimationFrame(frame);

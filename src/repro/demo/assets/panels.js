@@ -3,15 +3,14 @@
 import { at, prepare, rgb, trace, useMeters } from "./canvas.js";
 import { FALSE, FOUND, FREE, MISSED } from "./maps.js";
 import { settings, state } from "./state.js";
-import { between } from "./world.js";
 import { drawWorld } from "./world_view.js";
 
 const OBSERVED = [11, 110, 153]; // tint of pixels observed to be free in a series of images
 
-/** Draw the world at a fraction of the way from the last step to this one. */
-export function showWorld(fraction) {
-  const view = { colors: state.colors, selected: state.selected, steps: settings.steps, trail: state.window.poses };
-  drawWorld(at("world"), state.world, between(state.world, fraction), view);
+/** Draw the world. */
+export function showWorld() {
+  const view = { colors: state.colors, steps: settings.steps, trail: state.window.poses };
+  drawWorld(at("world"), state.world, view);
   at("clock").textContent = `${(state.world.step * state.world.stepTime).toFixed(1)} s`;
   state.isUndrawn = false;
 }
@@ -21,8 +20,7 @@ export function showScores() {
   const { iou, accuracy, ms } = state.shown;
   at("iou").textContent = iou.toFixed(2);
   at("accuracy").textContent = accuracy.toFixed(3);
-  at("frame-time").textContent = `${ms.frame.toFixed(0)} ms`;
-  at("timing").textContent = `encoding ${ms.encoding.toFixed(1)} ms, network ${ms.network.toFixed(0)} ms, one core`;
+  at("frame-time").textContent = `${ms.toFixed(0)} ms`;
 }
 
 /** Draw all panels again, as after a change of their size or colors. */
@@ -36,7 +34,7 @@ export function drawMaps() {
   if (!state.shown) return;
   const { images, free, classes, grid, robot, outlines, network } = state.shown, { colors } = state;
   const frames = settings.networks[network].encoding.parameters.frames ?? 1;
-  const overlay = { outlines: at("outlines").checked ? outlines : [], robot, color: colors.truth };
+  const overlay = { outlines, robot, color: colors.truth };
   drawMap(at("input"), inputPixels(images, grid.size_px, frames), grid, { ...overlay, outlines: [] });
   drawMap(at("prediction"), mapPixels(free), grid, overlay);
   drawMap(at("errors"), errorPixels(classes, colors), grid, { ...overlay, outlines: [] });

@@ -5,7 +5,7 @@ import { stepWorld, takeScan } from "./world.js";
 
 export const settings = JSON.parse(at("settings").textContent);
 export const state = {
-  world: null, window: null, selected: null, isPlaying: true, ask: null, colors: themeColors(),
+  world: null, window: null, isPlaying: true, ask: null, colors: themeColors(),
   isAsking: false, isStale: true, isUndrawn: true, hasFailed: false, shown: null, behind: 0, last: 0,
 };
 

@@ -1,6 +1,6 @@
 // The world: sampled from an experiment as in repro.simulation.worlds, stepped, and changed by the user.
 
-import { contains, outlineOf, place, radiusOf, wrap } from "./geometry.js";
+import { contains, outlineOf, place, radiusOf } from "./geometry.js";
 import { advance, driftVelocity, robotCommands, setCourse, startPose } from "./motions.js";
 import { beamAngles, scan } from "./raycasting.js";
 
@@ -32,7 +32,7 @@ export function sampleWorld(spec, experiment, seed) {
   const world = {
     sizeM, stepTime, robotRadius: spec.robot.shape.radius, rangeMax: lidar.range_max, angles: beamAngles(lidar),
     clear, population, random, obstacles: [], step: 0, round: 0,
-    commands: robotCommands(motion, direction, stepTime), robot, robotBefore: robot,
+    commands: robotCommands(motion, direction, stepTime), robot,
   };
   const [least, most] = population.count;
   const count = least + Math.floor(random() * (most - least + 1));
@@ -41,8 +41,8 @@ export function sampleWorld(spec, experiment, seed) {
   return world;
 }
 
-/** Add an obstacle of the population at a random free place; return it, or null if there is no room. */
-export function addObstacle(world) {
+/** Add an obstacle of the population at a random free place, if there is room. */
+function addObstacle(world) {
   const { random, sizeM } = world, shape = sampleShape(world), radius = radiusOf(shape);
   for (let attempt = 0; attempt < PLACEMENTS; attempt++) {
     const x = radius + random() * (sizeM - 2 * radius), y = radius + random() * (sizeM - 2 * radius);
@@ -55,14 +55,8 @@ export function addObstacle(world) {
     setCourse(obstacle, 2 * Math.PI * random(), rulesOf(world), random);
     moveTo(obstacle, x, y);
     world.obstacles.push(obstacle);
-    return obstacle;
+    return;
   }
-  return null;
-}
-
-/** Remove an obstacle. */
-export function removeObstacle(world, obstacle) {
-  world.obstacles = world.obstacles.filter((each) => each !== obstacle);
 }
 
 /** Move an obstacle to the free place nearest to a point, on the map and off the robot. */
@@ -85,11 +79,9 @@ export function stepWorld(world) {
     const { x, y } = obstacle;
     moveTo(obstacle, x + vx * world.stepTime, y + vy * world.stepTime);
     if (isBlocked(world, stands, obstacle)) moveTo(obstacle, x, y);
-    obstacle.before = { x, y, heading: obstacle.heading };
   }
   const command = world.commands[world.round], next = advance(stands, command, world.stepTime);
   const stays = world.obstacles.some((obstacle) => isBlocked(world, next, obstacle));
-  world.robotBefore = stands;
   // the paper's motions keep to the clear zone; only an obstacle that the user put into it can stop them
   world.isStopped = stays && command[0] !== 0;
   world.robot = stays ? { ...stands, heading: next.heading } : next;
@@ -104,21 +96,6 @@ export function takeScan(world) {
   for (const index of nearest) if (index >= 0) world.obstacles[index].lastHit = world.step;
 }
 
-/** Return the poses between the last step and this one, at a fraction of the step, for drawing. */
-export function between(world, fraction) {
-  const mix = (a, b) => a + (b - a) * fraction;
-  const turn = wrap(world.robot.heading - world.robotBefore.heading);
-  const robot = {
-    x: mix(world.robotBefore.x, world.robot.x), y: mix(world.robotBefore.y, world.robot.y),
-    heading: world.robotBefore.heading + turn * fraction,
-  };
-  const obstacles = world.obstacles.map((obstacle) => {
-    const pose = { x: mix(obstacle.before.x, obstacle.x), y: mix(obstacle.before.y, obstacle.y), heading: obstacle.heading };
-    return { ...obstacle, ...pose, placed: place(obstacle.outline, pose), source: obstacle };
-  });
-  return { robot, obstacles, ranges: scan(robot, world.angles, obstacles, world.rangeMax).ranges };
-}
-
 /** Return the topmost obstacle at a point, or undefined. */
 export function obstacleAt(world, x, y) {
   return world.obstacles.findLast((obstacle) => contains(obstacle.placed, x, y));
@@ -126,7 +103,6 @@ export function obstacleAt(world, x, y) {
 
 function moveTo(obstacle, x, y) {
   Object.assign(obstacle, { x, y });
-  obstacle.before = { x, y, heading: obstacle.heading };
   obstacle.placed = place(obstacle.outline, obstacle);
 }
 
