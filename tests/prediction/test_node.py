@@ -33,7 +33,7 @@ def test_the_defaults_are_those_of_the_training():
 
 @pytest.mark.parametrize("mounting", ["0.5,-1,0", [0.5, -1, 0]])
 def test_numbers_are_a_text_or_a_list(mounting):
-    mapper = create(mounting=mounting, frame="odom", center="25,-3.5", range_max_m=12.0, steps=50)
+    mapper = create(mounting=mounting, frame="odom", center="25,-3.5", range_max_m=12.0, steps=50, weights="rooms")
     assert mapper.transforms.mounting == pytest.approx((0.5, -1, 0))
     assert mapper.transforms.frame == "odom"
     assert mapper.settings.center == (25, -3.5)

@@ -98,7 +98,7 @@ def test_a_recorded_bag_is_read(log):
 
 def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     maps = bag.with_name("maps.bag")
-    node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=12.5,12.5"]
+    node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=12.5,12.5", "_weights:=rooms"]
     with started(node, ros, "waiting for scans", "node") as output, record(maps, ["/predicted_map"], ros):
         time.sleep(1)  # for the recorder to find the node
         subprocess.run(

@@ -114,7 +114,7 @@ def busy(processes: int):
 def test_the_maps_of_the_node_are_those_of_the_batch(robot, maps, tmp_path, processes, late_s):
     """Idle, under load, and with transforms that are later than the scans."""
     environment = os.environ | {"ROS_HOME": str(tmp_path), "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": "1"}
-    command = [NODE, "--ros-args", "-p", "center:=12.5,12.5"]
+    command = [NODE, "--ros-args", "-p", "center:=12.5,12.5", "-p", "weights:=rooms"]
     with started(command, environment, "waiting for scans") as output, busy(processes):
         robot.drive(late_s)
         end = time.monotonic() + 30
