@@ -10,7 +10,7 @@ from repro.evaluation.evaluate import evaluate_baseline
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
-from repro.reporting.page import Report, render
+from repro.reporting.page import Report, images_of, render
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import keys_of, read_results
 from repro.reporting.tables import write_tables
@@ -60,7 +60,7 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
         outputs=outputs.path,
         results=results,
         frames=frames,
-        figures={path.stem: path for folder in (outputs.figures, outputs.analysis) for path in folder.glob("*.png")},
+        figures=images_of(outputs.figures, outputs.analysis),
         origins={str(key.path): outputs.run(key).provenance() for key in keys_of(results)},
     )
     write_text(outputs.path / "report.html", render(report))

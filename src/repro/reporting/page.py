@@ -47,7 +47,7 @@ class Report:
         outputs: path of the outputs directory.
         results: tidy rows of its runs, see `results.read_results`.
         frames: the frames of `evaluation.analysis.gather`, and `claims`.
-        figures: PNG files by name.
+        figures: PNG and GIF files by name.
         origins: provenance of each run by its path.
     """
 
@@ -86,11 +86,17 @@ def render(report: Report) -> str:
     )
 
 
+def images_of(*directories: Path) -> dict[str, Path]:
+    """Return the images in some directories by name."""
+    return {path.stem: path for folder in directories for kind in ("png", "gif") for path in folder.glob(f"*.{kind}")}
+
+
 def _embedded(path: Path) -> dict[str, Any]:
-    """Return a PNG file for the page: its width on the page [px], and its data in base 64."""
+    """Return a PNG or GIF file for the page: its width on the page [px], and its data in base 64 as a URL."""
     with Image.open(path) as image:
-        inches = image.width / image.info["dpi"][0]
-    return {"width": round(PX_PER_INCH * inches), "data": base64.b64encode(path.read_bytes()).decode()}
+        inches = image.width / image.info.get("dpi", (PX_PER_INCH, PX_PER_INCH))[0]
+    data = base64.b64encode(path.read_bytes()).decode()
+    return {"width": round(PX_PER_INCH * inches), "url": f"data:image/{path.suffix[1:]};base64,{data}"}
 
 
 def _all_free(intervals: pd.DataFrame) -> str:
@@ -160,7 +166,7 @@ def render_published(directory: Path) -> str:
         outputs=Path("outputs", directory.name),
         results=results,
         frames=read_frames(directory),
-        figures={path.stem: path for folder in (directory, directory / "analysis") for path in folder.glob("*.png")},
+        figures=images_of(directory, directory / "analysis"),
         origins=read_origins(directory),
     )
     return render(report)
