@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
+from scipy.ndimage import maximum_filter
 from tqdm import tqdm
 
 from repro.learning.held_out import labeled, stands
@@ -40,7 +41,8 @@ RESULTS = Path(__file__).parents[1] / "results"
 WEIGHTS = ("rooms-16000/exppeople-convgru", "places/exppeople-convgru")
 TRUTH, FITTED, TESTED = "true map", "fitted", "tested"
 FIRST_SEED = 900_000  # of the worlds; recordings of the study have smaller ones
-GROUPS = ("all", "seen", "unseen")
+WALKED = 11  # steps: an obstacle moves if it has moved in the last second
+GROUPS = ("all", "seen", "unseen", "standing", "moving")
 
 
 def cases(seeds: range, predictor: Predictor) -> Iterator[tuple[Case, np.ndarray]]:
@@ -54,15 +56,19 @@ def cases(seeds: range, predictor: Predictor) -> Iterator[tuple[Case, np.ndarray
         log = ScanLog(stamps, scans.ranges.astype(np.float32), scans.angles, scans.poses, range_max_m=VIEW.range_max_m)
         if not stands(log):
             for window, clear in labeled(log, window_of(predictor), 1, predictor.grid, VIEW):
-                case = Case(window, VIEW.range_max_m, clear, block=seed)
+                walks = np.ptp(recording.states[:, -WALKED:, :2], axis=1).max(-1) > 0
+                people = true_map(recording, window.origin, predictor.grid, walks) == 0
+                case = Case(window, VIEW.range_max_m, clear, clear.hits & maximum_filter(people, 3), seed)
                 yield case, true_map(recording, window.origin, predictor.grid)
 
 
-def true_map(recording: Recording, origin: tuple[float, float], grid: Grid) -> np.ndarray:
-    """Return the map after the last step, 1 is free, (H, W), with the lower left corner at an origin [m]."""
-    states = recording.states[:, -1] - [*origin, 0]
+def true_map(
+    recording: Recording, origin: tuple[float, float], grid: Grid, which: np.ndarray | slice = slice(None)
+) -> np.ndarray:
+    """Return the map of obstacles after the last step, 1 is free, (H, W); its lower left corner is at an origin."""
+    states = recording.states[which, -1] - [*origin, 0]
     owner = torch.zeros(len(states), dtype=torch.long)
-    tensors = torch.as_tensor(recording.outlines).float(), torch.as_tensor(states).float()
+    tensors = torch.as_tensor(recording.outlines[which]).float(), torch.as_tensor(states).float()
     return rasterize(*tensors, owner, 1, grid)[0].numpy()
 
 
