@@ -85,7 +85,7 @@ def test_only_a_training_needs_as_many_pairs_as_its_batches(task, refused):
 def test_weights_to_start_from_are_there_before_anything_is_recorded():
     for weights in ("", "no/such/weights/here"):
         [reason] = refuse(f"train.weights='{weights}'")
-        assert reason.startswith(f"train.weights: {weights}: no such weights, expected one of drive")
+        assert reason.startswith(f"train.weights: {weights}: no such weights, expected one of buildings")
     read_call("train.weights=rooms", "model=convgru", "encoding=series10")
 
 
