@@ -102,20 +102,18 @@ class Predictor:
             center: `robot`, `start`, or x, y [m].
 
         Raises:
-            ValueError: the map would move with the robot, and the network has learned fixed obstacles, or it would not,
-                and the network takes the robot to be in the middle.
+            ValueError: the network has learned another one.
         """
         if self.is_centered and center != "robot":
             raise InputError(
-                f"center: the network was trained with the robot in the middle: expected robot, got {center}, for "
-                "which there are other weights, such as rooms"
+                f"center: the network takes the robot to be in the middle: expected robot, got {center}, or other "
+                "weights, such as rooms"
             )
         if self.has_fixed and isinstance(center, str):
-            side = self.grid.size_m
             raise InputError(
-                f"center: the network was trained with fixed obstacles: its map of {side:g} x {side:g} m must lie "
-                "where that of the training lies, expected x,y of its center in the frame of the poses [m], got "
-                f"{center}"
+                f"center: the network was trained with fixed obstacles: its map of {self.grid.size_m:g} x "
+                f"{self.grid.size_m:g} m must lie where that of the training lies, expected x,y of its center in the "
+                f"frame of the poses [m], got {center}"
             )
 
     def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
@@ -222,9 +220,8 @@ def load_predictor(weights: str | Path) -> Predictor:
     """Load a predictor in float32 on the CPU; the content of its path decides its kind.
 
     Args:
-        weights: `buildings`, `rooms`, `drive` or `exp1` to `exp4` for weights of this package; a directory that
-            `Predictor.save` wrote, a run that has one, or an ONNX file; or owner/name of a repository of the Hugging
-            Face Hub.
+        weights: `buildings`, `rooms`, `drive`, `exp1` to `exp4`; a directory that `Predictor.save` wrote, a run that
+            has one, or an ONNX file; or owner/name of a repository of the Hugging Face Hub.
 
     Raises:
         InputError: there are no such weights, their files differ from the saved checksum, or the network is not one
