@@ -1,6 +1,6 @@
 """Predicted maps in ROS 1: subscribes to LaserScan and tf (or Odometry), publishes nav_msgs/OccupancyGrid.
 
-PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan _center:=25,25
+PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan _frame:=odom
 
 The parameters are those of `repro.prediction.node`. The Python of ROS 1 must be that of .venv: it needs rospy and this
 project. Debian 12 has ROS 1 for Python 3.11: apt-get install python3-rospy.
