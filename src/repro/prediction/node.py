@@ -1,9 +1,11 @@
 """What the nodes of ROS 1 and ROS 2 share: their parameters, and maps as messages."""
 
 import array
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 import torch
 
 from repro.networks.predictor import load_predictor
@@ -27,6 +29,8 @@ PARAMETERS: dict[str, tuple[Any, str]] = {  # by name: default, of the type of t
     "range_max_m": (0.0, "maximum range of the lidar [m]; 0 for that of the scans"),
     "threads": (1, "threads of the network"),
 }
+NUMBERS = ("mounting", "center", "undecided")  # parameters whose text of numbers may also be a list of them
+LIMITS = {"threads": (1, 64), "step_s": (0, 60), "range_max_m": (0, 1000)}
 
 
 def create_mapper(
@@ -44,14 +48,19 @@ def create_mapper(
         InputError: a value is not one of its parameter, or there are no such weights.
     """
     for name, (default, _) in PARAMETERS.items():
-        kind = type(default)  # a text of numbers may also be a list of them
-        if kind is not str and type(values[name]) not in (kind, *((int,) if kind is float else ())):
-            raise InputError(f"{name}: expected a value such as {default}, got {values[name]!r}")
+        kinds = (
+            (float, int) if isinstance(default, float) else (str, list, tuple) if name in NUMBERS else (type(default),)
+        )
+        low, high = LIMITS.get(name, (-math.inf, math.inf))
+        if type(values[name]) not in kinds or (name in LIMITS and not low <= values[name] <= high):
+            limits = f" from {low:g} to {high:g}" if name in LIMITS else ""
+            raise InputError(f"{name}: expected a value such as {default!r}{limits}, got {values[name]!r}")
     undecided, mounting = _numbers(values, "undecided", 2), _numbers(values, "mounting", 3)
     center = "robot" if values["center"] == "robot" else _numbers(values, "center", 2)
     if center is None:
         raise InputError("center: expected robot or x,y [m], got an empty text")
-    torch.set_num_threads(max(1, values["threads"]))
+    occupancy(np.zeros((0, 0)), undecided)  # checks it
+    torch.set_num_threads(values["threads"])
     predictor = load_predictor(values["weights"])
     steps, step_s, range_max_m = (values[name] or None for name in ("steps", "step_s", "range_max_m"))
     settings = window_of(predictor, center, steps, step_s, range_max_m)
@@ -73,6 +82,6 @@ def _numbers(values: Mapping[str, Any], name: str, count: int) -> Any:
         found = tuple(float(word) for word in (value.split(",") if isinstance(value, str) else value))
     except (TypeError, ValueError):
         found = ()
-    if len(found) != count:
-        raise InputError(f"{name}: expected {count} numbers with commas between them, got {value!r}")
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise InputError(f"{name}: expected {count} finite numbers with commas between them, got {value!r}")
     return found
