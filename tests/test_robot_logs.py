@@ -235,7 +235,7 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
 @pytest.mark.slow
 def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
     weights = (ROOMS, DRIVE)
-    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept", folds=0)
+    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept", folds=0, save=None)
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()
     kept = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*.npz")}

@@ -125,7 +125,10 @@ def test_the_maps_of_the_node_are_those_of_the_batch(robot, maps, tmp_path, proc
 
 @pytest.mark.parametrize(
     ("parameter", "message"),
-    [("steps:=20000", "steps"), ("mounting:=1,2", "mounting: expected 3 finite numbers with commas between them, got '1,2'")],
+    [
+        ("steps:=20000", "steps"),
+        ("mounting:=1,2", "mounting: expected 3 finite numbers with commas between them, got '1,2'"),
+    ],
 )
 def test_wrong_parameters_end_the_node_with_a_message(parameter, message):
     done = subprocess.run([NODE, "--ros-args", "-p", parameter], capture_output=True, text=True, timeout=120)
