@@ -222,7 +222,7 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
         x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
         assert bool(case.moving.any()) == (case.window.stamp > 12.95)
         assert np.hypot(x, y) == pytest.approx(3, abs=0.2)
-        groups = case.groups(np.zeros_like(case.moving))
+        groups = case.groups(np.zeros(len(case.pixels), bool))
         assert (groups["standing"].hits | groups["moving"].hits == case.clear.hits).all()
         view = case.window.scans.poses[-1, 2] + np.array([-math.pi / 4, math.pi / 4])
         x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2

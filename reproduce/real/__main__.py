@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from repro.learning import held_out
@@ -37,11 +36,11 @@ from repro.scans import Scans
 from repro.system.devices import one_thread
 from repro.system.files import open_arrays, sha256, write_json, write_text
 from reproduce.real import logs
-from reproduce.real.adapted import adapted, adapted_to
-from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
+from reproduce.real.adapted import adapted, adapted_to, labels_of
+from reproduce.real.evidence import CENTER, evidence_at, join
 from reproduce.real.figure import choose, draw
 from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
-from reproduce.real.logs import Case, cases_of, is_driving, is_standing
+from reproduce.real.logs import cases_of, is_standing
 from reproduce.real.measures import MEAN, Measured, count, neighbors, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -79,12 +78,6 @@ def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: 
     return np.rint((LEVELS - 1) * np.concatenate(free)).astype(np.int64)
 
 
-def evidence_at(case: Case, predictor: Predictor, pixels: np.ndarray) -> Evidence:
-    """Return the evidence of pixels, (P,), and of those around them, (P, 9)."""
-    evidence = evidence_of(case.window.scans, predictor.grid, case.range_max_m)
-    return evidence.at(neighbors(pixels, predictor.grid.size_px))
-
-
 def sample(path: Path, predictor: Predictor, network: np.ndarray) -> Sample:
     """Draw pixels of evenly spaced windows of a log, given the levels of the network at all compared pixels."""
     rng = np.random.default_rng(0)
@@ -92,11 +85,11 @@ def sample(path: Path, predictor: Predictor, network: np.ndarray) -> Sample:
     first = np.cumsum([0, *(len(case.pixels) for case in cases)])
     evidence, levels, free = [], [], []
     for number in np.unique(np.linspace(0, len(cases) - 1, SAMPLED_WINDOWS).astype(int)):
-        pixels = cases[number].pixels
-        chosen = np.sort(rng.permutation(len(pixels))[:SAMPLED_PIXELS])
-        evidence.append(evidence_at(cases[number], predictor, pixels[chosen]))
+        case = cases[number]
+        chosen = np.sort(rng.permutation(len(case.pixels))[:SAMPLED_PIXELS])
+        evidence.append(evidence_at(case, predictor.grid, case.pixels[chosen]))
         levels.append(network[first[number] + chosen])
-        free.append(cases[number].clear.passed.ravel()[pixels[chosen]])
+        free.append(case.free[chosen])
     return Sample(join(evidence), np.concatenate(levels), np.concatenate(free))
 
 
@@ -109,11 +102,9 @@ def compare(
     names: tuple[str, ...] = ()
     for case in tqdm(cases_of(path, predictor), desc=path.name, disable=None):
         pixels = case.pixels
-        evidence = evidence_at(case, predictor, pixels)
+        evidence = evidence_at(case, predictor.grid, pixels)
         of_network = np.broadcast_to(network[first : first + len(pixels), None], (len(pixels), 9))
-        seen = np.zeros(case.clear.hits.size, bool)
-        seen[pixels] = evidence.seen[:, CENTER]
-        groups = case.groups(seen.reshape(case.clear.hits.shape))
+        groups = case.groups(evidence.seen[:, CENTER])
         levels = {NETWORK: of_network, UNCALIBRATED: of_network, **maps_of(evidence, fitted)}
         for name, each in levels.items():
             before = counts[name].get(case.block, 0)
@@ -134,15 +125,16 @@ def origin_of(weights: str) -> dict[str, str]:
 
 
 def compare_all(
-    paths: list[Path], weights: str, kept: Path, folds: int = 0
-) -> tuple[list[dict[str, Any]], dict[str, Any], Figure]:
-    """Compare all maps of all logs; return the rows of the table, the chosen constants by log and five windows.
+    paths: list[Path], weights: str, kept: Path, folds: int = 0, figure: Path | None = None
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Compare all maps of all logs; return the rows of the table and the chosen constants by log.
 
     Args:
         paths: the logs.
         weights: the network.
         kept: the directory of maps and adapted networks.
         folds: the network is adapted to the logs of all folds but one, if there are any.
+        figure: the file of five windows; None for none.
     """
     predictor = load_predictor(RESULTS / weights)
     origin = origin_of(weights)
@@ -155,29 +147,30 @@ def compare_all(
     fitted: dict[str, Fitted] = {}
     rows: list[dict[str, Any]] = []
     for path in paths:
-        levels[path] = predictions(
-            path, of_log[path], {"log": checksums[path], **origin}, kept / weights / f"{path.name}.npz"
-        )
-    for kind in filter(None, (list(filter(is_of, paths)) for is_of in (is_driving, is_standing))):
+        maps = kept / weights / f"{path.name}.npz"
+        levels[path] = predictions(path, of_log[path], {"log": checksums[path], **origin}, maps)
+    for stands in sorted(set(map(is_standing, paths))):
+        kind = [path for path in paths if is_standing(path) == stands]
         samples = {path.name: sample(path, predictor, levels[path]) for path in kind}
         fitted |= {path.name: fit_others(samples, path.name) for path in kind}
-        rows += [{"weights": weights, **row} for row in compare_kind(kind, predictor, levels, fitted)]
-    constants = {name: each.constants for name, each in fitted.items()}
-    return rows, constants, draw(choose(levels, predictor), of_log, fitted)
+        about = {"weights": weights, "robot": "stands" if stands else "drives"}
+        rows += [about | row for row in compare_kind(kind, predictor, levels, fitted)]
+    if figure:
+        draw(choose(levels, predictor), of_log, fitted).savefig(figure, dpi=110)
+    return rows, {name: each.constants for name, each in fitted.items()}
 
 
 def compare_kind(
     paths: list[Path], predictor: Predictor, levels: dict[Path, np.ndarray], fitted: dict[str, Fitted]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of logs of driving robots or of those of standing lidars, given the levels of the network."""
+    """Return the rows of logs of driving robots or of those of standing lidars, given the levels of the network."""
     maps: dict[str, dict[str, Measured]] = defaultdict(dict)
     groups = tuple[str, ...]()
     for path in paths:
         groups, measured = compare(path, predictor, levels[path], fitted[path.name])
         for name, each in measured.items():
             maps[name][path.name] = each
-    robot = "drives" if is_driving(paths[0]) else "stands"
-    yield from ({"robot": robot, **row} for row in rows_of(maps, groups, NETWORK))
+    return rows_of(maps, groups, NETWORK)
 
 
 def main() -> None:
@@ -192,7 +185,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.save:
         checksums = {path: sha256(path) for path in options.logs}
-        adapted_to(load_predictor(RESULTS / options.weights[0]), origin_of(options.weights[0]), checksums, options.save)
+        predictor, origin = load_predictor(RESULTS / options.weights[0]), origin_of(options.weights[0])
+        adapted_to(predictor, origin, checksums, labels_of(predictor, options.logs), options.save)
         return
     origin = environment()  # before the results change the working tree
     options.target.mkdir(parents=True, exist_ok=True)
@@ -200,11 +194,10 @@ def main() -> None:
     constants: dict[str, Any] = {}
     with one_thread():
         for weights in options.weights:
-            of_weights, chosen, figure = compare_all(options.logs, weights, options.kept, options.folds)
+            figure = options.target / "windows.png" if weights == options.weights[0] else None
+            of_weights, chosen = compare_all(options.logs, weights, options.kept, options.folds, figure)
             rows += of_weights
             constants[of_weights[0]["weights"]] = chosen
-            if weights == options.weights[0]:
-                figure.savefig(options.target / "windows.png", dpi=110)
             write(rows, constants, options, origin)
 
 
@@ -215,12 +208,8 @@ def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argpar
     write_text(options.target / "held_out.csv", table.to_csv(index=False, float_format="%.4f"))
     checksums = {path.name: sha256(path) for path in options.logs}
     write_json(options.target / "provenance.json", {"logs": checksums, "constants": constants, **origin})
-    shown = table[table["log"] == MEAN]
-    print(
-        shown[
-            ["weights", "robot", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]
-        ].to_string()
-    )
+    shown = ["weights", "robot", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]
+    print(table.loc[table["log"] == MEAN, shown].to_string())
 
 
 if __name__ == "__main__":

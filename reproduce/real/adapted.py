@@ -1,15 +1,18 @@
 """Networks that are adapted to logs and tested on others: as many as folds, each to the logs outside of its fold."""
 
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from repro.learning import adaptation
-from repro.learning.adaptation import adapt, label
+from repro.learning.adaptation import Labeled, adapt, label
 from repro.networks.predictor import Predictor, load_predictor
 from repro.system.devices import resolve_precision
 from repro.system.files import read_mapping, sha256, write_json
 from reproduce.real.logs import VIEW, log_of
 
 SOURCE = "adapted_to.json"
+Labels = Callable[[Path], tuple[Labeled, Labeled]]
 
 
 def adapted(
@@ -25,20 +28,29 @@ def adapted(
         folds: number of folds.
     """
     paths, found = list(logs), dict[Path, Predictor]()
+    labels = labels_of(predictor, paths)
     for fold in range(folds):
         others = {path: logs[path] for number, path in enumerate(paths) if number % folds != fold}
-        found |= dict.fromkeys(paths[fold::folds], adapted_to(predictor, origin, others, kept / f"fold-{fold}"))
+        network = adapted_to(predictor, origin, others, labels, kept / f"fold-{fold}")
+        found |= dict.fromkeys(paths[fold::folds], network)
     return found
 
 
-def adapted_to(predictor: Predictor, origin: dict[str, str], logs: dict[Path, str], directory: Path) -> Predictor:
-    """Return a network that is adapted to logs, from a directory or into it, see `adapted`."""
+def labels_of(predictor: Predictor, paths: list[Path]) -> Labels:
+    """Return a function that labels the windows of one of some logs, once, with its place among them as the seed."""
+    return cache(lambda path: label(*log_of(path, predictor), predictor, VIEW, seed=paths.index(path)))
+
+
+def adapted_to(
+    predictor: Predictor, origin: dict[str, str], logs: dict[Path, str], labels: Labels, directory: Path
+) -> Predictor:
+    """Return a network that is adapted to logs with their labels, from a directory or into it, see `adapted`."""
     names = {path.name: checksum for path, checksum in logs.items()}
     source = {**origin, "adaptation": sha256(Path(adaptation.__file__)), **names}
     if not (directory / SOURCE).is_file() or read_mapping(directory / SOURCE, "networks adapted to logs") != source:
         print(f"adapting to {', '.join(names)}", flush=True)
-        windows = [label(*log_of(path, predictor), predictor, VIEW, seed=number) for number, path in enumerate(logs)]
-        network, before, after = adapt(predictor, windows, precision=resolve_precision("auto", "cpu"))
+        precision = resolve_precision("auto", "cpu")
+        network, before, after = adapt(predictor, list(map(labels, logs)), precision=precision)
         print(f"validation loss: {before:.4f} before, {after:.4f} adapted", flush=True)
         network.save(directory / "model")
         write_json(directory / SOURCE, source)

@@ -32,15 +32,15 @@ from repro.system.devices import one_thread
 from repro.system.files import write_json, write_text
 from repro.system.places import conf_directory
 from repro.world_config import read_world, world_spec
-from reproduce.real.evidence import CENTER, Evidence, evidence_of, join
-from reproduce.real.fitting import Sample, fit_others, maps_of
+from reproduce.real.evidence import CENTER, evidence_at, join
+from reproduce.real.fitting import Sample, counts_of, fit_others, maps_of
 from reproduce.real.logs import VIEW, Case
 from reproduce.real.measures import Measured, calibrated, count, neighbors, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
 WEIGHTS = ("rooms-16000/exppeople-convgru", "places/exppeople-convgru")
 TRUTH, FITTED, TESTED = "true map", "fitted", "tested"
-FIRST_SEED = 900_000  # of the worlds; recordings of the study have smaller ones
+FIRST_SEED = 900_000  # of the worlds, above those of all trainings
 WALKED = 11  # steps: an obstacle moves if it has moved in the last second
 GROUPS = ("all", "seen", "unseen", "standing", "moving")
 
@@ -74,17 +74,9 @@ def true_map(
 
 def levels_of(case: Case, truth: np.ndarray, networks: dict[str, Predictor]) -> dict[str, np.ndarray]:
     """Return the levels of the true map and of each network at the compared pixels and those around them, (P, 9)."""
-    free = {TRUTH: truth}
-    for name, predictor in networks.items():
-        limited = predictor.with_range(case.range_max_m)
-        free[name] = limited.predict(case.window.scans, allow_empty=True)[0].numpy()
+    free = {TRUTH: truth} | {name: case.map_of(predictor) for name, predictor in networks.items()}
     places = neighbors(case.pixels, len(truth))
     return {name: np.rint((LEVELS - 1) * image.ravel()[places]).astype(np.int64) for name, image in free.items()}
-
-
-def evidence_at(case: Case, grid: Grid) -> Evidence:
-    """Return the evidence of the compared pixels and of those around them, (P, 9)."""
-    return evidence_of(case.window.scans, grid, case.range_max_m).at(neighbors(case.pixels, grid.size_px))
 
 
 def compare(worlds: int, networks: dict[str, Predictor]) -> Iterator[dict[str, object]]:
@@ -93,24 +85,19 @@ def compare(worlds: int, networks: dict[str, Predictor]) -> Iterator[dict[str, o
     others, tested = (range(FIRST_SEED, FIRST_SEED + worlds // 2), range(FIRST_SEED + worlds, FIRST_SEED + 2 * worlds))
     evidence, levels, free = [], [], []
     for case, truth in cases(others, predictor):
-        evidence.append(evidence_at(case, predictor.grid))
+        evidence.append(evidence_at(case, predictor.grid, case.pixels))
         levels.append({name: each.min(1) for name, each in levels_of(case, truth, networks).items()})
-        free.append(case.clear.passed.ravel()[case.pixels])
+        free.append(case.free)
     found = np.concatenate(free)
     joined = {name: np.concatenate([each[name] for each in levels]) for name in levels[0]}
     fitted = fit_others({FITTED: Sample(join(evidence), joined[TRUTH], found)}, TESTED)
     counts: dict[str, list[np.ndarray]] = {}
     for case, truth in cases(tested, predictor):
-        own = evidence_at(case, predictor.grid)
-        seen = np.zeros(truth.size, bool)
-        seen[case.pixels] = own.seen[:, CENTER]
-        groups = list(case.groups(seen.reshape(truth.shape)).values())
+        own = evidence_at(case, predictor.grid, case.pixels)
+        groups = list(case.groups(own.seen[:, CENTER]).values())
         for name, each in (levels_of(case, truth, networks) | maps_of(own, fitted)).items():
             counts.setdefault(name, []).append(count(each, groups, case.pixels))
-    probability = fitted.probability | {
-        name: calibrated(np.stack([np.bincount(each[found == truth], minlength=LEVELS) for truth in (0, 1)]))
-        for name, each in joined.items()
-    }
+    probability = fitted.probability | {name: calibrated(counts_of(each, found)) for name, each in joined.items()}
     maps = {name: {"worlds": Measured(len(each), np.stack(each), probability[name])} for name, each in counts.items()}
     yield from (row for row in rows_of(maps, GROUPS, TRUTH) if row["log"] != "worlds")
 

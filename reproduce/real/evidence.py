@@ -14,6 +14,8 @@ from repro.maps.series import Series
 from repro.maps.visibility import newest_passed
 from repro.metrics.counts import LEVELS
 from repro.scans import Scans
+from reproduce.real.logs import Case
+from reproduce.real.measures import neighbors
 
 PARTS = 10  # of a window, in which hits and passes are counted
 UNSEEN_BAND, PASSED_BAND = LEVELS // 2, 3 * LEVELS // 4  # first levels of unseen and of passed pixels; last hits from 0
@@ -101,6 +103,11 @@ def evidence_of(scans: Scans, grid: Grid, range_max_m: float) -> Evidence:
         to_robot=np.log1p(np.linalg.norm(from_robot, axis=-1) / grid.resolution_m),
         to_wall=_log_distance(walls),
     )
+
+
+def evidence_at(case: Case, grid: Grid, pixels: np.ndarray) -> Evidence:
+    """Return the evidence of pixels, (P,), and of those around them, (P, 9)."""
+    return evidence_of(case.window.scans, grid, case.range_max_m).at(neighbors(pixels, grid.size_px))
 
 
 def distance_map(evidence: Evidence) -> np.ndarray:

@@ -4,16 +4,17 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor
-from reproduce.real.evidence import evidence_of, regression_map
-from reproduce.real.fitting import Fitted
+from reproduce.real.evidence import CENTER, evidence_at, regression_map
+from reproduce.real.fitting import Fitted, counts_of
 from reproduce.real.logs import Case, cases_of
-from reproduce.real.measures import auroc, neighbors
+from reproduce.real.measures import auroc
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of all windows, that are ranked worse than the drawn one
 TITLES = (
@@ -36,11 +37,9 @@ def choose(networks: dict[Path, np.ndarray], predictor: Predictor) -> list[tuple
     for path, levels in networks.items():
         first = 0
         for place, case in enumerate(cases_of(path, predictor)):
-            free = case.clear.passed.ravel()[case.pixels]
-            own = levels[first : first + len(free)]
-            counts = np.stack([np.bincount(own[free == truth], minlength=LEVELS) for truth in (0, 1)])
-            ranked.append((float(auroc(counts)), path, place))
-            first += len(free)
+            last = first + len(case.pixels)
+            ranked.append((float(auroc(counts_of(levels[first:last], case.free))), path, place))
+            first = last
     ranked = sorted(each for each in ranked if np.isfinite(each[0]))
     return [ranked[round(share * (len(ranked) - 1))] for share in SHARES]
 
@@ -60,14 +59,13 @@ def draw(chosen: list[tuple[float, Path, int]], of_log: dict[Path, Predictor], f
 
 def _draw_row(row: np.ndarray, case: Case, predictor: Predictor, fitted: Fitted) -> None:
     grid, scans = predictor.grid, case.window.scans
-    network = predictor.with_range(case.range_max_m).predict(scans, allow_empty=True)[0].numpy()
-    evidence = evidence_of(scans, grid, case.range_max_m)
-    around = evidence.at(neighbors(np.arange(grid.size_px**2), grid.size_px))
-    regression = regression_map(around, fitted.models[1], walls=True)[:, 4].reshape(network.shape)
+    network = case.map_of(predictor)
+    evidence = evidence_at(case, grid, np.arange(grid.size_px**2))
+    regression = regression_map(evidence, fitted.models[1], walls=True)[:, CENTER].reshape(network.shape)
     hits = Projection().encode(scans.tensors(), grid)[0, 0].numpy()
-    truth = np.full((*network.shape, 3), 255, np.uint8)
+    truth = np.ones((*network.shape, 3))
     for pixels, color in ((case.clear.passed, PASSED), (case.clear.hits, HIT)):
-        truth[pixels] = [int(color[place : place + 2], 16) for place in (1, 3, 5)]
+        truth[pixels] = to_rgb(color)
     for ax, image in zip(row, (hits, truth, 255 * network, regression), strict=True):
         _show(ax, image, grid, scans.poses[:, :2])
 

@@ -50,7 +50,7 @@ def fit_others(samples: dict[str, Sample], tested: str) -> Fitted:
     fitted = Fitted((distance_weight, passed_weight), tuple(fit(evidence, free, walls) for walls in (False, True)), {})
     levels = {NETWORK: np.concatenate([each.network for each in others])}
     levels |= {name: each.min(1) for name, each in maps_of(evidence, fitted).items()}
-    probability = {name: calibrated(_counts(each, free)) for name, each in levels.items()}
+    probability = {name: calibrated(counts_of(each, free)) for name, each in levels.items()}
     return Fitted(fitted.constants, fitted.models, probability | {UNCALIBRATED: PROBABILITY})
 
 
@@ -65,12 +65,12 @@ def maps_of(evidence: Evidence, fitted: Fitted) -> dict[str, np.ndarray]:
 def _mean_auroc(samples: list[Sample], constants: tuple[float, float], *, is_seen: bool) -> float:
     """Return the mean AUROC of a score over logs, on the pixels that were seen or on the others."""
     counts = [
-        _counts(score_map(each.evidence, *constants).min(1), each.free, each.evidence.seen[:, CENTER] == is_seen)
+        counts_of(score_map(each.evidence, *constants).min(1), each.free, each.evidence.seen[:, CENTER] == is_seen)
         for each in samples
     ]
     return float(np.nanmean(auroc(np.stack(counts))))
 
 
-def _counts(levels: np.ndarray, free: np.ndarray, pixels: np.ndarray | slice = slice(None)) -> np.ndarray:
+def counts_of(levels: np.ndarray, free: np.ndarray, pixels: np.ndarray | slice = slice(None)) -> np.ndarray:
     """Count some pixels by truth, hits first, and level, (2, 256)."""
     return np.stack([np.bincount(levels[pixels][free[pixels] == truth], minlength=LEVELS) for truth in (0, 1)])

@@ -54,12 +54,27 @@ class Case:
         """Return the flat indices of the pixels that held-out beams show, (P,)."""
         return np.flatnonzero(self.clear.hits | self.clear.passed)
 
+    @property
+    def free(self) -> np.ndarray:
+        """Return whether the beams passed over each of these pixels, bool, (P,)."""
+        return self.clear.passed.ravel()[self.pixels]
+
+    def map_of(self, predictor: Predictor) -> np.ndarray:
+        """Predict the probability of free, (H, W)."""
+        limited = predictor.with_range(self.range_max_m)
+        return limited.predict(self.window.scans, allow_empty=True)[0].numpy()
+
     def groups(self, seen: np.ndarray) -> dict[str, Observed]:
-        """Return the pixels that are compared, by kind, given those that a beam of the window has hit or passed over.
+        """Return the pixels that are compared, by kind.
 
         Hits on what stands and on what moves are both compared with all passed pixels.
+
+        Args:
+            seen: whether a beam of the window has hit or passed over each of `pixels`, bool, (P,).
         """
-        groups = {"all": self.clear, "seen": self.clear.within(seen), "unseen": self.clear.within(~seen)}
+        seen_at = np.zeros_like(self.clear.hits)
+        seen_at.ravel()[self.pixels] = seen
+        groups = {"all": self.clear, "seen": self.clear.within(seen_at), "unseen": self.clear.within(~seen_at)}
         if self.moving is not None:
             for name, hits in (("standing", ~self.moving), ("moving", self.moving)):
                 groups[name] = Observed(self.clear.hits & hits, self.clear.passed)
@@ -67,13 +82,8 @@ class Case:
 
 
 def is_standing(path: Path) -> bool:
-    """Return whether a log is a ROS 1 bag of a standing lidar."""
+    """Return whether a log is a ROS 1 bag of a standing lidar, and not a gzipped CARMEN file of a driving robot."""
     return path.suffix == ".bag"
-
-
-def is_driving(path: Path) -> bool:
-    """Return whether a log is a gzipped CARMEN file of a driving robot."""
-    return not is_standing(path)
 
 
 def cases_of(path: Path, predictor: Predictor) -> Iterator[Case]:

@@ -140,7 +140,7 @@ def test_the_beams_are_those_of_the_scans_with_a_pose():
     assert log.angles == pytest.approx([0, 0.1, 0.2, 0.3, 0.4])
 
 
-def test_scans_with_a_varying_number_of_readings_are_resampled():
+def test_scans_with_a_varying_number_of_readings_are_resampled(caplog):
     """As of an LD19: 88 to 94 readings between the same limits, most often 91; a ramp tells the angle of a reading."""
     counts = [(91, 91, 88, 94)[step % 4] for step in range(40)]
     scans = [
@@ -151,6 +151,7 @@ def test_scans_with_a_varying_number_of_readings_are_resampled():
     assert log.skipped == {}
     assert np.abs(log.ranges - np.linspace(2, 3, 91)).max() <= 0.5 / 87 + 1e-6
     assert log.ranges[0] == pytest.approx(np.linspace(2, 3, 91))
+    assert caplog.text.count("the beams vary, such as") == 1
 
 
 def test_readings_at_the_minimum_are_valid_at_the_maximum_misses_and_others_invalid():

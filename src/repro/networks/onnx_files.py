@@ -134,7 +134,8 @@ def _description(model: ModelProto) -> dict[str, Any]:
 def _check_structure(model: ModelProto) -> None:
     """Refuse weights in other files, which would be read, and another input or output."""
     graph = model.graph
-    if outside := [tensor.name for tensor in graph.initializer if tensor.data_location == TensorProto.EXTERNAL]:
+    tensors = [*graph.initializer, *(attribute.t for node in graph.node for attribute in node.attribute)]
+    if outside := [tensor.name for tensor in tensors if tensor.data_location == TensorProto.EXTERNAL]:
         raise InputError(f"its weights {outside[0]} are in another file")
     names = [each.name for each in graph.input], [each.name for each in graph.output]
     if names != ([INPUT], [OUTPUT]):

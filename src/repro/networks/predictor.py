@@ -96,10 +96,7 @@ class Predictor:
         return steps, step_s
 
     def check_center(self, center: str | tuple[float, float]) -> None:
-        """Check that the map may have this center in the frame of the poses.
-
-        Args:
-            center: `robot`, `start`, or x, y [m].
+        """Check that the map may have this center in the frame of the poses: `robot`, `start`, or x, y [m].
 
         Raises:
             ValueError: the network has learned another one.

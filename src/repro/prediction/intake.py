@@ -1,5 +1,6 @@
 """Scans of a lidar as they arrive, in logs and nodes: which can be used, and their valid readings at the same beams."""
 
+import logging
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from repro.maps.validity import FULL_TURN
 from repro.prediction.readings import beams_of_turn, readings
 from repro.system.errors import InputError
 
+LOGGER = logging.getLogger(__name__)
 MAX_BEAMS = 100_000
 FIRST_SCANS = 20  # of which the most frequent beams are those of the lidar
 WITHOUT_POSE = "without a pose"
@@ -112,6 +114,7 @@ class Intake:
         self._first: LogScan | None = None
         self._index = np.zeros(0, dtype=int)
         self._waiting: list[LogScan] = []
+        self._resampled = False
 
     def take(self, scan: LogScan) -> list[LogScan]:
         """Take a scan and return those that can be used from now on, in the order of their arrival.
@@ -158,8 +161,18 @@ class Intake:
             elif np.isnan(ranges := resampled.valid_ranges()).all():
                 self._leave_out("without a valid reading")
             else:
+                self._say_resampled(scan, resampled)
                 found.append(replace(resampled, ranges=ranges[self._index]))
         return found
+
+    def _say_resampled(self, scan: LogScan, resampled: LogScan) -> None:
+        if resampled is not scan and not self._resampled:
+            self._resampled = True
+            count = len(resampled.ranges)
+            LOGGER.warning(
+                "%s: the beams vary, such as %d and %d: all scans are resampled to the most frequent, %d",
+                *(self.source, count, len(scan.ranges), count),
+            )
 
     def _leave_out(self, reason: str) -> None:
         self.left_out[reason] += 1

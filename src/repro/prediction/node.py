@@ -5,12 +5,11 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
 import torch
 
 from repro.networks.predictor import load_predictor
 from repro.prediction.live import KEEP_S, LiveMapper
-from repro.prediction.ros import grid_message, occupancy
+from repro.prediction.ros import check_undecided, grid_message, occupancy
 from repro.prediction.stream import StreamMap
 from repro.prediction.times import window_of
 from repro.prediction.transforms import Transforms
@@ -47,19 +46,14 @@ def create_mapper(
     Raises:
         InputError: a value is not one of its parameter, or there are no such weights.
     """
-    for name, (default, _) in PARAMETERS.items():
-        kinds = (
-            (float, int) if isinstance(default, float) else (str, list, tuple) if name in NUMBERS else (type(default),)
-        )
-        low, high = LIMITS.get(name, (-math.inf, math.inf))
-        if type(values[name]) not in kinds or (name in LIMITS and not low <= values[name] <= high):
-            limits = f" from {low:g} to {high:g}" if name in LIMITS else ""
-            raise InputError(f"{name}: expected a value such as {default!r}{limits}, got {values[name]!r}")
+    for name in PARAMETERS:
+        _check(name, values[name])
     undecided, mounting = _numbers(values, "undecided", 2), _numbers(values, "mounting", 3)
     center = "robot" if values["center"] == "robot" else _numbers(values, "center", 2)
     if center is None:
         raise InputError("center: expected robot or x,y [m], got an empty text")
-    occupancy(np.zeros((0, 0)), undecided)  # checks it
+    if undecided is not None:
+        check_undecided(undecided)
     torch.set_num_threads(values["threads"])
     predictor = load_predictor(values["weights"])
     steps, step_s, range_max_m = (values[name] or None for name in ("steps", "step_s", "range_max_m"))
@@ -71,6 +65,17 @@ def create_mapper(
 
     transforms = Transforms(KEEP_S, frame=values["frame"] or None, mounting=mounting)
     return LiveMapper(predictor, send, warn, settings, transforms)
+
+
+def _check(name: str, value: Any) -> None:
+    """Check that a value has the type and the limits of its parameter."""
+    default, _ = PARAMETERS[name]
+    kinds = {float: (float, int), str: (str, list, tuple) if name in NUMBERS else (str,)}
+    has_kind = type(value) in kinds.get(type(default), (type(default),))
+    low, high = LIMITS.get(name, (None, None))
+    limits = "" if low is None else f" from {low} to {high}"
+    if not has_kind or (low is not None and not low <= value <= high):
+        raise InputError(f"{name}: expected a value such as {default!r}{limits}, got {value!r}")
 
 
 def _numbers(values: Mapping[str, Any], name: str, count: int) -> Any:

@@ -170,12 +170,17 @@ def occupancy(
     if ((occupied[is_known] < 0) | (occupied[is_known] > 1)).any():
         raise InputError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
     if undecided is not None:
-        if not 0 <= undecided[0] < undecided[1] <= 1:
-            raise InputError(f"undecided: expected two increasing probabilities, got {undecided[0]} and {undecided[1]}")
+        check_undecided(undecided)
         is_known &= (occupied <= undecided[0]) | (occupied >= undecided[1])
     if unknown is not None:
         is_known &= ~np.flipud(unknown).ravel() | (occupied > OCCUPIED_ABOVE)
     return np.where(is_known, np.rint(100 * np.where(is_known, occupied, 0)), UNKNOWN).astype(np.int8)
+
+
+def check_undecided(limits: tuple[float, float]) -> None:
+    """Refuse limits that are not two increasing probabilities."""
+    if not 0 <= limits[0] < limits[1] <= 1:
+        raise InputError(f"undecided: expected two increasing probabilities, got {limits[0]} and {limits[1]}")
 
 
 def grid_message(types: dict[str, Any], data: Any, predicted: StreamMap, stamp: Any, frame: str) -> Any:
