@@ -94,7 +94,6 @@ PATHS = {  # files that cannot be read; {tmp} is a directory with a pipe
     "outputs=''": "at least 1 character",
     "task=predict scans={tmp}/nowhere.npz": "No such file or directory",
     "task=predict scans=/dev/zero": "is neither a file nor a directory",
-    "task=demo demo.runtime={tmp}/pipe": "is neither a file nor a directory",
 }
 YAML = {  # contents of a file scale/broken.yaml
     "a:\tb\n\tc: 1\n": "found character",

@@ -143,7 +143,6 @@ class Demo:
     __pydantic_config__ = KNOWN_KEYS
 
     networks: Annotated[list[UserPath], Field(min_length=1)]
-    runtime: Source | None
 
 
 @dataclass(frozen=True)
