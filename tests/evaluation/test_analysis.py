@@ -88,7 +88,7 @@ def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     counts = count_quantized(perfect, test_set.truth, test_set.groups, GROUPS)
     table = by_recency(counts.reshape(4, 2, *counts.shape[1:]).sum(1), draw_weights(4, draws=50))
     values = table.pivot(index="recency", columns="metric", values="value")
-    for metric in ("obstacle_recall", "free_recall", "obstacle_iou", "best_iou", "soft_iou", "pr_auc"):
+    for metric in ("obstacle_recall", "free_recall", "obstacle_iou", "best_iou"):
         assert np.allclose(values[metric].dropna(), 1, atol=1e-6), metric
     assert np.allclose(values["brier"].dropna(), 0)
     assert values.drop("all")["pixel_share"].sum() == pytest.approx(1)
