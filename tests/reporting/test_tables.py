@@ -47,9 +47,7 @@ def test_several_seeds_give_mean_and_deviation(tmp_path):
 def test_resolutions_do_not_mix(tmp_path):
     fake_run(tmp_path, "3", "unet", 0.5)
     fake_run(tmp_path, "3", "fpn", 0.5, size_px=64)
-    with pytest.raises(
-        ValueError, match=r"fpn.* has other data than .*unet.*\(size_px is 64, requested 32\)"
-    ):
+    with pytest.raises(ValueError, match=r"fpn.* has other data than .*unet.*\(size_px is 64, requested 32\)"):
         read_results(Outputs(tmp_path))
 
 
