@@ -8,7 +8,6 @@ import shapely
 from pydantic import Field, ValidationError
 
 from repro.fields import ConfigError, Name, config_errors_of
-from repro.simulation.motions import top_speeds
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.system.errors import InputError
@@ -88,7 +87,7 @@ def _error_of_spec(spec: WorldSpec) -> str | None:
             return f"{steps} steps of {beams} beams are more than {MAX_READINGS} readings: use fewer"
         if steps > MAX_STEPS:
             return f"a recording of {steps} steps is longer than {MAX_STEPS}: use fewer"
-        speeds = top_speeds(spec.motion, step_time)
+        speeds = spec.motion.top_speeds(step_time)
         check_spec(spec)
         for number, obstacle in enumerate(fixed_obstacles(spec), start=1):
             if not geometry(obstacle["shape"], obstacle["state"]).intersects(shapely.box(0, 0, width, width)):
