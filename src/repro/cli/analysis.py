@@ -1,12 +1,15 @@
 """The analysis of an outputs directory: baselines, intervals, recency, calibration, verdicts on claims, the page."""
 
+import itertools
 from pathlib import Path
 
+import joblib
 import pandas as pd
 
 from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
+from repro.parallel import process_pool
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
@@ -14,13 +17,18 @@ from repro.reporting.page import images_of, render
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import keys_of, read_results
 from repro.reporting.tables import write_tables
+from repro.runs.config import RunConfig
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
-def analyze(outputs: Outputs) -> None:
+def analyze(outputs: Outputs, workers: int) -> None:
     """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
+
+    Args:
+        outputs: the outputs directory.
+        workers: number of processes that tune baselines.
 
     Raises:
         ValueError: no network has been evaluated, or a run is damaged.
@@ -29,11 +37,7 @@ def analyze(outputs: Outputs) -> None:
     if results.empty or not (results["encoding"] != "").any():
         raise InputError(f"no network has been evaluated in {outputs.path}: train some first")
     networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
-    for experiment, config in sorted({config.experiment: config for config in networks}.items()):
-        spec = read_manifest(outputs.recordings(experiment)).world_spec
-        for name in PREDICTORS:
-            if applies(name, spec):
-                evaluate_baseline(outputs, config, name)
+    _evaluate_baselines(outputs, {config.experiment: config for config in networks}, workers)
     results = read_results(outputs)
     print(f"analyzing {len(results)} runs", flush=True)
     frames = gather(outputs)
@@ -42,6 +46,21 @@ def analyze(outputs: Outputs) -> None:
     if not frames["claims"].empty:  # empty without a run in the paper's worlds
         print(f"claims of the paper: {count_verdicts(frames['claims'])}")
     _write_page(outputs, frames, results)
+
+
+def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers: int) -> None:
+    """Evaluate all baselines, the slowest first, beside a run of each experiment; those that are done are checked."""
+    jobs = []
+    for name, experiment in itertools.product(reversed(PREDICTORS), sorted(configs)):
+        config = configs[experiment]
+        if not applies(name, read_manifest(outputs.recordings(experiment)).world_spec):
+            continue
+        if outputs.run(config.of_baseline(name).key).is_evaluated:
+            evaluate_baseline(outputs, config, name)
+        else:
+            jobs.append(joblib.delayed(evaluate_baseline)(outputs, config, name))
+    with process_pool(max(1, min(workers, len(jobs)))) as parallel:
+        parallel(jobs)
 
 
 def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:

@@ -8,7 +8,7 @@ def run(job: Job) -> None:
     """Write analysis/ and report.html."""
     from repro.cli.analysis import analyze
 
-    analyze(job.outputs)
+    analyze(job.outputs, job.call.runtime.workers)
 
 
 TASK = Task(run, once=True)
