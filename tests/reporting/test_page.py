@@ -43,11 +43,10 @@ def page(outputs):
 def test_the_analysis_writes_all_frames_and_figures(outputs):
     names = {path.stem for path in outputs.glob("analysis/*.csv")}
     assert names == {
-        *("intervals", "differences", "recency", "obstacles", "calibration", "reliability", "cost"),
-        "claims",
+        *("intervals", "recency", "obstacles", "calibration", "reliability", "cost", "claims"),
     }
     figures = {path.stem for path in outputs.glob("analysis/*.png")}
-    assert figures == {"recency", "obstacles", "reliability", "baselines", "encodings"}
+    assert figures == {"recency", "obstacles", "reliability", "baselines"}
     claims = pd.read_csv(outputs / "analysis" / "claims.csv")
     assert claims["id"].tolist() == [claim.id for claim in CLAIMS]
     assert claims["verdict"].notna().all()
