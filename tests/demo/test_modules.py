@@ -15,7 +15,7 @@ from repro.demo.page import ASSETS
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.metrics.scores import confusion, scores
+from repro.metrics.counts import counts_of, pooled_scores
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 
@@ -126,6 +126,6 @@ def test_true_maps_and_scores_are_those_of_python(compared):
         expected = truth_of(recording)[0]
         drawn = torch.tensor(result["map"], dtype=torch.uint8).view(expected.shape)
         assert (drawn != expected).sum() <= DIFFERENT_PIXELS
-        values = scores(confusion(free[None, None], drawn[None, None]))
+        values = pooled_scores(counts_of(free[None, None], drawn[None, None])[0])
         assert result["iou"] == pytest.approx(float(values["obstacle_iou"]), abs=1e-9)
         assert result["accuracy"] == pytest.approx(float(values["accuracy"]), abs=1e-9)

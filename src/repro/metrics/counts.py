@@ -42,6 +42,11 @@ def count_quantized(
     return counts.reshape(len(free), number, 2, LEVELS)
 
 
+def counts_of(probability: Tensor, maps: Tensor) -> np.ndarray:
+    """Count the pixels of every image from probabilities of free and true maps, both (M, 1, H, W), (M, 2, 256)."""
+    return count_quantized(quantize(probability), maps[:, 0].cpu().numpy())[:, 0]
+
+
 def confusion_of(counts: np.ndarray) -> np.ndarray:
     """Count true and false positives, true and false negatives with FREE as positive, (..., 4), from (..., 2, 256)."""
     is_free = PROBABILITY >= THRESHOLD
@@ -52,12 +57,7 @@ def confusion_of(counts: np.ndarray) -> np.ndarray:
 
 def pooled_scores(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the metrics of `metrics.scores` at threshold 0.5 from (..., 2, 256), each (...)."""
-    return scores_of(confusion_of(counts))
-
-
-def scores_of(confusion: np.ndarray) -> dict[str, np.ndarray]:
-    """Compute the metrics of `metrics.scores` from (..., 4), see `confusion_of`, each (...)."""
-    return {name: value.numpy() for name, value in scores(torch.as_tensor(confusion)).items()}
+    return scores(confusion_of(counts))
 
 
 def best_iou(counts: np.ndarray) -> np.ndarray:
