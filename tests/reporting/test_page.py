@@ -1,13 +1,12 @@
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 
 import pandas as pd
 import pytest
-from conftest import ROOT
+from conftest import read_calls
 
 from repro.baselines.registry import PREDICTORS
+from repro.cli import main
 from repro.reporting.papers_claims import CLAIMS
 
 pytestmark = pytest.mark.slow
@@ -18,20 +17,20 @@ TINY = (
 )
 
 
-def call(outputs, *words):
-    command = [sys.executable, "run.py", f"outputs={outputs}", "runtime.accelerator=cpu", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=500)
-    assert done.returncode == 0, done.stdout + done.stderr
+def run(outputs, *words):
+    for call in read_calls(f"outputs={outputs}", "runtime.accelerator=cpu", "runtime.workers=1", *words):
+        assert main.perform(call) is None
 
 
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory):
     """Run a small study with its analysis: U-Net with and without decay and with another input."""
     outputs = tmp_path_factory.mktemp("page") / "first"
-    call(outputs, *TINY, "decay=true,false", "hydra/launcher=basic", "-m")  # one process imports torch once
-    call(outputs, *TINY, "encoding=stack4")
-    call(outputs, *TINY, "task=report")
-    call(outputs, "task=analysis")  # the runs know their scale
+    run(outputs, *TINY, "decay=true")
+    run(outputs, *TINY, "decay=false")
+    run(outputs, *TINY, "encoding=stack4")
+    run(outputs, *TINY, "task=report")
+    run(outputs, "task=analysis")  # the runs know their scale
     return outputs
 
 
