@@ -1,8 +1,8 @@
 """Publishing: an upsert of the runs of an outputs directory by `RunKey` into a directory of reproduce/results.
 
 A published directory contains runs.csv (every run with its seed, metrics and times), from which all tables follow,
-history.csv (the losses of every epoch), provenance.json (the provenance of every run), the analysis, the figures, and a
-README.md. The generated tables of the documents come from published directories only.
+provenance.json (the provenance of every run), the analysis, the figures, and a README.md. The generated tables of the
+documents come from published directories only.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.errors import InputError
-from repro.system.files import clear_leftovers, lock, read_table, replacing_directory, write_json, write_text
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs", "scale": "as scale"}
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
@@ -90,7 +90,6 @@ def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
                 _add_analysis(outputs.analysis, new / "analysis")
             else:
                 _replace_files(outputs, new)
-            _write_histories(outputs, kept, found, new / "history.csv")
             counts = {name: "Int64" for name in ("train_pairs", "epochs") if name in rows}  # missing for baselines
             write_text(new / "runs.csv", rows.astype(counts).to_csv(index=False, float_format="%.6g"))
             content = {path: dataclasses.asdict(origin) for path, origin in origins.items()}
@@ -172,20 +171,6 @@ def _add_analysis(source: Path, target: Path) -> None:
             write_text(target / path.name, table.to_csv(index=False, float_format="%.6g"))
     names = [path.stem for path in target.glob("*.png")]
     write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
-
-
-def _write_histories(outputs: Outputs, kept: pd.DataFrame, found: pd.DataFrame, path: Path) -> None:
-    """Write losses and seconds of every epoch of the kept runs and the new ones, if any has some."""
-    histories = [read_rows(path).merge(kept[KEY])] if path.is_file() else []
-    for key in keys_of(found):
-        history = outputs.run(key).path / "history.csv"
-        if history.is_file():
-            rows = read_table(history, ("epoch", "val_loss"), "delete it")
-            histories.append(rows.assign(**dataclasses.asdict(key)))
-    if histories:
-        rows = pd.concat(histories, ignore_index=True)
-        rows = rows[[*KEY, *rows.columns.drop(list(KEY))]]
-        write_text(path, rows.to_csv(index=False, float_format="%.6g"))
 
 
 def published_page(directory: Path, name: str, runs: pd.DataFrame) -> str:

@@ -69,14 +69,9 @@ _TAG = re.compile(  # that pydantic adds to the path of a value in a union, wher
 
 
 def _once(errors: list[ConfigError]) -> list[ConfigError]:
-    """Report an error once, not in every experiment that refers to the value; drop pydantic's union tags."""
+    """Drop pydantic's union tags, and errors of experiments until all parts are right to which they may refer."""
     plain = [ConfigError(_TAG.sub("", error.key), error.value, error.expected) for error in errors]
-    named = {(e.key.split(".")[-1], str(e.value)) for e in plain if not e.key.startswith("world.experiments.")}
-    return [
-        error
-        for error in plain
-        if not error.key.startswith("world.experiments.") or (error.key.split(".")[-1], str(error.value)) not in named
-    ]
+    return [error for error in plain if not error.key.startswith("world.experiments.")] or plain
 
 
 def _error_of_spec(spec: WorldSpec) -> str | None:
