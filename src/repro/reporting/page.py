@@ -25,7 +25,7 @@ def render(outputs: Path, results: pd.DataFrame, frames: DataFrames, figures: di
         outputs: path of the outputs directory.
         results: tidy rows of its runs, see `results.read_results`.
         frames: the frames of `evaluation.analysis.gather`, and `claims`.
-        figures: PNG and GIF files by name.
+        figures: PNG files by name.
     """
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)
     return environment.get_template("report.html").render(
@@ -43,7 +43,7 @@ def render(outputs: Path, results: pd.DataFrame, frames: DataFrames, figures: di
 
 def images_of(*directories: Path) -> dict[str, Path]:
     """Return the images in some directories by name."""
-    return {path.stem: path for folder in directories for kind in ("png", "gif") for path in folder.glob(f"*.{kind}")}
+    return {path.stem: path for folder in directories for path in folder.glob("*.png")}
 
 
 def tables_of_sections(results: pd.DataFrame, frames: DataFrames) -> dict[str, list[Cells]]:
@@ -56,11 +56,11 @@ def tables_of_sections(results: pd.DataFrame, frames: DataFrames) -> dict[str, l
 
 
 def _embedded(path: Path) -> dict[str, Any]:
-    """Return a PNG or GIF file for the page: its width on the page [px], and its data in base 64 as a URL."""
+    """Return a PNG file for the page: its width on the page [px], and its data in base 64 as a URL."""
     with Image.open(path) as image:
         inches = image.width / image.info.get("dpi", (PX_PER_INCH, PX_PER_INCH))[0]
     data = base64.b64encode(path.read_bytes()).decode()
-    return {"width": round(PX_PER_INCH * inches), "url": f"data:image/{path.suffix[1:]};base64,{data}"}
+    return {"width": round(PX_PER_INCH * inches), "url": f"data:image/png;base64,{data}"}
 
 
 def _all_free(intervals: pd.DataFrame) -> str:
