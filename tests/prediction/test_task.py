@@ -30,7 +30,7 @@ def run(tmp_path, monkeypatch):
     monkeypatch.setattr(prediction, "load_predictor", lambda path: predictor)
 
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
-        settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
+        settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot"}
         settings |= dict.fromkeys(("pose", "mounting", "frame"), None) | {"spacing": "time"}
         settings |= {"fov_deg": None, "range_max_m": None, "scan_topic": None, "odometry_topic": None}
         chosen = SimpleNamespace(**settings | changes)
