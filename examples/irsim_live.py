@@ -25,7 +25,7 @@ from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
-from repro.simulation.motions import robot_commands
+from repro.simulation.paths import robot_commands
 from repro.simulation.simulator import make, outlines_of
 from repro.simulation.worlds import sample_world, write_world
 from repro.world_config import read_world, world_spec

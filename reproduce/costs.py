@@ -2,10 +2,9 @@
 
     python reproduce/costs.py reproduce/results/laptop
 
-writes costs.csv there, at the resolution of those results and at that of the paper scale, and costs.png where the
-results have an analysis. The time of a training is that of its steps on one CPU thread, measured over a few. The
-latency is that of one window, the encoding of its 100 scans and the prediction: the median of 20 calls after a warm-up.
-Values that cannot be measured stay empty.
+writes costs.csv there, at the resolution of those results and at that of the paper scale. The time of a training is
+that of its steps on one CPU thread, measured over a few. The latency is that of one window, the encoding of its 100
+scans and the prediction: the median of 20 calls after a warm-up. Values that cannot be measured stay empty.
 """
 
 import argparse
@@ -13,17 +12,12 @@ import tempfile
 import time
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import torch
 import yaml
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from torch.utils.flop_counter import FlopCounterMode
 
-from repro.baselines.names import LIMITS
-from repro.config import RECURRENT
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss
 from repro.maps.encodings import Encoding, create_encoding
@@ -33,10 +27,6 @@ from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting import documents
-from repro.reporting.analysis_figures import titled
-from repro.reporting.names import experiment_title, model_title
-from repro.reporting.plots import ACCENT, INK, STYLE, one_legend
-from repro.reporting.results import read_rows
 from repro.scans import Scans
 from repro.system.devices import clock, one_thread, resolve_precision
 
@@ -54,7 +44,6 @@ CELLS = [  # networks and their inputs
     *((name, "series10") for name in NETWORKS),
     *(("convlstm", "stack10"), ("convgru", "series10")),
 ]
-DASHES = ((4, 2), (1, 2))  # of the lines of `LIMITS`
 LATENCIES = ("cpu_eager_ms", "cpu_onnx_ms", "cuda_eager_ms")
 
 
@@ -129,42 +118,6 @@ def model_named(name: str) -> Model:
     return paper_model(name) if name in NETWORKS else Model(**yaml.safe_load((MODELS / f"{name}.yaml").read_text()))
 
 
-def efficiency(intervals: pd.DataFrame, costs: pd.DataFrame) -> Figure:
-    """Plot the obstacle IoU of networks against the time of their training, with the bounds as lines.
-
-    Args:
-        intervals: experiment, model, encoding, metric, value, low, high.
-        costs: model, encoding, training_min; rows without a time are left out.
-    """
-    rows = titled(intervals)
-    timed = costs.dropna(subset="training_min")[["model", "encoding", "training_min"]]
-    points = rows.merge(timed, on=["model", "encoding"])
-    experiments = sorted(points.loc[points["model"].isin(RECURRENT), "experiment"].unique()) or ["3", "4"]
-    names = points.sort_values(["rank", "encoding", "model"])["title"].drop_duplicates().tolist()
-    size = (1.6 + 3.0 * len(experiments), 3.4)
-    figure, axes = plt.subplots(1, len(experiments), figsize=size, layout="constrained", sharey=True, squeeze=False)
-    for ax, experiment in zip(axes[0], experiments, strict=True):
-        draw_limits(ax, rows, experiment)
-        for number, name in enumerate(names):
-            point = points[(points["experiment"] == experiment) & (points["title"] == name)]
-            look = {"marker": "osD^vP*X"[number % 8], "color": ACCENT if "GRU" in name else INK, "linestyle": "none"}
-            spread = [point["value"] - point["low"], point["high"] - point["value"]]
-            filled = None if (number + number // 8) % 2 == 0 else "white"
-            ax.errorbar(point["training_min"], point["value"], spread, label=name, markerfacecolor=filled, **look)
-        ax.set(title=experiment_title(experiment, "\n{}"), xlabel="training on one thread [min]")
-        ax.set_xlim(left=0)
-    axes[0, 0].set(ylabel="obstacle IoU", ylim=(0, 1))
-    one_legend(figure, axes[0], rows=3)
-    return figure
-
-
-def draw_limits(ax: Axes, rows: pd.DataFrame, experiment: str) -> None:
-    """Draw the upper bound and the inference from scans in an experiment as horizontal lines."""
-    for name, dashes in zip(LIMITS, DASHES, strict=True):
-        for value in rows[(rows["experiment"] == experiment) & (rows["model"] == name)]["value"]:
-            ax.axhline(value, color=INK, linewidth=1, linestyle=(0, dashes), label=model_title(name))
-
-
 def note(runs: pd.DataFrame) -> str:
     """Describe the measurements and the machine."""
     gpu = f", GPU: {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ""
@@ -185,10 +138,6 @@ def main() -> None:
     table = pd.DataFrame([measure(*cell, size, runs) for size in sizes for cell in CELLS])
     table.to_csv(options.results / "costs.csv", index=False, float_format="%.4g")
     (options.results / "costs.txt").write_text(note(runs) + "\n", encoding="utf-8")
-    intervals = options.results / "analysis" / "intervals.csv"
-    if intervals.is_file():
-        with plt.rc_context(STYLE):
-            efficiency(read_rows(intervals), table).savefig(options.results / "costs.png", bbox_inches="tight", dpi=130)
     print(documents.costs(table, note(runs)).to_markdown())
 
 

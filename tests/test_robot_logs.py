@@ -17,7 +17,7 @@ from reproduce.real import __main__ as script
 from reproduce.real import fitting, measures
 from reproduce.real import logs as real_logs
 from reproduce.real.adapted import SOURCE, adapted
-from reproduce.real.evidence import Evidence, continued_walls, distance_map, evidence_of, score_map
+from reproduce.real.evidence import Evidence, continued_walls, evidence_of, score_map
 from sklearn.metrics import roc_auc_score
 
 from repro.learning import adaptation
@@ -73,18 +73,6 @@ def wall_ahead() -> Scans:
     return Scans(np.repeat(5.25 / np.cos(angles)[None], 10, 0), angles, np.tile([25.0, 25.0, 0.0], (10, 1)))
 
 
-def test_the_distance_map_ranks_hits_unseen_pixels_and_passed_pixels():
-    evidence = evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
-    levels = distance_map(evidence)
-    row = levels[50]
-    assert row[60] == 0
-    assert row[61:65].tolist() == [128, 136, 141, 144]  # behind the wall, 1 to 4 px: 8 levels per octave
-    assert row[59:55:-1].tolist() == [192, 200, 205, 208]  # passed
-    assert evidence.seen[50, 56:61].all()
-    assert not evidence.seen[50, 61:].any()
-    assert levels[:, :40].max() < 192  # behind the robot
-
-
 def test_the_score_ranks_passed_pixels_by_counts_and_unseen_ones_by_two_distances():
     evidence = evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
     assert evidence.odds[50, 57] == pytest.approx(math.log(10.5 / 0.5))  # passed in all ten parts
@@ -123,10 +111,9 @@ def test_whatever_is_fitted_is_from_other_logs():
     samples = {"a": sample_of(rng, 1), "b": sample_of(rng, 1), "c": sample_of(rng, -1)}
     for_c, for_a = (fitting.fit_others(samples, tested) for tested in ("c", "a"))
     tested = samples["a"].evidence
-    for name in fitting.REGRESSIONS:
-        levels, mixed = (fitting.maps_of(tested, fitted)[name][:, 0] for fitted in (for_c, for_a))
-        assert roc_auc_score(samples["a"].free, levels) > 0.95
-        assert roc_auc_score(samples["a"].free, mixed) < 0.9
+    levels, mixed = (fitting.maps_of(tested, fitted)[fitting.REGRESSION][:, 0] for fitted in (for_c, for_a))
+    assert roc_auc_score(samples["a"].free, levels) > 0.95
+    assert roc_auc_score(samples["a"].free, mixed) < 0.9
     other = {**samples, "c": replace(samples["c"], free=~samples["c"].free, network=255 - samples["c"].network)}
     again = fitting.fit_others(other, "c")
     assert again.constants == for_c.constants
@@ -246,7 +233,7 @@ def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
     script.main()
     assert (tmp_path / "held_out.csv").read_text() == first
     table = pd.read_csv(tmp_path / "held_out.csv")
-    assert len(table) == 2 * 7 * 3 * 3  # weights, maps, pixels; two logs and their mean
+    assert len(table) == 2 * 4 * 3 * 3  # weights, maps, pixels; two logs and their mean
     key = ["weights", "map", "pixels"]
     mean, *each = (
         table[table["log"] == log].set_index(key).sort_index() for log in ("mean", "dense.log.gz", "sparse.log.gz")

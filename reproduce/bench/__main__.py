@@ -1,6 +1,6 @@
 """Benchmark speed and memory against straightforward implementations, all in the same run on this machine.
 
-make bench        or        python reproduce/bench [recording projection streaming training sharing navigation]
+make bench        or        python reproduce/bench [recording projection streaming training navigation]
 """
 
 import argparse
@@ -9,7 +9,6 @@ import warnings
 from navigation import bench_navigation
 from projection import bench_projection
 from recording import bench_recording
-from sharing import bench_sharing
 from streaming import bench_streaming
 from training import bench_training
 
@@ -18,7 +17,6 @@ PARTS = {  # with the time that each takes on 2 idle cores
     "projection": (bench_projection, "half a minute"),
     "streaming": (bench_streaming, "2 minutes"),
     "training": (bench_training, "8 minutes"),
-    "sharing": (bench_sharing, "1 minute"),
     "navigation": (bench_navigation, "3 minutes"),
 }
 

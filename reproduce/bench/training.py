@@ -17,7 +17,6 @@ import torch
 from table import head, row
 from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
-from torch.utils.flop_counter import FlopCounterMode
 
 from repro.config import Training
 from repro.learning.kernels import accelerate
@@ -29,10 +28,10 @@ from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.recordings.datasets import Pairs
 from repro.reporting.names import model_title
-from repro.system.devices import clock, has_bfloat16, resolve_device, resolve_precision
+from repro.system.devices import clock, resolve_device, resolve_precision
 from repro.system.memory import keep_freed_memory
 
-COLUMNS = ("model", "way", "images/s", "to plain", "GFLOP/s", "of matrix product", "between batches")
+COLUMNS = ("model", "way", "images/s", "to plain")
 SIZES = {  # pixels, batch, pairs of an epoch
     "cpu": [(64, 8, 96), (128, 8, 32), (256, 8, 16)],
     "cuda": [(256, 16, 2048)],
@@ -40,7 +39,7 @@ SIZES = {  # pixels, batch, pairs of an epoch
 RECURRENT = "convgru"
 WARM_UPS = 3  # epochs of a few steps, until a process keeps all the memory that a step needs
 ROUNDS = 3  # the variants alternate, so that other load on the machine affects all of them
-Epoch = Callable[[], tuple[float, float]]  # duration [s], and the share of it spent between batches
+Epoch = Callable[[], float]  # returns its duration [s]
 _epoch: Epoch  # of this process
 
 
@@ -57,8 +56,6 @@ def bench_training() -> None:
 def training_rows(device: str, size_px: int, batch_size: int, pairs: int) -> Iterator[tuple[str, ...]]:
     """Yield a row per network and variant: plain; ours in float32, in native bfloat16."""
     best = resolve_precision("auto", device)
-    dtypes = (torch.float32, torch.bfloat16) if has_bfloat16(device) else (torch.float32,)  # emulation takes minutes
-    peaks = {dtype: matrix_rate(device, dtype) for dtype in dtypes}
     for name in (*NETWORKS, RECURRENT):
         arguments = (name, size_px, batch_size, pairs, device)
         ways: dict[str, tuple[Any, ...]] = {"plain, 32-true": (plain_epoch, *arguments)}
@@ -69,16 +66,10 @@ def training_rows(device: str, size_px: int, batch_size: int, pairs: int) -> Ite
             for epoch in WARM_UPS * list(epochs.values()):
                 epoch()
             rounds = [{way: epoch() for way, epoch in epochs.items()} for _ in range(ROUNDS)]
-        times = {way: np.median([results[way] for results in rounds], axis=0) for way in ways}
-        plain = times["plain, 32-true"][0]
-        operations = training_operations(name, size_px) * pairs
-        for way, (seconds, between) in times.items():
-            rate = operations / seconds
-            yield (
-                model_title(name), way, f"{pairs / seconds:.0f}", f"{plain / seconds:.2f} x", f"{rate / 1e9:.0f}",
-                f"{rate / peaks[torch.bfloat16 if 'bf16' in way else torch.float32]:.0%}",
-                f"{between:.1%}" if "ours" in way else "",
-            )  # fmt: skip
+        times = {way: float(np.median([results[way] for results in rounds])) for way in ways}
+        for way, seconds in times.items():
+            ratio = times["plain, 32-true"] / seconds
+            yield model_title(name), way, f"{pairs / seconds:.0f}", f"{ratio:.2f} x"
 
 
 def _in_process(processes: ExitStack, create: Callable[..., Epoch], *arguments: Any) -> Epoch:
@@ -95,16 +86,8 @@ def _create_epoch(create: Callable[..., Epoch], arguments: tuple[Any, ...]) -> N
     _epoch = create(*arguments)
 
 
-def _run_epoch() -> tuple[float, float]:
+def _run_epoch() -> float:
     return _epoch()
-
-
-def training_operations(name: str, size_px: int) -> float:
-    """Count the floating-point operations of forward and backward for one image."""
-    counter = FlopCounterMode(display=False)
-    with counter:
-        network_of(name)(torch.rand(2, encoding_of(name).channels, size_px, size_px)).sum().backward()
-    return counter.get_total_flops() / 2
 
 
 def encoding_of(name: str) -> Encoding:
@@ -118,18 +101,6 @@ def network_of(name: str) -> nn.Module:
     return create_network(model, encoding.channels, encoding.frames)
 
 
-def matrix_rate(device: str, dtype: torch.dtype) -> float:
-    """Measure the rate of a large matrix product [FLOP/s]."""
-    size = 8192 if device == "cuda" else 4096
-    a, b = (torch.randn(size, size, device=device, dtype=dtype) for _ in range(2))
-    times = []
-    for _ in range(6):
-        began = clock(device)
-        a @ b
-        times.append(clock(device) - began)
-    return 2 * size**3 / float(np.median(times[1:]))
-
-
 def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str) -> Epoch:
     """Create an epoch in plain PyTorch: the same network, DataLoader, float32, eager."""
     model, loss = network_of(name).to(device), MapLoss()
@@ -138,13 +109,13 @@ def plain_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: st
     maps = torch.rand(pairs, 1, size_px, size_px).round()
     loader = DataLoader(TensorDataset(images, maps), batch_size, shuffle=True, drop_last=True)
 
-    def epoch() -> tuple[float, float]:
+    def epoch() -> float:
         began = clock(device)
         for image, target in loader:
             optimizer.zero_grad()
             loss(model(image.to(device)), target.to(device)).backward()
             optimizer.step()
-        return clock(device) - began, 0.0
+        return clock(device) - began
 
     return epoch
 
@@ -160,7 +131,7 @@ def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str,
     keep_freed_memory()
     module = TrainingModule(network, data, data, Training(1e-4, 0.001, 5, batch_size, 1, 1e-6), 0, MapLoss())
 
-    def epoch() -> tuple[float, float]:
+    def epoch() -> float:
         watch = EpochClock()
         trainer = L.Trainer(
             max_epochs=1, accelerator="gpu" if device == "cuda" else "cpu", devices=1, precision=precision,
@@ -168,25 +139,18 @@ def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str,
             enable_progress_bar=False, enable_model_summary=False,
         )  # fmt: skip
         trainer.fit(module)
-        return watch.epoch_s, 1 - watch.batches_s / watch.epoch_s
+        return watch.epoch_s
 
     return epoch
 
 
 class EpochClock(L.Callback):
-    """A clock of the epochs, and of the forward, backward and step of their batches [s]."""
+    """A clock of the epochs [s], without what Lightning does before and after."""
 
-    def __init__(self) -> None:
-        self.epoch_s = self.batches_s = 0.0
+    epoch_s = 0.0
 
     def on_train_epoch_start(self, *_: Any) -> None:
         self.epoch_s -= time.perf_counter()
-
-    def on_train_batch_start(self, *_: Any) -> None:
-        self.batches_s -= time.perf_counter()
-
-    def on_train_batch_end(self, *_: Any) -> None:
-        self.batches_s += time.perf_counter()
 
     def on_train_epoch_end(self, trainer: L.Trainer, module: TrainingModule) -> None:  # type: ignore[override]
         module.train_loss().item()  # waits for the GPU

@@ -1,4 +1,4 @@
-"""What the scans of a window show of each pixel, and maps from it without a network: distances, counts, regression."""
+"""What the scans of a window show of each pixel, and maps from it without a network: counts, regression."""
 
 from dataclasses import dataclass
 
@@ -22,9 +22,8 @@ UNSEEN_BAND, PASSED_BAND = LEVELS // 2, 3 * LEVELS // 4  # first levels of unsee
 NEIGHBORHOOD_M, WALL_M = 1.0, 5.0  # side of the square whose hits give the direction of a wall; how far it is continued
 CENTER = 4  # of the nine pixels within one pixel
 LINEAR = 0.1  # largest ratio of the variances across and along a wall
-WALL = "to_wall"
-QUANTITIES = ("odds", "hits", "passes", "age", "to_hit", "to_passed", "to_robot", WALL)  # of a regression
-SQUARED = ("to_hit", "to_passed", "to_robot", WALL)
+QUANTITIES = ("odds", "hits", "passes", "age", "to_hit", "to_passed", "to_robot", "to_wall")  # of a regression
+SQUARED = ("to_hit", "to_passed", "to_robot", "to_wall")
 
 
 @dataclass(frozen=True)
@@ -62,15 +61,10 @@ class Evidence:
             **{name: each if each.dtype == bool else each.astype(np.float32) for name, each in kept.items()}
         )
 
-    def design(self, walls: bool) -> np.ndarray:
-        """Return the features of a regression, (pixels, F): for each kind of pixel a constant, slopes and squares.
-
-        Args:
-            walls: include the distance to continued walls.
-        """
-        linear, squared = ([name for name in names if walls or name != WALL] for names in (QUANTITIES, SQUARED))
-        columns = [getattr(self, name).ravel() for name in linear]
-        columns += [getattr(self, name).ravel() ** 2 for name in squared]
+    def design(self) -> np.ndarray:
+        """Return the features of a regression, (pixels, F): for each kind of pixel a constant, slopes and squares."""
+        columns = [getattr(self, name).ravel() for name in QUANTITIES]
+        columns += [getattr(self, name).ravel() ** 2 for name in SQUARED]
         kinds = np.stack([self.hit, self.seen & ~self.hit, ~self.seen]).reshape(3, 1, -1)
         return (kinds * np.stack([np.ones_like(columns[0]), *columns])).reshape(-1, self.hit.size).T
 
@@ -110,22 +104,14 @@ def evidence_at(case: Case, grid: Grid, pixels: np.ndarray) -> Evidence:
     return evidence_of(case.window.scans, grid, case.range_max_m).at(neighbors(pixels, grid.size_px))
 
 
-def distance_map(evidence: Evidence) -> np.ndarray:
-    """Rank pixels by their distance to the last hits, and passed pixels as more likely free than unseen ones.
-
-    Returns:
-        levels from 0, the last hits, to 255, certainly free: unseen pixels from 128 and passed ones from 192 on.
-    """
-    octaves = np.rint(8 * evidence.to_hit / np.log(2))
-    level = UNSEEN_BAND + np.minimum(octaves, LEVELS // 4 - 1)
-    return np.where(evidence.hit, 0, level + np.where(evidence.seen, LEVELS // 4, 0)).astype(np.int64)
-
-
 def score_map(evidence: Evidence, distance_weight: float, passed_weight: float) -> np.ndarray:
     """Rank last hits below unseen and these below passed pixels, and the pixels of each kind by counts and distances.
 
     Last hits and passed pixels are ranked by the odds of a pass and the distance to the last hits, unseen pixels by
-    the distances to the last hits and to the passed pixels. The levels are those of `distance_map`.
+    the distances to the last hits and to the passed pixels.
+
+    Returns:
+        levels from 0, the last hits, to 255, certainly free: unseen pixels from 128 and passed ones from 192 on.
     """
     seen = _scaled(evidence.odds + distance_weight * evidence.to_hit, -3.1, 8.0)
     unseen = _scaled(evidence.to_hit - passed_weight * evidence.to_passed, -5.0, 5.2)
@@ -134,22 +120,22 @@ def score_map(evidence: Evidence, distance_weight: float, passed_weight: float) 
     return np.where(evidence.hit, seen * UNSEEN_BAND, levels).astype(np.int64)
 
 
-def fit(evidence: Evidence, free: np.ndarray, walls: bool) -> Pipeline:
+def fit(evidence: Evidence, free: np.ndarray) -> Pipeline:
     """Fit a logistic regression of free, bool, (P,), on the evidence of pixels and those around them, (P, 9).
 
     A map is compared by the lowest level within one pixel. So a first regression, on the pixels themselves, tells which
     of the nine decides, and a second one is fitted to these.
     """
-    design = evidence.design(walls).reshape(*evidence.hit.shape, -1)
+    design = evidence.design().reshape(*evidence.hit.shape, -1)
     model = make_pipeline(StandardScaler(), LogisticRegression(solver="newton-cholesky"))
     model.fit(design[:, CENTER], free)
     logit = model.decision_function(design.reshape(-1, design.shape[-1])).reshape(design.shape[:2])
     return model.fit(design[np.arange(len(design)), logit.argmin(1)], free)
 
 
-def regression_map(evidence: Evidence, model: Pipeline, walls: bool) -> np.ndarray:
+def regression_map(evidence: Evidence, model: Pipeline) -> np.ndarray:
     """Rank pixels by a regression; levels are 12 per unit of its logit, and obstacles are below 127.5."""
-    logit = model.decision_function(evidence.design(walls)).reshape(evidence.hit.shape)
+    logit = model.decision_function(evidence.design()).reshape(evidence.hit.shape)
     return np.clip(np.rint((LEVELS - 1) / 2 + 12 * logit), 0, LEVELS - 1).astype(np.int64)
 
 

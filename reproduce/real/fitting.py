@@ -1,4 +1,4 @@
-"""Maps that are fitted to the other logs than the one that is tested: constants, regressions and probabilities."""
+"""Maps that are fitted to the other logs than the one that is tested: constants, the regression and probabilities."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,14 @@ import numpy as np
 from sklearn.pipeline import Pipeline
 
 from repro.metrics.counts import LEVELS, PROBABILITY
-from reproduce.real.evidence import CENTER, Evidence, distance_map, fit, join, regression_map, score_map
+from reproduce.real.evidence import CENTER, Evidence, fit, join, regression_map, score_map
 from reproduce.real.measures import auroc, calibrated
 
 DISTANCE_WEIGHTS = (0.0, 0.15, 0.3, 0.5, 1.0, 2.0)  # candidates
 PASSED_WEIGHTS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
-FIXED = (0.15, 0.5)  # the weights before any choice
-NETWORK, UNCALIBRATED, DISTANCE = "network", "network, uncalibrated", "distance to the last hits"
-SCORE, FIXED_SCORE = "counts and distances", "counts and distances, fixed constants"
-REGRESSIONS = ("regression", "regression with continued walls")
+START = (0.15, 0.5)  # the weights before any choice
+NETWORK, UNCALIBRATED = "network", "network, uncalibrated"
+SCORE, REGRESSION = "counts and distances", "regression with continued walls"
 
 
 @dataclass(frozen=True)
@@ -34,32 +33,29 @@ class Sample:
 
 @dataclass(frozen=True)
 class Fitted:
-    """What is fitted for a log: constants of the score, regressions without and with walls, probabilities by map."""
+    """What is fitted for a log: constants of the score, the regression, probabilities by map."""
 
     constants: tuple[float, float]
-    models: tuple[Pipeline, ...]
+    model: Pipeline
     probability: dict[str, np.ndarray]
 
 
 def fit_others(samples: dict[str, Sample], tested: str) -> Fitted:
-    """Fit on all logs but the tested one: the weights with the best mean AUROC, regressions and probabilities."""
+    """Fit on all logs but the tested one: the weights with the best mean AUROC, the regression and probabilities."""
     others = [each for log, each in samples.items() if log != tested]
-    distance_weight = max(DISTANCE_WEIGHTS, key=lambda weight: _mean_auroc(others, (weight, FIXED[1]), is_seen=True))
-    passed_weight = max(PASSED_WEIGHTS, key=lambda weight: _mean_auroc(others, (FIXED[0], weight), is_seen=False))
+    distance_weight = max(DISTANCE_WEIGHTS, key=lambda weight: _mean_auroc(others, (weight, START[1]), is_seen=True))
+    passed_weight = max(PASSED_WEIGHTS, key=lambda weight: _mean_auroc(others, (START[0], weight), is_seen=False))
     evidence, free = join([each.evidence for each in others]), np.concatenate([each.free for each in others])
-    fitted = Fitted((distance_weight, passed_weight), tuple(fit(evidence, free, walls) for walls in (False, True)), {})
+    fitted = Fitted((distance_weight, passed_weight), fit(evidence, free), {})
     levels = {NETWORK: np.concatenate([each.network for each in others])}
     levels |= {name: each.min(1) for name, each in maps_of(evidence, fitted).items()}
     probability = {name: calibrated(counts_of(each, free)) for name, each in levels.items()}
-    return Fitted(fitted.constants, fitted.models, probability | {UNCALIBRATED: PROBABILITY})
+    return Fitted(fitted.constants, fitted.model, probability | {UNCALIBRATED: PROBABILITY})
 
 
 def maps_of(evidence: Evidence, fitted: Fitted) -> dict[str, np.ndarray]:
     """Return the levels of all maps without a network, in the shape of the evidence."""
-    scores = {SCORE: score_map(evidence, *fitted.constants), FIXED_SCORE: score_map(evidence, *FIXED)}
-    models = zip(REGRESSIONS, fitted.models, (False, True), strict=True)
-    regressions = {name: regression_map(evidence, model, walls) for name, model, walls in models}
-    return {DISTANCE: distance_map(evidence), **scores, **regressions}
+    return {SCORE: score_map(evidence, *fitted.constants), REGRESSION: regression_map(evidence, fitted.model)}
 
 
 def _mean_auroc(samples: list[Sample], constants: tuple[float, float], *, is_seen: bool) -> float:

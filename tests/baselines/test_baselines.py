@@ -15,7 +15,7 @@ from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
-from repro.metrics.scores import confusion, scores
+from repro.metrics.counts import counts_of, pooled_scores
 from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans
 
@@ -48,7 +48,7 @@ def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
     assert 0 <= free.min() <= free.max() <= 1
     assert bool(tuned) == (name not in ("all_free", "mean_map"))
     if tuned:
-        assert scores(confusion(free, test.maps.float()).sum(0))["obstacle_iou"] > 0.15
+        assert pooled_scores(counts_of(free, test.maps).sum(0))["obstacle_iou"] > 0.15
 
 
 def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
@@ -60,7 +60,7 @@ def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
         (radius, steps): dilate(hits, radius).masked_fill(since < steps, 1.0)
         for radius, steps in itertools.product(range(4), range(0, 101, 10))
     }
-    iou = {chosen: scores(confusion(free, val.maps.float()).sum(0))["obstacle_iou"] for chosen, free in tried.items()}
+    iou = {chosen: pooled_scores(counts_of(free, val.maps).sum(0))["obstacle_iou"] for chosen, free in tried.items()}
     assert tuple(run.provenance().fact(name) for name in ("radius_px", "free_steps")) == max(iou, key=iou.get)
 
 

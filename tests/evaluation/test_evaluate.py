@@ -7,8 +7,8 @@ from conftest import prepared
 from repro.evaluation.evaluate import evaluate, measure, read_predictions
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.metrics.counts import counts_of, pooled_scores
 from repro.metrics.names import METRICS
-from repro.metrics.scores import confusion, scores
 from repro.recordings.datasets import load_pairs
 from repro.recordings.reader import recordings_hash
 from repro.runs.provenance import Status
@@ -17,7 +17,7 @@ from repro.runs.provenance import Status
 def test_metrics_follow_from_the_stored_predictions(evaluated, recorded):
     kept = torch.as_tensor(read_predictions(evaluated))[:, None]
     truth = load_pairs(recorded, "test", Grid(32, 50.0), Projection()).maps.float()
-    again = scores(confusion(kept, truth).sum(0))
+    again = pooled_scores(counts_of(kept, truth).sum(0))
     row = pd.read_csv(evaluated.metrics).iloc[0]
     assert kept.shape == truth.shape == (8, 1, 32, 32)
     for name in METRICS[1:]:

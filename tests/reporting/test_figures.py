@@ -1,12 +1,10 @@
 import dataclasses
-import runpy
 import shutil
 
 import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
 import pytest
-from conftest import ROOT, fake_run, world_spec
+from conftest import fake_run, world_spec
 
 from repro.cli.figures import draw_figures
 from repro.config import PROJECTION
@@ -87,22 +85,6 @@ def test_the_image_of_an_example_is_the_projection_of_its_scans(evaluated):
     example = load_example(outputs, key)
     drawn = Projection().encode(example.scans.tensors(), Grid(32, 50.0))[0, 0].numpy()
     assert np.array_equal(example.projection, drawn)
-
-
-def test_networks_are_placed_by_the_time_of_their_training_below_the_bound():
-    efficiency = runpy.run_path(str(ROOT / "reproduce" / "costs.py"))["efficiency"]
-    columns = ["experiment", "model", "encoding", "metric", "value", "low", "high"]
-    scores = {("unet", "projection"): 0.4, ("convgru", "series10"): 0.6}
-    scores |= {("privileged", ""): 0.8, ("inference", ""): 0.7}
-    rows = [(e, *cell, "obstacle_iou", iou, iou - 0.01, iou + 0.01) for e in "34" for cell, iou in scores.items()]
-    costs = [("unet", "projection", 3.4), ("unet", "projection", None), ("convgru", "series10", 5.2)]
-    table = pd.DataFrame(costs, columns=["model", "encoding", "training_min"])
-    figure = efficiency(pd.DataFrame(rows, columns=columns), table)
-    assert len(figure.axes) == 2
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert sorted(labels) == ["ConvGRU, series10", "Inference from scans", "U-Net", "Upper bound"]
-    points = [line.get_xydata()[0] for line in figure.axes[0].get_lines() if line.get_marker() in "os"]
-    assert sorted(map(tuple, points)) == [(3.4, 0.4), (5.2, 0.6)]
 
 
 def test_figures_without_data_are_deleted(example, tmp_path):

@@ -5,18 +5,17 @@ import pandas as pd
 import pytest
 from conftest import ROOT, fake_run, fake_study
 
-from repro.config import PROJECTION_NO_DECAY, Encoding
+from repro.config import Encoding
 from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
 from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
 from repro.reporting.tables import make_tables
-from repro.runs.keys import KEY, RunKey
+from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 
 RESULTS = ROOT / "reproduce" / "results"
 DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
 SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
-LOSSES = {"epoch": [0, 1], "train_loss": [0.3, 0.2], "val_loss": [0.4, 0.1], "seconds": [9.5, 8.5]}
 
 
 @pytest.fixture(autouse=True)
@@ -31,8 +30,7 @@ def study(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("repro.runs.provenance._commit", lambda: "0123abc")
         fake_study(path / "laptop")
-        run = fake_run(path / "laptop", "3", "unet", 0.4, decay=False)
-        pd.DataFrame(LOSSES).to_csv(run.path / "history.csv", index=False)
+        fake_run(path / "laptop", "3", "unet", 0.4, decay=False)
         write_intervals(path / "laptop", [("3", "unet", "projection", 0.5), ("3", "all_free", "", 0.0)])
         publish(Outputs(path / "laptop"), path / "results")
     return Outputs(path / "laptop"), path / "results"
@@ -74,17 +72,13 @@ def test_every_published_run_has_its_provenance(directory):
         assert origin["steps"][-1]["step"] == "evaluated"
 
 
-def test_publishing_copies_runs_provenance_and_losses(study):
+def test_publishing_copies_runs_and_provenance(study):
     outputs, results = study
     target = results / "laptop"
-    names = {"runs.csv", "provenance.json", "README.md", "history.csv", "analysis"}
+    names = {"runs.csv", "provenance.json", "README.md", "analysis"}
     assert {path.name for path in target.iterdir()} == names
     assert len(pd.read_csv(target / "runs.csv")) == len(read_results(outputs)) == 6
     assert "runs/exp3/unet/projection-no-decay/seed0" in json.loads((target / "provenance.json").read_text())
-    rows = read_rows(target / "history.csv")
-    assert rows.columns.tolist() == [*KEY, *LOSSES]
-    assert set(map(tuple, rows[KEY].to_numpy())) == {("3", "unet", PROJECTION_NO_DECAY, 0)}
-    assert rows[[*LOSSES]].to_dict("list") == LOSSES
 
 
 def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_removed(tmp_path):
@@ -113,7 +107,6 @@ def test_new_runs_are_added_and_published_ones_stay(published, later):
     assert main.loc[(main["model"] == "unet") & (main["experiment"] == "3"), "seeds"].tolist() == [2]
     origins = json.loads((target / "provenance.json").read_text())
     assert len(origins) == len(after)
-    assert "ConvGRU, series10" in (target / "README.md").read_text()
 
 
 @pytest.mark.parametrize(
@@ -138,23 +131,6 @@ def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_pat
     with pytest.raises(ValueError, match=message):
         publish(other, published)
     assert after["commit"] in (publish(other, published, force=True) / "provenance.json").read_text()
-
-
-def test_losses_of_new_runs_are_added_after_those_of_the_published_ones(published, later):
-    for key in (RunKey("3", "convgru", "series10", 0), RunKey("3", "unet", "projection", 1)):
-        run = later.run(key)
-        pd.DataFrame({"epoch": [0], "val_loss": [0.1]}).to_csv(run.path / "history.csv", index=False)
-    publish(later, published)
-    third = Outputs(later.path.parents[1] / "third" / "laptop")
-    run = fake_run(third.path, "3", "unet", 0.6, seed=2)
-    pd.DataFrame({"epoch": [0], "val_loss": [0.2]}).to_csv(run.path / "history.csv", index=False)
-    rows = pd.read_csv(publish(third, published) / "history.csv")
-    assert set(zip(rows["model"], rows["seed"], rows["val_loss"], strict=True)) == {
-        *(("unet", 0, 0.4), ("unet", 0, 0.1)),
-        ("convgru", 0, 0.1),
-        ("unet", 1, 0.1),
-        ("unet", 2, 0.2),
-    }
 
 
 def test_what_the_published_table_lacks_is_added_once(published, later):
@@ -212,23 +188,6 @@ def test_runs_of_another_size_replace_all_published_runs_or_nothing(tmp_path):
     assert len(read_published(results / "laptop")) == 1
     assert (target / "kept").read_text() == "weights"
     assert {path.name for path in results.iterdir()} == {"laptop", ".lock"}
-
-
-def test_each_command_has_the_overrides_and_seeds_of_its_trainings(tmp_path):
-    outputs = tmp_path / "tiny-variant"
-    fake_run(outputs, "3", "unet", 0.5, typed="exp=3 scale=laptop outputs=/elsewhere runtime.accelerator=cpu")
-    typed = "model=convgru encoding=series10 'world.range_m=[1, 2]' hydra.launcher.n_jobs=1"
-    own = {"encoding": Encoding("series10", {"frames": 10, "range_max_m": 15.0})}
-    for experiment, seed in (("1", 0), ("2", 0), ("2", 1)):
-        fake_run(outputs, experiment, "convgru", 0.7, seed=seed, typed=f"{typed} exp={experiment} seed={seed}", **own)
-    fake_run(outputs, "3", "convgru", 0.7, **own, batch_size=2, typed=f"{typed} train.batch_size=2")
-    page = (publish(Outputs(outputs), tmp_path / "results") / "README.md").read_text()
-    place = "runtime.precision=32-true outputs=outputs/tiny-variant`"
-    assert f"`python run.py -m model=unet exp=3 seed=0 scale=laptop {place}" in page
-    shared = "scale=laptop encoding=series10 'world.range_m=[1, 2]'"
-    assert f"model=convgru exp=1 seed=0 {shared} {place}" in page
-    assert f"model=convgru exp=2 seed=0,1 {shared} {place}" in page
-    assert f"model=convgru exp=3 seed=0 {shared} train.batch_size=2 {place}" in page
 
 
 def test_readme_tables_are_those_of_the_report(study):

@@ -47,7 +47,7 @@ def test_several_seeds_give_mean_and_deviation(tmp_path):
 def test_resolutions_do_not_mix(tmp_path):
     fake_run(tmp_path, "3", "unet", 0.5)
     fake_run(tmp_path, "3", "fpn", 0.5, size_px=64)
-    with pytest.raises(ValueError, match=r"differ in size_px \(32, 64\) .*move or delete .*unet"):
+    with pytest.raises(ValueError, match=r"fpn.* has other data than .*unet.*\(size_px is 64, requested 32\)"):
         read_results(Outputs(tmp_path))
 
 
@@ -107,7 +107,7 @@ def test_seeds_with_different_settings_are_not_averaged(tmp_path):
     with pytest.raises(ValueError, match=rf"seed0, another seed, has other settings \({message}\)"):
         Outputs(tmp_path).check_data(other)
     fake_run(tmp_path, "3", "convgru", 0.7, seed=1, parameters={"hidden": 16})
-    with pytest.raises(ValueError, match=r"settings \(model.parameters.hidden is 48 and 16\): move or delete"):
+    with pytest.raises(ValueError, match=r"settings \(model.parameters.hidden is 48, requested 16\): move or delete"):
         read_results(Outputs(tmp_path))
 
 

@@ -5,21 +5,21 @@ import pytest
 import shapely
 
 from repro.simulation.drift import Drift
-from repro.simulation.motions import robot_commands, robot_path, rotate_commands, square_commands, waypoint_commands
+from repro.simulation.paths import motion_of, robot_commands
+from repro.world_motions import integrated
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_rotation_is_one_full_turn_without_driving(direction):
-    commands = rotate_commands(steps=100, direction=direction, step_time=0.1)
+    commands = robot_commands({"name": "rotate", "steps": 100, "direction": direction}, 0.1)
     assert commands.shape == (100, 2)
     assert not commands[:, 0].any()
     assert commands[:, 1].sum() * 0.1 == pytest.approx(direction * 2 * math.pi)
 
 
 def square(*, first_steps: int, direction: int = 1) -> np.ndarray:
-    return square_commands(
-        side_m=10, drive_steps=20, turn_steps=5, first_steps=first_steps, direction=direction, step_time=0.1
-    )
+    behavior = {"name": "square", "side_m": 10, "drive_steps": 20, "turn_steps": 5, "first_steps": first_steps}
+    return robot_commands({**behavior, "direction": direction}, 0.1)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -88,7 +88,7 @@ def test_a_drive_turns_and_drives_within_its_rates_and_arrives(steps):
     assert np.abs(commands).max(axis=0) == pytest.approx([0.7, 1.1 if steps > 40 else 0.0], abs=0.03)
     assert (np.abs(commands) <= [0.7, 1.1]).all()
     assert not (commands != 0).all(axis=1).any()  # it turns in place
-    path = robot_path({**behavior, "direction": 1}, [1.0, 1.0, 0.0], 0.1)[:, :2]
+    path = integrated(commands, [1.0, 1.0, 0.0], 0.1)[:, :2]
     reached = [np.linalg.norm(path - point, axis=1).min() < 1e-9 for point in points]
     assert reached == ([True] + [False] * 2 + [True] if steps == 7 else [True] * 4)
     assert steps < 200 or not commands[-1].any()  # it stands still at the end
@@ -96,14 +96,11 @@ def test_a_drive_turns_and_drives_within_its_rates_and_arrives(steps):
 
 def test_a_drive_backwards_passes_the_same_places():
     points = [[1.0, 1.0], [4.0, 1.5], [2.0, 3.0], [9.0, 9.0]]
-    drive = {"points_m": points, "speed_m_s": 1.3, "turn_rad_s": 0.9, "steps": 90}
-    there = robot_path({"name": "waypoints", **drive, "direction": 1}, [1.0, 1.0, math.atan2(0.5, 3.0)], 0.1)
-    x, y, heading = there[-1]
-    back = robot_path({"name": "waypoints", **drive, "direction": -1}, [x, y, heading + math.pi], 0.1)
+    drive = motion_of({"name": "waypoints", "points_m": points, "speed_m_s": 1.3, "turn_rad_s": 0.9, "steps": 90})
+    there, back = (integrated(drive.commands(way, 0.1), drive.start(way, 10.0, 0.1), 0.1) for way in (1, -1))
     assert np.allclose(back[::-1, :2], there[:, :2], atol=1e-9)
     assert np.allclose(np.cos(back[::-1, 2] - there[:, 2]), -1)
-    commands = waypoint_commands(**drive, direction=-1, step_time=0.1)
-    assert (commands[:, 0] >= 0).all()  # it drives ahead
+    assert (drive.commands(-1, 0.1)[:, 0] >= 0).all()  # it drives ahead
 
 
 def test_an_obstacle_between_walls_stays_between_them():

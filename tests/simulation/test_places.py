@@ -8,7 +8,7 @@ from conftest import ROOT
 from repro.scans import Scans
 from repro.simulation import recorder
 from repro.simulation.drift import Walk
-from repro.simulation.motions import sweep_commands
+from repro.simulation.paths import robot_commands
 from repro.simulation.rooms import sample_rooms
 from repro.simulation.schema import world_errors
 from repro.simulation.sensing import sensed
@@ -62,7 +62,8 @@ def test_twins_of_a_robot_that_stands_look_the_other_way():
 
 
 def test_a_sweep_swings_about_its_heading():
-    commands = sweep_commands(swing_rad=0.8, period_s=4.0, phase_rad=0.0, steps=40, direction=1, step_time=0.1)
+    sweep = {"name": "sweep", "swing_rad": 0.8, "period_s": 4.0, "phase_rad": 0.0, "steps": 40, "direction": 1}
+    commands = robot_commands(sweep, 0.1)
     headings = np.cumsum(commands[:, 1] * 0.1)
     assert not commands[:, 0].any()
     assert headings.max() == pytest.approx(0.8, abs=0.01)

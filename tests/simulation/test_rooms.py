@@ -1,14 +1,11 @@
 """Rooms that differ from world to world: their size, doors and corridors, and what keeps off their walls."""
 
-import copy
-
 import numpy as np
 import pytest
 import shapely
 from conftest import ROOT
 
 from repro.simulation.rooms import _Floor, sample_rooms
-from repro.simulation.schema import world_errors
 from repro.simulation.shapes import union
 from repro.simulation.simulator import drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
@@ -81,47 +78,3 @@ def test_the_robot_and_the_people_keep_off_the_walls():
             if obstacle["kinematics"]["name"] != "static":
                 places = shapely.points(states[:, :2])
                 assert shapely.distance(walls, places).min() >= obstacle["shape"]["radius"] - 1e-6
-
-
-REFUSED = {
-    "another motion": (
-        {"motions.goals": {"name": "rotate", "steps": 60}},
-        "rooms need the motion random_goals, which avoids their walls, got rotate",
-    ),
-    "doors that are narrower than the robot": (
-        {"rooms.floor.door_m": [0.6, 1.2]},
-        "rooms.door_m begins at 0.6 m: expected more than the robot's 0.6 m",
-    ),
-    "corridors that are narrower than the robot": (
-        {"rooms.floor.corridor_m": [0.5, 1.2]},
-        "rooms.corridor_m begins at 0.5 m: expected more than the robot's 0.6 m",
-    ),
-    "more rooms than can be sampled": (
-        {"world.width": 1000.0, "world.height": 1000.0},
-        "a map of 1000 m has about 51200 rooms with sides of [2.5, 10.0] m, at most 1000 are allowed",
-    ),
-    "wide doors": ({"rooms.floor.door_m": [1.0, 3.5]}, "doors of 3.5 m are wider than the shortest side of 2.5 m"),
-    "a share above one": ({"rooms.floor.corridor_share": 1.5}, "less than or equal to 1"),
-    "sides out of order": ({"rooms.floor.side_m": [9.0, 3.0]}, "must be ordered, low to high"),
-    "people that pass through walls": (
-        {"obstacles.people.radius_m": [0.05, 0.1], "obstacles.people.behavior.speed_m_s": [0.3, 2.0]},
-        "may pass through walls",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_rooms_that_cannot_be_are_refused(name):
-    changes, reason = REFUSED[name]
-    world = copy.deepcopy(WORLD)
-    for path, value in changes.items():
-        *parents, last = path.split(".")
-        node = world
-        for key in parents:
-            node = node[key]
-        node[last] = value
-    for experiment in world["experiments"].values():  # they refer to the values when the file is composed
-        experiment["motion"], experiment["rooms"] = world["motions"]["goals"], world["rooms"]["floor"]
-        experiment["obstacles"] = list(world["obstacles"].values())
-    errors = [str(error) for error in world_errors(world)]
-    assert any(reason in error for error in errors), errors

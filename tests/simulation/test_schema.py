@@ -9,14 +9,14 @@ from conftest import ROOT
 from repro.simulation.schema import world_errors
 from repro.world_config import read_world
 
-OFFICE = read_world(ROOT / "conf" / "world" / "office.yaml")
+OFFICE, ROOMS = (read_world(ROOT / "conf" / "world" / f"{name}.yaml") for name in ("office", "rooms"))
 DRIVE = {"name": "waypoints", "points_m": [[2.0, 10.0], [18.0, 10.0]], "speed_m_s": 1.0, "turn_rad_s": 1.0, "steps": 50}
 WALL = {"name": "linestring", "vertices": [[1, 1], [2, 2]]}
 
 
-def office(changes: dict[str, Any]) -> dict[str, Any]:
-    """Return the office with some values changed, by their path; its experiments hold copies, as when composed."""
-    world = copy.deepcopy(OFFICE)
+def office(changes: dict[str, Any], original: dict[str, Any] = OFFICE) -> dict[str, Any]:
+    """Return a world with some values changed, by their path; its experiments hold copies, as when composed."""
+    world = copy.deepcopy(original)
     for path, value in changes.items():
         *parents, last = (int(key) if key.isdigit() else key for key in path.split("."))
         node = world
@@ -129,6 +129,44 @@ def test_a_wrong_world_is_refused_with_key_and_reason(name):
     changes, key, reason = REFUSED[name]
     errors = [str(error) for error in world_errors(office(changes))]
     assert any(key in error and reason in error for error in errors), errors
+
+
+ROOMS_REFUSED = {
+    "another motion": (
+        {"motions.goals": {"name": "rotate", "steps": 60}},
+        "rooms need the motion random_goals, which avoids their walls, got rotate",
+    ),
+    "doors that are narrower than the robot": (
+        {"rooms.floor.door_m": [0.6, 1.2]},
+        "rooms.door_m begins at 0.6 m: expected more than the robot's 0.6 m",
+    ),
+    "corridors that are narrower than the robot": (
+        {"rooms.floor.corridor_m": [0.5, 1.2]},
+        "rooms.corridor_m begins at 0.5 m: expected more than the robot's 0.6 m",
+    ),
+    "more rooms than can be sampled": (
+        {"world.width": 1000.0, "world.height": 1000.0},
+        "a map of 1000 m has about 51200 rooms with sides of [2.5, 10.0] m, at most 1000 are allowed",
+    ),
+    "wide doors": ({"rooms.floor.door_m": [1.0, 3.5]}, "doors of 3.5 m are wider than the shortest side of 2.5 m"),
+    "a share above one": ({"rooms.floor.corridor_share": 1.5}, "less than or equal to 1"),
+    "sides out of order": ({"rooms.floor.side_m": [9.0, 3.0]}, "must be ordered, low to high"),
+    "people that pass through walls": (
+        {"obstacles.people.radius_m": [0.05, 0.1], "obstacles.people.behavior.speed_m_s": [0.3, 2.0]},
+        "may pass through walls",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROOMS_REFUSED)
+def test_rooms_that_cannot_be_are_refused(name):
+    changes, reason = ROOMS_REFUSED[name]
+    world = office(changes, ROOMS)
+    for experiment in world["experiments"].values():  # they refer to the values when the file is composed
+        experiment["motion"], experiment["rooms"] = world["motions"]["goals"], world["rooms"]["floor"]
+        experiment["obstacles"] = list(world["obstacles"].values())
+    errors = [str(error) for error in world_errors(world)]
+    assert any(reason in error for error in errors), errors
 
 
 ALLOWED = {

@@ -13,7 +13,7 @@ from repro.parallel import process_pool
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
-from repro.reporting.page import Report, images_of, render
+from repro.reporting.page import images_of, render
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import keys_of, read_results
 from repro.reporting.tables import write_tables
@@ -75,12 +75,6 @@ def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:
 
 def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> None:
     write_tables(outputs.tables, results)
-    report = Report(
-        outputs=outputs.path,
-        results=results,
-        frames=frames,
-        figures=images_of(outputs.figures, outputs.analysis),
-        origins={str(key.path): outputs.run(key).provenance() for key in keys_of(results)},
-    )
-    write_text(outputs.path / "report.html", render(report))
+    page = render(outputs.path, results, frames, images_of(outputs.figures, outputs.analysis))
+    write_text(outputs.path / "report.html", page)
     print(f"Page: {outputs.path / 'report.html'}", flush=True)

@@ -1,11 +1,9 @@
 """Analysis of evaluated runs beyond the main tables, as tidy frames.
 
-For every cell (experiment, model, encoding with or without decay) and all of its seeds: confidence intervals,
-differences between cells, errors by recency and by obstacle, calibration, cost. Recordings and run directories in,
-frames out.
+For every cell (experiment, model, encoding with or without decay) and all of its seeds: confidence intervals, errors by
+recency and by obstacle, calibration, cost. Recordings and run directories in, frames out.
 """
 
-import itertools
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
@@ -14,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from repro.baselines.names import rank
-from repro.config import NO_DECAY, PROJECTION
+from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import read_per_image, read_quantized
 from repro.evaluation.recency import GROUPS, RECENCY
-from repro.metrics.bootstrap import Difference, Measured, by_world, differences, draw_weights, intervals, resample
+from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
 from repro.networks.model import NETWORKS
@@ -31,10 +29,9 @@ from repro.system.errors import InputError
 from repro.system.progress import progress
 
 ANALYZED = (  # tables of `gather`
-    *("intervals", "differences", "recency", "obstacles", "calibration", "reliability", "cost"),
+    *("intervals", "recency", "obstacles", "calibration", "reliability", "cost"),
 )
 Cell = tuple[str, str, str]  # experiment, model, encoding
-PAPERS_METHOD = ("unet", PROJECTION)  # the paper's best model and its input
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
 
@@ -58,17 +55,14 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
         test = load_test_set(outputs.recordings(experiment), grid)
         weights = draw_weights(len(test.truth) // 2)
         counted: dict[Cell, Measured] = {}
-        draws: dict[Cell, dict[str, np.ndarray]] = {}
         for cell, runs in progress(own_cells.items(), f"analysis, exp {experiment}"):
-            counted[cell], draws[cell], frames = _measure_cell(runs, test, weights)
+            counted[cell], frames = _measure_cell(runs, test, weights)
             for name, frame in frames.items():
                 tables[name].append(_identified(frame, _columns(cell)))
         seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
         for cell, table, common in averages(counted, seeds, weights):
-            draws[cell] = table
             rows = pd.DataFrame(intervals(table)).assign(seeds=common)
             tables["intervals"].append(_identified(rows, _columns(cell)))
-        tables["differences"] += [_identified(pd.DataFrame(found), columns) for found, columns in compared(draws)]
     return {name: pd.concat(frames, ignore_index=True) for name, frames in tables.items() if frames}
 
 
@@ -103,13 +97,11 @@ def _read_run(run: Run, test: TestSet) -> tuple[np.ndarray, dict[str, np.ndarray
     return free, of_images
 
 
-def _measure_cell(
-    runs: list[Run], test: TestSet, weights: np.ndarray
-) -> tuple[Measured, dict[str, np.ndarray], dict[str, pd.DataFrame]]:
+def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> tuple[Measured, dict[str, pd.DataFrame]]:
     """Measure all seeds of a cell; for the weights of the bootstrap see `metrics.bootstrap.draw_weights`.
 
     Returns:
-        counts and metrics of images of its seeds; its metrics in every draw; its rows by the name of their table.
+        counts and metrics of images of its seeds; its rows by the name of their table.
     """
     few_weights = weights[:FEWER_DRAWS]
     predictions, of_images = zip(*(_read_run(run, test) for run in runs), strict=True)
@@ -117,9 +109,8 @@ def _measure_cell(
     names = of_images[0]
     per_world = {name: np.stack([by_world(each[name]) / 2 for each in of_images]) for name in names}
     measured = Measured(counts.sum(2), per_world)
-    draws = resample(measured, weights)
     frames = {
-        "intervals": pd.DataFrame(intervals(draws)).assign(seeds=len(runs)),
+        "intervals": pd.DataFrame(intervals(resample(measured, weights))).assign(seeds=len(runs)),
         "recency": by_recency(counts.sum(0), few_weights),
         "obstacles": by_last_hit(predictions, test, few_weights),
     }
@@ -127,7 +118,7 @@ def _measure_cell(
         frames["cost"] = _cost(runs)
         frames["calibration"] = _calibration(counts.sum(1))
         frames["reliability"] = _reliability(counts.sum((0, 1)))
-    return measured, draws, frames
+    return measured, frames
 
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
@@ -184,41 +175,3 @@ def averages(
             {name: np.mean([each[name] for each in draws], axis=0) for name in draws[0]},
             len(common),
         )
-
-
-def compared(draws: dict[Cell, dict[str, np.ndarray]]) -> Iterator[tuple[list[Difference], dict[str, str]]]:
-    """Yield the differences between models on the same encoding, the decay and its ablation, encodings, and methods.
-
-    Args:
-        draws: the metrics in every draw of the bootstrap, by cell.
-
-    Yields:
-        the difference of each metric, and the columns that identify them.
-    """
-    for one, other in itertools.combinations(draws, 2):
-        comparison = _comparison(one, other)
-        if comparison == "networks":
-            names = {"one": one[1], "other": other[1], "model": "", "encoding": one[2] or other[2]}
-        elif comparison == "methods":
-            names = {"one": "/".join(one[1:]), "other": "/".join(other[1:]), "model": "", "encoding": ""}
-        elif comparison:
-            names = {"one": one[2], "other": other[2], "model": one[1], "encoding": ""}
-        else:
-            continue
-        yield differences(draws[one], draws[other]), {"experiment": one[0], "comparison": comparison, **names}
-
-
-def _comparison(one: Cell, other: Cell) -> str | None:
-    """Name the difference between two cells; None if it is of no interest.
-
-    Networks have the same input, or one is a baseline, which has none. Methods differ in network and input, and one is
-    the paper's U-Net.
-    """
-    encodings = one[2], other[2]
-    has_decay = [not encoding.endswith(NO_DECAY) for encoding in encodings]
-    if one[1] == other[1]:
-        bases = {encoding.removesuffix(NO_DECAY) for encoding in encodings}
-        return "decay" if len(bases) == 1 else "encodings" if has_decay[0] == has_decay[1] else None
-    if encodings[0] == encodings[1] or ("" in encodings and all(has_decay)):
-        return "networks"
-    return "methods" if PAPERS_METHOD in (one[1:], other[1:]) and all(has_decay) else None

@@ -13,7 +13,7 @@ from repro.evaluation.recency import BINS, RECENCY, age_bin, newest_hits_of_obst
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import brier, entropy, log_loss
-from repro.metrics.counts import average_precision, best_iou, pooled_scores, soft_iou
+from repro.metrics.counts import best_iou, pooled_scores
 from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.recorded import true_maps
 
@@ -90,8 +90,7 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
 def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the measures of a part of the map from counts (..., 2, 256), each (...), nan where undefined.
 
-    Obstacle recall is the paper's specificity, free recall the paper's recall; `pr_auc` and `soft_iou` take obstacles
-    as the positive class, as the occupancy task of the Waymo Open Dataset does; `best_iou` is the obstacle IoU at the
+    Obstacle recall is the paper's specificity, free recall the paper's recall; `best_iou` is the obstacle IoU at the
     threshold that maximizes it; `log_loss` and `entropy` are in nats.
     """
     scored = pooled_scores(counts)
@@ -104,8 +103,6 @@ def measures(counts: np.ndarray) -> dict[str, np.ndarray]:
         "free_recall": np.where(free > 0, scored["recall"], np.nan),
         "obstacle_iou": np.where(obstacles > 0, scored["obstacle_iou"], np.nan),
         "best_iou": np.where(obstacles > 0, best_iou(counts), np.nan),
-        "soft_iou": np.where(obstacles > 0, soft_iou(counts), np.nan),
-        "pr_auc": average_precision(counts),
         "brier": brier(counts),
         "log_loss": log_loss(counts),
         "entropy": entropy(counts),

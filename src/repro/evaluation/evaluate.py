@@ -15,8 +15,8 @@ from torch import Tensor
 
 from repro.baselines.registry import PREDICTORS
 from repro.metrics.bootstrap import IN_INTERVALS
-from repro.metrics.counts import quantize
-from repro.metrics.scores import IMAGE_METRICS, checked_probabilities, confusion, scores
+from repro.metrics.counts import counts_of, pooled_scores, quantize
+from repro.metrics.scores import IMAGE_METRICS, checked_probabilities
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of, load_pairs_of_run
 from repro.recordings.reader import check_worlds, recordings_hash
@@ -100,11 +100,11 @@ def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.Data
     """
     probability = checked_probabilities(free, maps)
     truth = maps.cpu().float()
-    counts = confusion(probability, truth)
+    counts = counts_of(probability, maps)
     of_images = {name: metric(probability, truth) for name, metric in IMAGE_METRICS.items()}
-    per_image = pd.DataFrame({name: values.numpy() for name, values in (of_images | scores(counts)).items()})
-    pooled = {name: values.mean() for name, values in of_images.items()} | scores(counts.sum(0))
-    return pd.Series({name: value.item() for name, value in pooled.items()}), per_image
+    per_image = pd.DataFrame({name: values.numpy() for name, values in of_images.items()} | pooled_scores(counts))
+    means = {name: values.mean() for name, values in of_images.items()}
+    return pd.Series((means | pooled_scores(counts.sum(0))), dtype=float), per_image
 
 
 def read_per_image(run: Run) -> dict[str, np.ndarray]:

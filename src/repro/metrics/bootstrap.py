@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from repro.metrics.counts import confusion_of, count_quantized, quantize, scores_of
+from repro.metrics.counts import confusion_of, counts_of
 from repro.metrics.names import TABLE_METRICS
-from repro.metrics.scores import IMAGE_METRICS
+from repro.metrics.scores import IMAGE_METRICS, scores
 
 DRAWS = 2000
 LEVEL = 0.95
@@ -56,9 +56,11 @@ def measured_of(probability: Tensor, maps: Tensor) -> Measured:
         probability: probability of free, (M, 1, H, W), in [0, 1].
         maps: true maps, (M, 1, H, W); recordings 2 w and 2 w + 1 are of world w.
     """
-    counts = count_quantized(quantize(probability), maps[:, 0].numpy())[:, 0]
     of_images = {name: IMAGE_METRICS[name](probability, maps.float()).numpy() for name in IN_INTERVALS}
-    return Measured(by_world(counts)[None], {name: by_world(each)[None] / 2 for name, each in of_images.items()})
+    return Measured(
+        by_world(counts_of(probability, maps))[None],
+        {name: by_world(each)[None] / 2 for name, each in of_images.items()},
+    )
 
 
 def draw_weights(worlds: int, draws: int = DRAWS) -> np.ndarray:
@@ -79,7 +81,7 @@ def resample(measured: Measured, weights: np.ndarray) -> dict[str, np.ndarray]:
     """
     seeds, draws = len(measured.counts), len(weights)
     metrics = {name: values @ weights.T / weights.sum(1) for name, values in measured.per_world.items()}
-    metrics |= scores_of(np.einsum("bw,swc->sbc", weights, confusion_of(measured.counts), optimize=True))
+    metrics |= scores(np.einsum("bw,swc->sbc", weights, confusion_of(measured.counts), optimize=True))
     share = np.random.default_rng(1).multinomial(seeds, np.full(seeds, 1 / seeds), size=draws) / seeds
     share[0] = 1 / seeds
     return {name: (values * share.T).sum(0) for name, values in metrics.items()}

@@ -1,7 +1,7 @@
 """Pixel counts by truth and quantized probability, from which all metrics of a prediction are computed.
 
 Predictions are stored as uint8: 255 is certainly free, 0 certainly an obstacle. The counts, an array (..., 2, 256) with
-obstacles first, determine the paper's metrics at any threshold, curves over all thresholds and the calibration. Counts
+obstacles first, determine the paper's metrics at any threshold and the calibration. Counts
 of single worlds, summed with weights, give the bootstrap (`metrics.bootstrap`).
 """
 
@@ -42,6 +42,11 @@ def count_quantized(
     return counts.reshape(len(free), number, 2, LEVELS)
 
 
+def counts_of(probability: Tensor, maps: Tensor) -> np.ndarray:
+    """Count the pixels of every image from probabilities of free and true maps, both (M, 1, H, W), (M, 2, 256)."""
+    return count_quantized(quantize(probability), maps[:, 0].cpu().numpy())[:, 0]
+
+
 def confusion_of(counts: np.ndarray) -> np.ndarray:
     """Count true and false positives, true and false negatives with FREE as positive, (..., 4), from (..., 2, 256)."""
     is_free = PROBABILITY >= THRESHOLD
@@ -52,37 +57,10 @@ def confusion_of(counts: np.ndarray) -> np.ndarray:
 
 def pooled_scores(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the metrics of `metrics.scores` at threshold 0.5 from (..., 2, 256), each (...)."""
-    return scores_of(confusion_of(counts))
-
-
-def scores_of(confusion: np.ndarray) -> dict[str, np.ndarray]:
-    """Compute the metrics of `metrics.scores` from (..., 4), see `confusion_of`, each (...)."""
-    return {name: value.numpy() for name, value in scores(torch.as_tensor(confusion)).items()}
-
-
-def average_precision(counts: np.ndarray) -> np.ndarray:
-    """Compute the area under the precision-recall curve of obstacles, as a step-wise sum, (...); nan without obstacles.
-
-    Args:
-        counts: pixels by truth and quantized probability, (..., 2, 256).
-    """
-    obstacle, free = np.cumsum(counts[..., 0, :], -1), np.cumsum(counts[..., 1, :], -1)
-    with np.errstate(invalid="ignore"):
-        precision = obstacle / np.maximum(obstacle + free, 1)
-        return (precision * counts[..., 0, :]).sum(-1) / obstacle[..., -1]
+    return scores(confusion_of(counts))
 
 
 def best_iou(counts: np.ndarray) -> np.ndarray:
     """Compute the IoU of obstacles at the threshold that maximizes it, (...), from (..., 2, 256)."""
     obstacle, free = np.cumsum(counts[..., 0, :], -1), np.cumsum(counts[..., 1, :], -1)
     return (obstacle / np.maximum(obstacle[..., -1:] + free, 1)).max(-1)
-
-
-def soft_iou(counts: np.ndarray) -> np.ndarray:
-    """Compute the IoU of obstacles without a threshold, from the probabilities p and the truth y, (...).
-
-    Source: Waymo Open Dataset, occupancy metrics: sum(p y) / (sum(p) + sum(y) - sum(p y)).
-    """
-    obstacle, free = (counts[..., row, :] @ (1 - PROBABILITY) for row in (0, 1))
-    with np.errstate(invalid="ignore"):
-        return obstacle / (free + counts[..., 0, :].sum(-1))

@@ -39,29 +39,14 @@ def checked_probabilities(free: Tensor | np.ndarray, maps: Tensor) -> Tensor:
     return probability
 
 
-def confusion(probability: Tensor, target: Tensor) -> Tensor:
-    """Count pixels with FREE as the positive class.
-
-    Args:
-        probability: predicted probability of free, (M, 1, H, W); at or above `THRESHOLD`, a pixel is predicted free.
-        target: true map with 1 = free, (M, 1, H, W).
-
-    Returns:
-        true positives, false positives, true negatives and false negatives of each image, int64, (M, 4).
-    """
-    free, truth = probability >= THRESHOLD, target > 0.5
-    pairs = (free & truth, free & ~truth, ~free & ~truth, ~free & truth)
-    return torch.stack([pair.flatten(1).sum(1) for pair in pairs], dim=1)
-
-
-def scores(counts: Tensor) -> dict[str, Tensor]:
-    """Compute the metrics of counts (..., 4), each (...).
+def scores(counts: np.ndarray) -> dict[str, np.ndarray]:
+    """Compute the metrics of counts (..., 4), see `counts.confusion_of`, each (...).
 
     Returns:
         accuracy; dice, precision, recall and specificity with FREE as the positive class, and with the prefix
         `obstacle_` with OBSTACLE as the positive class; obstacle_iou.
     """
-    tp, fp, tn, fn = counts.double().unbind(-1)
+    tp, fp, tn, fn = np.moveaxis(np.asarray(counts, dtype=float), -1, 0)
     free = _scores(tp, fp, tn, fn)
     obstacle = _scores(tn, fn, tp, fp)
     return {
@@ -72,7 +57,7 @@ def scores(counts: Tensor) -> dict[str, Tensor]:
     }
 
 
-def _scores(tp: Tensor, fp: Tensor, tn: Tensor, fn: Tensor) -> dict[str, Tensor]:
+def _scores(tp: np.ndarray, fp: np.ndarray, tn: np.ndarray, fn: np.ndarray) -> dict[str, np.ndarray]:
     return {
         "dice": (2 * tp + EPS) / (2 * tp + fp + fn + EPS),
         "precision": (tp + EPS) / (tp + fp + EPS),

@@ -6,7 +6,7 @@ steps. Obstacles ignore the robots.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,29 +104,22 @@ class Fleet:
         self.commands = np.tile([0.0, 2 * math.pi / (TURN_STEPS * self.step_s)], (len(courses), 1))
         self.path_m, self.moving_steps = np.zeros((2, len(courses)))
         self.clearance_m = np.full(len(courses), FAR_M)
-        self.occupied = np.zeros((len(courses), 1, grid.size_px, grid.size_px), dtype=np.float32)  # of who still drives
         self.episodes: dict[int, Episode] = {}
 
     def drive(self) -> list[Episode]:
-        """Drive all courses to their ends."""
-        for _ in self.steps():
-            pass
-        return [self.episodes[index] for index in range(len(self.courses))]
-
-    def steps(self) -> Iterator[int]:
-        """Drive step by step, counted from 1; `poses`, `obstacles`, `seen` and `occupied` are those after the step."""
+        """Drive all courses to their ends, step by step, counted from 1."""
         for step in range(1, TURN_STEPS + LIMIT_STEPS + 1):
             who = np.array([index for index in range(len(self.courses)) if index not in self.episodes])
             if not len(who):
                 break
             if step > TURN_STEPS and (step - TURN_STEPS - 1) % EVERY == 0:
-                self.occupied = self.arm.maps(self.seen, who, **self.settings)
+                occupied = self.arm.maps(self.seen, who, **self.settings)
                 goals = np.array([self.courses[index].goals[self.goal[index]] for index in who])
-                self.commands[who] = self.planner.plan(self.occupied, self.poses[who], goals)
+                self.commands[who] = self.planner.plan(occupied, self.poses[who], goals)
             self._move(who, step)
-            yield step
         for index in set(range(len(self.courses))) - set(self.episodes):
             self._end(index, "timeout", TURN_STEPS + LIMIT_STEPS)
+        return [self.episodes[index] for index in range(len(self.courses))]
 
     def _move(self, who: np.ndarray, step: int) -> None:
         """Move the robots, end the episodes that are over, and scan."""

@@ -119,11 +119,6 @@ class Study:
         """Names of the settings."""
         return ("inflation_m", "weight", "threshold", *self.arm.candidates)
 
-    def tested(self) -> Settings:
-        """Return the settings with which the courses of the test were driven."""
-        row = pd.read_csv(self.directory / TEST).iloc[0]
-        return {name: None if pd.isna(row[name]) else float(row[name]) for name in self.names}
-
     def tuned(self, count: int) -> Settings:
         """Return the settings with the best score on the validation courses of all experiments, and write all tried."""
 
@@ -159,17 +154,15 @@ class Study:
         rows = pd.read_csv(path)
         return rows[(rows["seed"] < FIRST[split] + count) & rows["experiment"].isin(self.specs)]
 
-    def fleet(self, names: list[tuple[str, int]], settings: Settings) -> Fleet:
-        """Return robots on courses of several experiments, which have the same robot."""
+    def _drive(self, names: list[tuple[str, int]], settings: Settings) -> pd.DataFrame:
+        """Drive courses of several experiments, which have the same robot."""
         for experiment, seed in names:
             if (experiment, seed) not in self.courses:
                 has_people = self.people is not None
                 self.courses[experiment, seed] = sample_course(self.specs[experiment], seed, has_people=has_people)[0]
         spec, courses = next(iter(self.specs.values())), [self.courses[name] for name in names]
-        return Fleet(spec, courses, self.arm, settings, self.grid, is_visible=self.people == "aware")
-
-    def _drive(self, names: list[tuple[str, int]], settings: Settings) -> pd.DataFrame:
-        episodes = self.fleet(names, settings).drive()
+        fleet = Fleet(spec, courses, self.arm, settings, self.grid, is_visible=self.people == "aware")
+        episodes = fleet.drive()
         self.driven += len(episodes)
         rows = pd.DataFrame(map(dataclasses.asdict, episodes))
         return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)

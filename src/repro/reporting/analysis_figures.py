@@ -109,34 +109,17 @@ def reliability(frames: DataFrames) -> Figure | None:
 
 
 def baselines(frames: DataFrames) -> Figure | None:
-    """Plot the obstacle IoU of all networks on the paper's input, our best input and the baselines, or None."""
-    rows = titled(frames["intervals"])
-    shown = rows["encoding"].isin(["", PROJECTION]) | rows["model"].isin(RECURRENT) | (rows["encoding"] == OURS[1])
-    rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
-    return _dots(rows)
+    """Plot the obstacle IoU of networks on the paper's input, of recurrent ones, of our best input, and of baselines.
 
-
-def encodings(frames: DataFrames) -> Figure | None:
-    """Plot the obstacle IoU of U-Net on every encoding, and of a sequence network, with intervals, or None."""
-    rows = titled(frames["intervals"])
-    rows = rows[rows["model"].isin(["unet", *RECURRENT])]
-    inputs = rows.groupby("experiment")["encoding"].nunique()
-    rows = rows[rows["experiment"].isin(inputs.index[inputs == inputs.max()])]  # the experiments with most encodings
-    return _dots(rows)
-
-
-def titled(table: pd.DataFrame) -> pd.DataFrame:
-    """Select the obstacle IoU of all cells with decay; add the title and the rank of each predictor."""
-    rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
-    titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
-    return rows.assign(title=titles, rank=rows["model"].map(rank))
-
-
-def _dots(rows: pd.DataFrame) -> Figure | None:
-    """Draw a dot with its interval for each title, from the bottom up, one column per experiment; networks filled.
-
-    None with fewer than two titles.
+    A dot with its interval for each predictor, from the bottom up, one column per experiment; networks are filled. None
+    with fewer than two predictors.
     """
+    table = frames["intervals"]
+    rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
+    shown = rows["encoding"].isin(["", PROJECTION, OURS[1]]) | rows["model"].isin(RECURRENT)
+    rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
+    titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
+    rows = rows.assign(title=titles, rank=rows["model"].map(rank))
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
     if len(names) < 2:
         return None
@@ -163,5 +146,4 @@ FIGURES: dict[str, Callable[[DataFrames], Figure | None]] = {
     "obstacles": obstacles,
     "reliability": reliability,
     "baselines": baselines,
-    "encodings": encodings,
 }

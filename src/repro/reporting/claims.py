@@ -146,7 +146,7 @@ def count_verdicts(claims: pd.DataFrame) -> str:
     return ", ".join(texts.values())
 
 
-def on_paper(claim: pd.Series | Mapping[str, Any], precision: str) -> str:
+def on_paper(claim: pd.Series) -> str:
     """Return whether a claim of `judge` holds on the paper's numbers, with its value if it has one; empty if untested.
 
     A claim that our numbers are close to the paper's has no value there.
@@ -154,7 +154,7 @@ def on_paper(claim: pd.Series | Mapping[str, Any], precision: str) -> str:
     if claim.get("paper") not in ("holds", "fails"):
         return ""
     value = claim["paper_value"]
-    return claim["paper"] if pd.isna(value) else f"{claim['paper']}, {value:{precision}}"
+    return claim["paper"] if pd.isna(value) else f"{claim['paper']}, {value:.3f}"
 
 
 def _judge_one(claim: Claim, ours: Numbers, papers: Numbers) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
 from repro.reporting.claims import count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
-from repro.reporting.navigation import arms_table, density_table
+from repro.reporting.navigation import arms_table
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells, cells_of, number, with_interval
 from repro.reporting.results import read_frames, read_published
@@ -45,17 +45,16 @@ A claim that a number exceeds a value needs a difference of at least the toleran
 """
 
 
-def claims(frames: DataFrames) -> str:
-    """Return the number of claims per verdict, then one row per claim with its test, our number and the paper's."""
+def claims(frames: DataFrames) -> Cells:
+    """Return one row per claim with its test, our number and the paper's."""
     rows = []
     for _, row in frames["claims"].iterrows():
         ours = with_interval(row["value"], row["low"], row["high"])
         if ours:
             ours += f" ({row['claimed']:.3g} ± {row['tolerance']:.2g})"
         test = row["means"] if pd.notna(row["means"]) else row["reason"]
-        rows.append((row["quote"], test, row["verdict"], row["ours"], ours, on_paper(row, ".3f")))
-    table = Cells(("Claim", "Test", "Verdict", "On our numbers", "Ours", "Paper"), rows)
-    return f"**{count_verdicts(frames['claims'])}.**\n{CLAIMS_NOTE}{table.to_markdown()}"
+        rows.append((row["quote"], test, row["verdict"], row["ours"], ours, on_paper(row)))
+    return Cells(("Claim", "Test", "Verdict", "On our numbers", "Ours", "Paper"), rows, text_columns=6)
 
 
 def methods(frames: DataFrames, caption: str) -> Cells:
@@ -81,7 +80,12 @@ def methods(frames: DataFrames, caption: str) -> Cells:
         values += [number(shares.get((name, model, encoding)), 2) for name in bounded]
         shown.append((predictor_title(model, encoding), " to ".join(counts), *values))
     heads = [f"Exp. {name}: {head}" for name in chosen for head in SUMMARY.values()]
-    return Cells(("Model", "Seeds", *heads, *(f"Exp. {name}: share of the bound" for name in bounded)), shown, caption)
+    return Cells(
+        ("Model", "Seeds", *heads, *(f"Exp. {name}: share of the bound" for name in bounded)),
+        shown,
+        caption,
+        text_columns=2,
+    )
 
 
 def networks(frames: DataFrames, caption: str) -> Cells:
@@ -113,7 +117,7 @@ def bounds(frames: DataFrames, caption: str) -> Cells:
         for name, bound in itertools.product(sorted(intervals["experiment"].unique()), BOUNDS)
         if (name, bound) in evaluated
     ]
-    return Cells(("Exp.", "Predictor", *SUMMARY.values(), *PROBABILISTIC.values()), shown, caption)
+    return Cells(("Exp.", "Predictor", *SUMMARY.values(), *PROBABILISTIC.values()), shown, caption, text_columns=2)
 
 
 def costs(frame: pd.DataFrame, caption: str) -> Cells:
@@ -154,7 +158,6 @@ ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # table
         arms_table,
         "Share of the courses in which the robot reaches both goals, with 95 % intervals; mean time of the successes",
     ),
-    "density": (density_table, "The same share by the number of obstacles, in all worlds together"),
 }
 
 
@@ -162,8 +165,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`, `density`), or one network or `average` for
-    its rows in both tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`), or one network or `average` for its rows
+    in both tables.
 
     Raises:
         ValueError: a mark is not closed before the next one.
@@ -198,13 +201,18 @@ def _markdown(directory: Path, name: str) -> str:
 def _analyzed(directory: Path, name: str) -> str:
     frames = read_frames(directory)
     if name == "claims":
-        return claims(frames)
+        return f"**{count_verdicts(frames['claims'])}.**\n{CLAIMS_NOTE}{claims(frames).to_markdown()}"
     if name == "costs":
         measured, note = frames["costs"], (directory / "costs.txt").read_text(encoding="utf-8").strip()
         return costs(measured, note).to_markdown()
-    make, title = ANALYZED[name]
     facts = caption(read_published(directory)) if (directory / "runs.csv").is_file() else ""  # of its trainings
-    return make(frames, f"{title}." + f" {facts[: facts.index(', seed')]}." * bool(facts)).to_markdown()
+    return analyzed(name, frames, f" {facts[: facts.index(', seed')]}." * bool(facts)).to_markdown()
+
+
+def analyzed(name: str, frames: DataFrames, facts: str = "") -> Cells:
+    """Return a table of `ANALYZED`, with facts after its title."""
+    make, title = ANALYZED[name]
+    return make(frames, f"{title}.{facts}")
 
 
 def _rows_of_model(runs: pd.DataFrame, tables: dict[str, Table], model: str) -> Table:

@@ -20,7 +20,7 @@ from repro.reporting.plots import ACCENT, STYLE, save, save_or_delete
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.scans import Scans
-from repro.simulation.motions import recorded_steps
+from repro.simulation.paths import motion_of
 from repro.simulation.simulator import make
 from repro.simulation.worlds import World, reverse_direction, write_world
 
@@ -99,7 +99,7 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
 
 def write_world_figure(world: World, experiment: str, path: Path) -> None:
     """Write IR-SIM's rendering of a world and its twin at the end of the recording as PNG, see `data_collection`."""
-    steps = recorded_steps(world["robot"]["behavior"])
+    steps = motion_of(world["robot"]["behavior"]).steps
     twins = {f"{experiment}, there": world, f"{experiment}, back": reverse_direction(world)}
     with plt.rc_context(STYLE):
         figure = data_collection(twins, steps)

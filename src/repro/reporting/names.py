@@ -1,4 +1,4 @@
-"""Names of experiments, models, predictors, machines and commits, and durations, in tables, figures and messages."""
+"""Names of experiments, models and predictors, and durations, in tables, figures and messages."""
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
 from repro.config import NO_DECAY, PROJECTION
@@ -33,20 +33,6 @@ def predictor_title(model: str, encoding: str) -> str:
     base = encoding.removesuffix(NO_DECAY)
     named = "" if base in ("", PROJECTION) else f", {base}"
     return model_title(model) + named + (", no decay" if encoding.endswith(NO_DECAY) else "")
-
-
-def machine_title(
-    gpu: str | None, cpu: str | None = None, cpu_cores: int = 0, threads: int | None = None, machine: str = ""
-) -> str:
-    """Describe the hardware of a step, see `devices.hardware`; the oldest steps have no name of the CPU."""
-    used = "" if threads is None else f", {threads} thread{'' if threads == 1 else 's'}"
-    return gpu or f"{cpu or f'CPU ({machine})'}, {cpu_cores} cores{used}"
-
-
-def short_commit(commit: str | None) -> str:
-    """Shorten a commit to ten digits; a plus stands for uncommitted changes."""
-    text = str(commit)
-    return text[:10] + ("+" if text.endswith("+") else "")
 
 
 def duration(seconds: float) -> str:

@@ -1,6 +1,5 @@
 """The comparison of the arms of task=navigate: tables, and the figure of success against time to goal."""
 
-import itertools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -50,7 +49,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     results, points = compare(test), points_of(curve)
     tuned = tried.loc[tried.groupby("arm", sort=False)["score"].idxmax()]
     analysis.mkdir(parents=True, exist_ok=True)
-    tables = {"": results, "_density": by_density(test), "_tuned": tuned, "_curve": points, "_episodes": test}
+    tables = {"": results, "_tuned": tuned, "_curve": points, "_episodes": test}
     for stem, table in tables.items():
         write_text(analysis / f"navigation{stem}.csv", table.to_csv(index=False, float_format="%.4g"))
     origins = {arm: read_mapping(episodes / arm / ORIGIN, "the provenance of an arm") for arm in arms}
@@ -95,27 +94,6 @@ def compare(test: pd.DataFrame) -> pd.DataFrame:
                 row["share_of_gap"] = (success[arm].mean() - success["scan"].mean()) / gap if gap else np.nan
             rows.append(row | _measures(own))
     return pd.DataFrame(rows)
-
-
-def by_density(test: pd.DataFrame) -> pd.DataFrame:
-    """Return the success of every arm in courses with few, some and many obstacles, all experiments together."""
-    number = test["obstacles"]
-    edges = np.unique(np.linspace(number.min(), number.max() + 1, 4).round().astype(int)).tolist()
-    groups = test.assign(
-        success=(test["outcome"] == "goal").astype(float),
-        obstacles=pd.cut(number, edges, right=False, labels=[f"{a} to {b - 1}" for a, b in itertools.pairwise(edges)]),
-    ).groupby(["arm", "obstacles"], sort=False, observed=True)
-    found = groups.agg(episodes=("seed", "size"), success=("success", "mean")).reset_index()
-    return found.assign(title=found["arm"].map(title_of)).sort_values(["obstacles"], kind="stable")
-
-
-def density_table(frames: DataFrames, caption: str) -> Cells:
-    """Return the success of all arms by the number of obstacles, a row each, from navigation_density.csv."""
-    table = frames["navigation_density"].pivot_table(index="title", columns="obstacles", values="success", sort=False)
-    rows = [
-        [title, *(number(value, 3) for value in row)] for title, row in zip(table.index, table.to_numpy(), strict=True)
-    ]
-    return Cells(["Map", *(f"{count} obstacles" for count in table.columns)], rows, caption)
 
 
 def best_classical(test: pd.DataFrame) -> str | None:

@@ -1,26 +1,21 @@
 """Publishing: an upsert of the runs of an outputs directory by `RunKey` into a directory of reproduce/results.
 
 A published directory contains runs.csv (every run with its seed, metrics and times), from which all tables follow,
-history.csv (the losses of every epoch), provenance.json (the provenance of every run), the analysis, the figures, and a
-README.md with the commands to repeat the trainings. The generated tables of the documents come from published
-directories only.
+provenance.json (the provenance of every run), the analysis, the figures, and a README.md. The generated tables of the
+documents come from published directories only.
 """
 
 import dataclasses
 import re
-import shlex
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.networks.model import NETWORKS
 from repro.reporting.analysis_figures import write_analysis_figures
-from repro.reporting.names import predictor_title
-from repro.reporting.render import Cells
 from repro.reporting.results import (
     conflicts,
     keys_of,
@@ -35,14 +30,13 @@ from repro.runs.keys import KEY, RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.errors import InputError
-from repro.system.files import clear_leftovers, lock, read_table, replacing_directory, write_json, write_text
+from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 
 SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs", "scale": "as scale"}
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
     *("experiment", "comparison", "one", "other", "model", "encoding"),
     *("seed", "trained", "shift", "tested", "source"),
 )
-PASSED_OVER = ("model=", "exp=", "seed=", "task=", "scale=", "outputs=", "recordings=", "runtime.", "hydra")
 Origins = dict[str, Provenance]  # by the path of the run
 
 
@@ -96,12 +90,11 @@ def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
                 _add_analysis(outputs.analysis, new / "analysis")
             else:
                 _replace_files(outputs, new)
-            _write_histories(outputs, kept, found, new / "history.csv")
             counts = {name: "Int64" for name in ("train_pairs", "epochs") if name in rows}  # missing for baselines
             write_text(new / "runs.csv", rows.astype(counts).to_csv(index=False, float_format="%.6g"))
             content = {path: dataclasses.asdict(origin) for path, origin in origins.items()}
             write_json(new / "provenance.json", content)
-            write_text(new / "README.md", published_page(new, name, rows, origins))
+            write_text(new / "README.md", published_page(new, name, rows))
     return target
 
 
@@ -180,59 +173,13 @@ def _add_analysis(source: Path, target: Path) -> None:
     write_analysis_figures(target, {path.stem: read_rows(path) for path in target.glob("*.csv")}, names, ("png",))
 
 
-def _write_histories(outputs: Outputs, kept: pd.DataFrame, found: pd.DataFrame, path: Path) -> None:
-    """Write losses and seconds of every epoch of the kept runs and the new ones, if any has some."""
-    histories = [read_rows(path).merge(kept[KEY])] if path.is_file() else []
-    for key in keys_of(found):
-        history = outputs.run(key).path / "history.csv"
-        if history.is_file():
-            rows = read_table(history, ("epoch", "val_loss"), "delete it")
-            histories.append(rows.assign(**dataclasses.asdict(key)))
-    if histories:
-        rows = pd.concat(histories, ignore_index=True)
-        rows = rows[[*KEY, *rows.columns.drop(list(KEY))]]
-        write_text(path, rows.to_csv(index=False, float_format="%.6g"))
-
-
-def published_page(directory: Path, name: str, runs: pd.DataFrame, origins: Origins) -> str:
-    """Return the README.md of a published directory: its files and the commands of the trainings."""
+def published_page(directory: Path, name: str, runs: pd.DataFrame) -> str:
+    """Return the README.md of a published directory."""
     analysis = " `analysis/` and `report.html` have the analysis." if (directory / "report.html").is_file() else ""
-    heads = ("network", "trainings", "minutes per training", "command")
     return f"""# Published results, {name}
 
 {caption(runs)}
 
-`runs.csv` has every run with its seed, all metrics and times, `provenance.json` the commit, hardware and versions of
-every step.{analysis}
-
-{Cells(heads, _training_commands(name, runs[runs["encoding"] != ""], origins)).to_markdown()}"""
-
-
-def _training_commands(name: str, networks: pd.DataFrame, origins: Origins) -> list[tuple[str, int, str, str]]:
-    """Return title, number of trainings, their mean time [min] and command of trainings that one command repeats."""
-    paths = [str(key.path) for key in keys_of(networks)]
-    options = [_options(name, scale, origins[path]) for scale, path in zip(networks["scale"], paths, strict=True)]
-    networks = networks.assign(options=options)
-    alike = ["model", "encoding", "options"]
-    seeds = networks.groupby([*alike, "experiment"])["seed"].transform(lambda each: ",".join(map(str, sorted(each))))
-    rows = []
-    group: Any
-    for group, runs in networks.groupby([*alike, seeds], sort=False):
-        model, encoding, of_all, of_seeds = group
-        experiments = ",".join(sorted(runs["experiment"].unique()))
-        command = f"`python run.py -m model={model} exp={experiments} seed={of_seeds}{of_all}`"
-        minutes = f"{runs['training_seconds'].mean() / 60:.1f}"
-        rows.append((predictor_title(model, encoding), len(runs), minutes, command))
-    return sorted(rows)
-
-
-def _options(name: str, scale: str, origin: Provenance) -> str:
-    """Return the overrides of a training that is published in the directory of this name, each after a space.
-
-    Those that name network, experiment, seed, machine or place are left out; the precision and the place are added.
-    """
-    typed = [each for each in shlex.split(origin.fact("command") or "")[2:] if not each.startswith(PASSED_OVER)]
-    precision = origin.fact("precision")
-    added = [f"runtime.precision={precision}"] if precision else []
-    added += [] if name == scale else [f"outputs=outputs/{name}"]
-    return "".join(f" {shlex.quote(each)}" for each in (f"scale={scale}", *typed, *added))
+`runs.csv` has every run with its seed, all metrics and times, `provenance.json` the command of every training, and the
+commit, hardware and versions of every step.{analysis}
+"""

@@ -21,17 +21,19 @@ class Cells:
         heads: the heads of the columns.
         rows: the rows.
         caption: the caption; empty for none.
+        note: what follows the caption.
         text_columns: number of leading columns with text, which HTML aligns to the left.
     """
 
     heads: Sequence[str]
     rows: Sequence[Sequence[object]]
     caption: str = ""
+    note: str = ""
     text_columns: int = 1
 
     def to_markdown(self) -> str:
         """Return the table as Markdown, after its caption in bold, and ending with a line break."""
-        lines = [f"**{self.caption}**", ""] if self.caption else []
+        lines = [f"**{self.caption}**{self.note}", ""] if self.caption else []
         lines += [_line(self.heads), "|" + "---|" * len(self.heads), *map(_line, self.rows)]
         return "\n".join(lines) + "\n"
 
@@ -48,7 +50,7 @@ def cells_of(frame: pd.DataFrame, names: Sequence[str], numbers: Columns, captio
         for row in frame.to_dict("records")
     ]
     heads = [*(name.capitalize() for name in names), *(head for head, _ in kept.values())]
-    return Cells(heads, rows, caption, len(names))
+    return Cells(heads, rows, caption, text_columns=len(names))
 
 
 def number(value: Any, digits: int = 3, form: str = "z,") -> str:
@@ -58,9 +60,6 @@ def number(value: Any, digits: int = 3, form: str = "z,") -> str:
 
 def with_interval(value: float, low: float, high: float, form: str = ".3f") -> str:
     """Return a value with its interval, `0.500 [0.490, 0.510]`, or alone without one; empty for none."""
-    return " ".join(part for part in (f"{value:{form}}", interval(low, high, form)) if part) if pd.notna(value) else ""
-
-
-def interval(low: float, high: float, form: str = ".3f") -> str:
-    """Return an interval in brackets; empty for none."""
-    return "" if pd.isna(low) else f"[{low:{form}}, {high:{form}}]"
+    if pd.isna(value):
+        return ""
+    return f"{value:{form}}" + ("" if pd.isna(low) else f" [{low:{form}}, {high:{form}}]")

@@ -4,6 +4,7 @@ The column settings has one JSON object per run, its keys as on the command line
 column existed lack some or all settings; these are then not compared.
 """
 
+import itertools
 import json
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,9 +14,10 @@ import pandas as pd
 
 from repro.metrics.names import EXTRA_METRICS, METRICS
 from repro.reporting.paper import are_papers
+from repro.runs.config import RunConfig
 from repro.runs.directories import Run
-from repro.runs.keys import CELL, KEY, RunKey
-from repro.runs.outputs import Outputs
+from repro.runs.keys import KEY, RunKey
+from repro.runs.outputs import Outputs, check_together
 from repro.runs.provenance import Provenance, Status
 from repro.system.errors import InputError
 from repro.system.files import first_line, read_typed
@@ -34,56 +36,30 @@ def read_results(outputs: Outputs) -> pd.DataFrame:
         no run is evaluated.
 
     Raises:
-        ValueError: a run is damaged, or the runs have different resolutions or numbers of pairs,
-            or seeds of one network different settings, and cannot share a table.
+        ValueError: a run is damaged, or the runs cannot share a table, see `outputs.check_together`.
     """
-    rows = [_row(outputs, run) for run in outputs.runs() if run.status is Status.evaluated]
-    if not rows:
+    configs = {run: run.config() for run in outputs.runs() if run.status is Status.evaluated}
+    if not configs:
         return pd.DataFrame()
-    table = _with_all_metrics(pd.DataFrame(rows).astype({"seed": "Int64"}))  # baselines have no seed
-    _check_comparable(outputs, table)
-    return table.drop(columns="worlds")
+    rows = pd.DataFrame([_row(outputs, run, config) for run, config in configs.items()])
+    for run, config in configs.items():
+        check_together(config, {other: configs[other] for other in itertools.takewhile(run.__ne__, configs)})
+    return _with_all_metrics(rows.astype({"seed": "Int64"}))  # baselines have no seed
 
 
-def _row(outputs: Outputs, run: Run) -> dict[str, Any]:
-    config, origin = run.config(), run.provenance()
-    expected = outputs.run(config.key)
+def _row(outputs: Outputs, run: Run, config: RunConfig) -> dict[str, Any]:
+    origin, expected = run.provenance(), outputs.run(config.key)
     if expected != run:
         raise InputError(f"{run} holds the run of {expected}, by its config.yaml: move it there or delete it")
     return {
         **{name: getattr(config.key, name) for name in KEY},
         **{str(name): value for name, value in run.read_metrics().items()},
         "scale": config.data.scale,
-        "worlds": config.data.worlds,
         "papers_worlds": are_papers(config.data.worlds),
         "size_px": config.data.size_px,
         **{name: origin.fact(name) for name in FACTS},
         "settings": json.dumps(config.settings) if config.settings else "",
     }
-
-
-def _check_comparable(outputs: Outputs, table: pd.DataFrame) -> None:
-    """Check that runs can share a table: one scale, resolution and number of pairs, and one world per experiment.
-
-    The seeds of a network must have the same settings.
-    """
-    groups = [(fact, table) for fact in ("scale", "size_px", "train_pairs", "test_pairs")]
-    groups += [("worlds", rows) for _, rows in table.groupby("experiment")]
-    for fact, rows in groups:
-        counts = rows[fact].value_counts()
-        if len(counts) > 1:
-            paths = [str(outputs.path / key.path) for key in keys_of(rows[rows[fact] == counts.index[-1]])]
-            raise InputError(
-                f"the runs in {outputs.path} differ in {fact} ({', '.join(sorted(map(str, counts.index)))}) and cannot "
-                f"share a table: move or delete {', '.join(paths[:3])}"
-                + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
-            )
-    for _, rows in table.groupby(CELL):
-        if listing := conflicts(rows):
-            paths = [str(outputs.path / key.path) for key in keys_of(rows)]
-            raise InputError(
-                f"seeds of one network have different settings ({listing}): move or delete one of {', '.join(paths)}"
-            )
 
 
 def settings_of(rows: pd.DataFrame) -> pd.DataFrame:

@@ -18,7 +18,6 @@ from repro.system.files import write_text
 
 OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22
 STUDIED = (*NETWORKS, "convgru", "convlstm")  # the networks of this study
-HEADS = {name: HEADINGS.get(name, name) for name in TABLE_METRICS}
 TABLES = {  # titles, and encoding of the networks
     "main": ("Prediction metrics", PROJECTION),
     "ablation": ("Prediction metrics without the gray-scale time decay", PROJECTION_NO_DECAY),
@@ -33,20 +32,19 @@ class Table:
     caption: str
 
     @property
-    def has_paper(self) -> bool:
-        """Whether the paper has numbers for some rows; it has none for other worlds."""
-        return bool(self.frame.filter(like="paper_").notna().any(axis=None))
-
-    def to_markdown(self) -> str:
-        """Return the table as Markdown, one row per model: our number, and the paper's in brackets."""
-        if self.frame.empty:
-            return f"**{self.caption}**\n"
+    def cells(self) -> Cells:
+        """One row per model: our number, and the paper's in brackets, which has none for other worlds."""
         rows = [
             (row["experiment"], row_title(row), *(_compared(row, metric) for metric in TABLE_METRICS))
             for _, row in self.frame.iterrows()
         ]
-        brackets = " Ours (paper)." if self.has_paper else ""
-        return f"**{self.caption}**{brackets}\n\n{Cells(('Exp.', 'Model', *HEADS.values()), rows).to_markdown()}"
+        has_paper = self.frame.filter(like="paper_").notna().any(axis=None)
+        heads = ("Exp.", "Model", *(HEADINGS.get(metric, metric) for metric in TABLE_METRICS))
+        return Cells(heads, rows, self.caption, " Ours (paper)." if has_paper else "", text_columns=2)
+
+    def to_markdown(self) -> str:
+        """Return the table as Markdown."""
+        return f"**{self.caption}**\n" if self.frame.empty else self.cells.to_markdown()
 
     def write(self, directory: Path, name: str) -> None:
         """Write <name>.csv and <name>.md to a directory, or delete those of an earlier table if it is empty."""

@@ -52,10 +52,10 @@ class RunConfig:
         return RunConfig(self.experiment, None, Model(name), None, self.data)
 
 
-def differences(existing: RunConfig | Data, requested: RunConfig | Data, ignored: frozenset[str] = frozenset()) -> str:
+def differences(existing: RunConfig | Data, requested: RunConfig | Data) -> str:
     """Describe the differences of two configurations, `key is ..., requested ...`; empty without any."""
     first, second = (flatten(dataclasses.asdict(one)) for one in (existing, requested))
-    keys = [key for key in first | second if first.get(key) != second.get(key) and key not in ignored]
+    keys = [key for key in first | second if first.get(key) != second.get(key)]
     return "; ".join(
         f"{key}: the file of conf/world is another or has changed since"
         if key.endswith("worlds")

@@ -8,7 +8,8 @@ outputs/<scale>/
     report.html
 """
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -62,27 +63,15 @@ class Outputs:
         return Run(self.path / key.path)
 
     def check_data(self, config: RunConfig) -> None:
-        """Check that a run belongs beside the others: same scale, grid and pairs, and per experiment the same worlds.
+        """Check that a run belongs beside the others, see `check_together`.
 
-        Runs that differ in the seed alone must have the same settings, because tables average them. Runs that cannot be
-        read are passed over; the tables name them.
-
-        Raises:
-            ValueError: another run has other data, or another seed other settings; the message names the differences.
+        Runs that cannot be read are passed over; the tables name them.
         """
+        others = {}
         for run in self.runs():
-            try:
-                other = run.config()
-            except InputError:
-                continue
-            ignored = frozenset[str]() if other.experiment == config.experiment else frozenset(["worlds"])
-            listing = differences(other.data, config.data, ignored)
-            if listing:
-                raise InputError(f"{run} has other data ({listing}): delete it, or set outputs=")
-            if replace(other.key, seed=config.seed) == config.key and other.key != config.key:
-                listing = differences(replace(other, seed=config.seed), config)
-                if listing:
-                    raise InputError(f"{run}, another seed, has other settings ({listing}): delete it, or set outputs=")
+            with contextlib.suppress(InputError):
+                others[run] = run.config()
+        check_together(config, others)
 
     def runs(self) -> Iterator[Run]:
         """Yield every run directory, of networks and of baselines."""
@@ -98,3 +87,22 @@ class Outputs:
             except InputError:
                 others.append(run.path)
         return runs, others
+
+
+def check_together(config: RunConfig, others: Mapping[Run, RunConfig]) -> None:
+    """Check that a run can share tables with others: same scale, grid and pairs, and per experiment the same worlds.
+
+    Runs that differ in the seed alone must have the same settings, because tables average them.
+
+    Raises:
+        ValueError: another run has other data, or another seed other settings; the message names the differences.
+    """
+    for run, other in others.items():
+        worlds = config.data.worlds if other.experiment == config.experiment else other.data.worlds
+        if listing := differences(other.data, replace(config.data, worlds=worlds)):
+            raise InputError(
+                f"{run} has other data than {config.key.path} ({listing}): move or delete it, or set outputs="
+            )
+        is_other_seed = other.seed != config.seed and replace(other.key, seed=config.seed) == config.key
+        if is_other_seed and (listing := differences(replace(other, seed=config.seed), config)):
+            raise InputError(f"{run}, another seed, has other settings ({listing}): move or delete it, or set outputs=")

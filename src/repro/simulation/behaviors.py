@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from repro.simulation.motions import ROBOT_MOTIONS, robot_commands
 from repro.simulation.obstacle_motions import OBSTACLE_MOTIONS, obstacle_motion
+from repro.simulation.paths import BEHAVIORS, robot_commands
 
 with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM prints the backends that it tried
     from irsim.lib import register_behavior_class
@@ -18,7 +18,7 @@ with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM pri
 
 
 class CommandBehavior:
-    """IR-SIM behavior of a robot that executes the commands of a motion, see `motions`, and then stands still.
+    """IR-SIM behavior of a robot that executes the commands of a motion, see `world_motions`, and then stands still.
 
     Such as `{name: rotate, steps: 100, direction: 1}`.
     """
@@ -49,7 +49,7 @@ class ObstacleBehavior:
         return vel_world2omni(heading, np.array(velocity)[:, None])
 
 
-for _name in ROBOT_MOTIONS:
+for _name in BEHAVIORS:
     register_behavior_class("diff", _name)(CommandBehavior)
 for _name in OBSTACLE_MOTIONS:
     register_behavior_class("omni", _name)(ObstacleBehavior)

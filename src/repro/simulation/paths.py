@@ -1,4 +1,7 @@
-"""Path of the robot in a world: its start, its random goals, and the check that it keeps clear of fixed obstacles."""
+"""Path of the robot in a world: its start, its random goals, and the check that it keeps clear of fixed obstacles.
+
+In a world, a motion of the robot is a behavior as IR-SIM reads it: its name and its values, with a `direction`.
+"""
 
 import math
 from typing import Any
@@ -6,66 +9,48 @@ from typing import Any
 import numpy as np
 import shapely
 
-from repro.simulation.motions import robot_commands, robot_path
 from repro.system.errors import InputError
 from repro.world_config import Map
-from repro.world_motions import Motion, RandomGoals, Rotation, Square, Waypoints
+from repro.world_motions import Motion, RandomGoals, Rotation, Square, Sweep, Waypoints, integrated
 
 Behavior = dict[str, Any]  # of the robot, as IR-SIM reads it
+BEHAVIORS: dict[str, Any] = {"rotate": Rotation, "square": Square, "waypoints": Waypoints, "sweep": Sweep}
 
 _GOALS = 200  # goals tried from one place
 _STARTS = 50  # starts tried for one world
 
 
-def start_pose(behavior: Behavior, size_m: float, step_time: float) -> list[float]:
-    """Return the start pose x, y [m], heading [rad].
-
-    A rotation starts at the center, a square on its left side, `first_steps` before the corner below (direction 1) or
-    above (direction -1); `turned_rad` turns both about the center of the map. A drive along waypoints starts at the
-    first one; the opposite direction starts where it ends. A sweep starts at its `pose`.
-
-    Args:
-        behavior: as written in a world YAML.
-        size_m: side of the map [m].
-        step_time: duration of a step [s].
+def motion_of(behavior: Behavior) -> Rotation | Square | Waypoints | Sweep:
+    """Return the motion of a robot behavior as written in a world YAML.
 
     Raises:
-        ValueError: the behavior is none of these.
+        ValueError: the behavior is none of `BEHAVIORS`.
     """
-    center, direction, turned_rad = size_m / 2, behavior["direction"], behavior.get("turned_rad", 0.0)
-    if behavior["name"] == "rotate":
-        return [center, center, turned_rad]
-    if behavior["name"] == "sweep":
-        return list(behavior["pose"])
-    if behavior["name"] == "waypoints":
-        (x, y), (next_x, next_y) = behavior["points_m"][:2]
-        start = [float(x), float(y), math.atan2(next_y - y, next_x - x)]
-        if direction == 1:
-            return start
-        x, y, heading = robot_path({**behavior, "direction": 1}, start, step_time)[-1].tolist()
-        return [x, y, math.remainder(heading + math.pi, 2 * math.pi)]
-    if behavior["name"] != "square":
-        raise InputError(
-            f"the motion {behavior['name']} of the robot has no start pose: expected rotate, square, waypoints, sweep"
-        )
-    half = behavior["side_m"] / 2
-    ahead = behavior["side_m"] * behavior["first_steps"] / behavior["drive_steps"]  # [m] to the first corner
-    x, y, heading = -half, -direction * (half - ahead), -direction * math.pi / 2
-    if turned_rad:
-        cos, sin = math.cos(turned_rad), math.sin(turned_rad)
-        x, y, heading = cos * x - sin * y, sin * x + cos * y, math.remainder(heading + turned_rad, 2 * math.pi)
-    return [center + x, center + y, heading]
+    if behavior["name"] not in BEHAVIORS:
+        raise InputError(f"robot behavior must be one of {sorted(BEHAVIORS)}, got {behavior['name']!r}")
+    return BEHAVIORS[behavior["name"]].model_construct(**behavior)  # its values are checked or drawn
+
+
+def robot_commands(behavior: Behavior, step_time: float) -> np.ndarray:
+    """Compute the commands of a robot behavior, linear and angular velocity of each step [m/s, rad/s], (T, 2)."""
+    return motion_of(behavior).commands(behavior["direction"], step_time)
+
+
+def start_pose(behavior: Behavior, size_m: float, step_time: float) -> list[float]:
+    """Return the start pose x, y [m], heading [rad] of a robot behavior on a map of this side [m]."""
+    return motion_of(behavior).start(behavior["direction"], size_m, step_time)
 
 
 def planned_path(behavior: Behavior, world: Map) -> np.ndarray:
     """Compute the poses of the robot, beginning with the start, (T + 1, 3)."""
-    return robot_path(behavior, start_pose(behavior, world.width, world.step_time), world.step_time)
+    start = start_pose(behavior, world.width, world.step_time)
+    return integrated(robot_commands(behavior, world.step_time), start, world.step_time)
 
 
 def sampled_behavior(rng: np.random.Generator, motion: Motion) -> Behavior:
     """Return a motion in direction 1 as IR-SIM reads it, with `turned_rad` drawn from its range, if it is one."""
     behavior = {**motion.irsim(), "direction": 1}
-    if _may_turn(motion):
+    if isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple):
         behavior["turned_rad"] = float(rng.uniform(*behavior["turned_rad"]))
     return behavior
 
@@ -74,10 +59,6 @@ def reach_m(motion: Rotation | Square, world: Map) -> float:
     """Return the largest distance of the robot from the center of the map [m], however its motion is turned."""
     path = planned_path({**motion.irsim(), "turned_rad": 0.0, "direction": 1}, world)[:, :2]
     return float(np.linalg.norm(path - world.width / 2, axis=1).max())
-
-
-def _may_turn(motion: Motion) -> bool:
-    return isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple)
 
 
 def check_path(
@@ -108,7 +89,7 @@ def check_path(
             )
     if walls is None:
         return
-    if isinstance(motion, Rotation | Square) and _may_turn(motion):
+    if isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple):
         path = shapely.Point(world.width / 2, world.height / 2).buffer(reach_m(motion, world))
     else:
         path = shapely.LineString(points or planned_path({**motion.irsim(), "direction": 1}, world)[:, :2])

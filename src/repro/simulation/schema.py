@@ -8,7 +8,6 @@ import shapely
 from pydantic import Field, ValidationError
 
 from repro.fields import ConfigError, Name, config_errors_of
-from repro.simulation.motions import top_speeds
 from repro.simulation.shapes import geometry
 from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.system.errors import InputError
@@ -70,14 +69,9 @@ _TAG = re.compile(  # that pydantic adds to the path of a value in a union, wher
 
 
 def _once(errors: list[ConfigError]) -> list[ConfigError]:
-    """Report an error once, not in every experiment that refers to the value; drop pydantic's union tags."""
+    """Drop pydantic's union tags, and errors of experiments until all parts are right to which they may refer."""
     plain = [ConfigError(_TAG.sub("", error.key), error.value, error.expected) for error in errors]
-    named = {(e.key.split(".")[-1], str(e.value)) for e in plain if not e.key.startswith("world.experiments.")}
-    return [
-        error
-        for error in plain
-        if not error.key.startswith("world.experiments.") or (error.key.split(".")[-1], str(error.value)) not in named
-    ]
+    return [error for error in plain if not error.key.startswith("world.experiments.")] or plain
 
 
 def _error_of_spec(spec: WorldSpec) -> str | None:
@@ -88,7 +82,7 @@ def _error_of_spec(spec: WorldSpec) -> str | None:
             return f"{steps} steps of {beams} beams are more than {MAX_READINGS} readings: use fewer"
         if steps > MAX_STEPS:
             return f"a recording of {steps} steps is longer than {MAX_STEPS}: use fewer"
-        speeds = top_speeds(spec.motion, step_time)
+        speeds = spec.motion.top_speeds(step_time)
         check_spec(spec)
         for number, obstacle in enumerate(fixed_obstacles(spec), start=1):
             if not geometry(obstacle["shape"], obstacle["state"]).intersects(shapely.box(0, 0, width, width)):

@@ -19,8 +19,8 @@ import numpy as np
 
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
-from repro.simulation.motions import recorded_steps, robot_commands
 from repro.simulation.obstacle_motions import obstacle_states
+from repro.simulation.paths import motion_of, robot_commands
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.shapes import Shape
 from repro.simulation.worlds import World, write_world
@@ -58,7 +58,7 @@ def simulate(world: World) -> Recording:
         ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
-    steps = recorded_steps(world["robot"]["behavior"])
+    steps = motion_of(world["robot"]["behavior"]).steps
     poses, states, outlines = drive_robot(world), move_obstacles(world, steps), outlines_of_world(world)
     lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
     angles, has_noise = beam_angles(lidar), lidar.get("noise", False)

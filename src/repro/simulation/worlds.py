@@ -17,10 +17,10 @@ import numpy as np
 import shapely
 import yaml
 
-from repro.simulation.motions import recorded_steps
 from repro.simulation.paths import (
     Behavior,
     check_path,
+    motion_of,
     planned_path,
     reach_m,
     sampled_behavior,
@@ -177,7 +177,7 @@ def reverse_direction(world: World) -> World:
 def write_world(world: World, path: Path) -> None:
     """Write a world as plain IR-SIM YAML."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    noise_seed, steps = world.get("custom", {}).get("seed"), recorded_steps(world["robot"]["behavior"])
+    noise_seed, steps = world.get("custom", {}).get("seed"), motion_of(world["robot"]["behavior"]).steps
     arguments = "this file" if noise_seed is None else f"this file, seed={noise_seed}"
     header = (
         f"# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make({arguments}), {steps} times env.step().\n"

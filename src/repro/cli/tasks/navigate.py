@@ -1,8 +1,7 @@
 """task=navigate: drive a robot to goals by the maps of one arm, tuned alone, and compare the arms."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from repro.cli.jobs import Job
 from repro.cli.settings import NETWORK_ARMS
@@ -12,7 +11,6 @@ from repro.system.errors import InputError
 if TYPE_CHECKING:
     from repro.maps.grid import Grid
     from repro.navigation.arms import Arm
-    from repro.navigation.study import Study
 
 
 def run(job: Job) -> None:
@@ -32,42 +30,12 @@ def run(job: Job) -> None:
     specs = {name: world_spec(job.call.world, name) for name in settings.experiments}
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
-    options: dict[str, Any] = {"inflations_m": settings.inflations_m, "people": settings.people}
-
-    def study_of(arm: str) -> Study:
-        return Study(directory, *_arm(job, grid, arm), specs, grid, **options)
-
-    study = study_of(settings.arm)
+    name, arm = _arm(job, grid, settings.arm)
+    study = Study(directory, name, arm, specs, grid, inflations_m=settings.inflations_m, people=settings.people)
     with few_threads():
         study.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
-    if settings.arm in NETWORK_ARMS:
-        _draw_replay(study, study_of, job.outputs.analysis)
-
-
-def _draw_replay(study: "Study", study_of: Callable[[str], "Study"], analysis: Path) -> None:
-    """Draw a course in which the robot reaches its goals by this arm, and collides by the best classical one."""
-    import pandas as pd
-
-    from repro.navigation.study import TEST
-    from repro.reporting.animation import REPLAY, telling_course, watch, write_replay
-    from repro.reporting.navigation import BEST_OF, best_classical, title_of
-
-    directory = study.directory.parent
-    rows = {name: directory / name / TEST for name in (study.name, *BEST_OF)}
-    tests = {name: pd.read_csv(path).assign(arm=name) for name, path in rows.items() if path.is_file()}
-    best = best_classical(pd.concat(tests.values()))
-    course = telling_course(tests[study.name], tests[best]) if best else None
-    if not best or not course:
-        return
-    studies = (study_of(best), study)
-    fleets = [one.fleet([course], one.tested()) for one in studies]
-    drives = [watch(fleet, title_of(one.name)) for fleet, one in zip(fleets, studies, strict=True)]
-    goals, range_max_m = fleets[0].courses[0].goals, fleets[0].range_max_m
-    path = analysis / REPLAY
-    write_replay(drives, goals, path, size_m=study.grid.size_m, range_max_m=range_max_m)
-    print(f"{path}: experiment {course[0]}, course {course[1]}")
 
 
 def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
