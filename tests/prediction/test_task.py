@@ -71,11 +71,6 @@ def test_a_log_or_weights_in_the_place_of_the_predictions_are_kept(run, tmp_path
     assert (directory / "rooms.mcap").is_file()
 
 
-def test_weights_that_do_not_exist_are_named(run, tmp_path):
-    with pytest.raises(ValueError, match=r"^prediction.weights: .*/nothing: no such file or directory$"):
-        run(weights=str(tmp_path / "nothing"))
-
-
 def test_misses_at_an_unknown_maximum_range_are_named(run, tmp_path, capsys):
     log = dict(np.load(EXAMPLE))
     del log["range_max_m"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.cli.inputs import find, name_of
+from repro.cli.inputs import name_of
 from repro.cli.jobs import Job
 from repro.cli.prediction_report import describe, percent, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
@@ -42,7 +42,7 @@ def predict_log(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    predictor = load_predictor(find("prediction.weights", settings.weights))
+    predictor = load_predictor(settings.weights)
     print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings)
     describe(log, windows, predictor.reach_m)
@@ -93,7 +93,7 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     if settings.spacing == "distance" and settings.step_s is not None:
         raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
     windows = window_of(predictor, center, settings.steps, settings.step_s, settings.range_max_m)
-    if (windows.steps, windows.step_s) != predictor.window():
+    if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
     return replace(windows, spacing=settings.spacing)

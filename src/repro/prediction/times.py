@@ -103,7 +103,10 @@ def window_of(
     Raises:
         InputError: a value is outside of its range, or the network has learned fixed obstacles and the center moves.
     """
-    settings = WindowSettings(center, *predictor.window(steps, step_s), range_max_m)
+    steps, step_s = predictor.steps if steps is None else steps, predictor.step_s if step_s is None else step_s
+    settings, least = WindowSettings(center, steps, step_s, range_max_m), predictor.encoding.frames
+    if settings.steps < least:
+        raise InputError(f"steps: expected at least {least}, one for each part of the encoding, got {settings.steps}")
     predictor.check_center(settings.center)
     return settings
 
