@@ -35,26 +35,26 @@ def losses(path):
 
 @pytest.fixture(scope="module")
 def finished(recorded, tmp_path_factory):
-    """Train a run of 6 epochs without interruption."""
+    """Train a run of three epochs without interruption."""
     path = tmp_path_factory.mktemp("finished")
-    assert begin(path, recorded, max_epochs=6) is Status.trained
+    assert begin(path, recorded, max_epochs=3) is Status.trained
     return path
 
 
 @pytest.mark.slow
 def test_a_finished_run_has_history_provenance_and_weights(finished, recorded):
     history, origin = losses(finished), Run(finished).provenance()
-    assert history["epoch"].tolist() == list(range(6))
+    assert history["epoch"].tolist() == list(range(3))
     assert history["train_loss"].iloc[-1] < history["train_loss"].iloc[0]
-    assert (origin.status, origin.fact("epochs"), origin.fact("train_pairs")) == (Status.trained, 6, 24)
+    assert (origin.status, origin.fact("epochs"), origin.fact("train_pairs")) == (Status.trained, 3, 24)
     assert origin.fact("weights_sha256") == sha256(finished / "model" / "model.safetensors")
     assert not (finished / "checkpoints").exists()
 
 
 @pytest.mark.slow
 def test_same_seed_same_weights_other_seed_other_weights(finished, recorded, tmp_path):
-    begin(tmp_path / "again", recorded, max_epochs=6)
-    begin(tmp_path / "other", recorded, max_epochs=6, seed=1)
+    begin(tmp_path / "again", recorded, max_epochs=3)
+    begin(tmp_path / "other", recorded, max_epochs=3, seed=1)
     assert same_weights(finished, tmp_path / "again")
     assert losses(finished).equals(losses(tmp_path / "again"))
     assert not same_weights(finished, tmp_path / "other")
@@ -84,7 +84,7 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
 
 @pytest.mark.slow
 def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished, recorded, tmp_path, capsys):
-    run, calls = prepared(tmp_path / "paused", max_epochs=6), 0
+    run, calls = prepared(tmp_path / "paused", max_epochs=3), 0
     used = spent_budget()
     used.epochs = 1
     assert train(run, recorded, accelerator="cpu", budget=used) is Status.paused
@@ -95,10 +95,10 @@ def test_a_spent_budget_pauses_after_an_epoch_and_the_next_call_resumes(finished
             break
         assert run.status is Status.paused
         assert len(losses(run.path)) == run.provenance().fact("epochs") == calls
-    assert calls == 6
+    assert calls == 3
     assert same_weights(finished, run.path)
     announced = [line.split("  ")[1] for line in capsys.readouterr().out.splitlines() if "resuming" in line]
-    assert announced == [f"resuming after epoch {epoch} of 6" for epoch in range(1, 6)]
+    assert announced == [f"resuming after epoch {epoch} of 3" for epoch in range(1, 3)]
 
 
 def test_a_run_may_be_moved_while_it_is_paused(tmp_path):

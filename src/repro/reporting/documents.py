@@ -15,7 +15,6 @@ from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
 from repro.reporting.claims import count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
-from repro.reporting.navigation import arms_table
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells, cells_of, number, with_interval
 from repro.reporting.results import read_frames, read_published
@@ -120,6 +119,18 @@ def bounds(frames: DataFrames, caption: str) -> Cells:
     return Cells(("Exp.", "Predictor", *SUMMARY.values(), *PROBABILISTIC.values()), shown, caption, text_columns=2)
 
 
+def arms(frames: DataFrames, caption: str) -> Cells:
+    """Return success, time and difference of all arms, a row each, from navigation.csv."""
+    results = frames["navigation"]
+    experiments, rows = list(results["experiment"].unique()), []
+    for title, own in results.groupby("title", sort=False):
+        of = own.set_index("experiment")
+        success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
+        gain, low, high = map(float, of.loc["all", ["difference", "difference_low", "difference_high"]])
+        rows.append([title, *success, number(of.loc["all", "time_s"], 1), with_interval(gain, low, high, "+.3f")])
+    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, minus the best"], rows, caption)
+
+
 def costs(frame: pd.DataFrame, caption: str) -> Cells:
     """Return one row per network and resolution, without columns that are empty everywhere."""
     encodings = frame.get("encoding", pd.Series(PROJECTION, frame.index))
@@ -155,7 +166,7 @@ ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # table
         "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two",
     ),
     "arms": (
-        arms_table,
+        arms,
         "Share of the courses in which the robot reaches both goals, with 95 % intervals; mean time of the successes",
     ),
 }

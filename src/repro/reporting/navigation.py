@@ -12,8 +12,7 @@ from repro.metrics.bootstrap import bounds, draw_weights
 from repro.navigation.arms import HITS
 from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
 from repro.reporting.names import predictor_title
-from repro.reporting.plots import INK, MARKERS, STYLE, DataFrames, columns, one_legend, save
-from repro.reporting.render import Cells, number, with_interval
+from repro.reporting.plots import INK, MARKERS, STYLE, columns, one_legend, save
 from repro.system.files import read_mapping, write_json, write_text
 
 TITLES = {
@@ -56,18 +55,6 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     write_json(analysis / "navigation.json", origins)
     _draw(points, analysis / "navigation")
     return results
-
-
-def arms_table(frames: DataFrames, caption: str) -> Cells:
-    """Return success, time and difference of all arms, a row each, from navigation.csv."""
-    results = frames["navigation"]
-    experiments, rows = list(results["experiment"].unique()), []
-    for title, own in results.groupby("title", sort=False):
-        of = own.set_index("experiment")
-        success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
-        gain, low, high = map(float, of.loc[ALL, ["difference", "difference_low", "difference_high"]])
-        rows.append([title, *success, number(of.loc[ALL, "time_s"], 1), with_interval(gain, low, high, "+.3f")])
-    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, minus the best"], rows, caption)
 
 
 def compare(test: pd.DataFrame) -> pd.DataFrame:
