@@ -72,13 +72,12 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path):
         "prediction.stride_s=10",
         "prediction.weights=rooms",
         "prediction.center=[12.5,12.5]",
-        "prediction.mcap=true",
     )
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "rooms"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
-    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "source.json", "rooms.mcap"}
+    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "source.json"}
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
     assert table["passed_pixels_free"][:2].min() > 0.95

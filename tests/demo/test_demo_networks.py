@@ -40,8 +40,8 @@ def test_float16_weights_take_half_the_space_and_give_the_same_output():
 @pytest.mark.slow
 def test_a_saved_network_is_loaded_with_its_encoding_and_grid(tmp_path):
     Predictor(create_network(paper_model("unet")).eval(), PROJECTION, PAGE_GRID).save(tmp_path / "unet")
-    loaded = networks.load_demo_network("mine", tmp_path / "unet")
-    assert (loaded.title, loaded.predictor.grid) == ("mine", PAGE_GRID)
+    loaded = networks.load_demo_network(str(tmp_path / "unet"))
+    assert (loaded.title, loaded.predictor.grid) == (str(tmp_path / "unet"), PAGE_GRID)
     assert loaded.predictor.encoding.parameters == {"decay": True, "oldest_gray": 0.8}
 
 
@@ -73,6 +73,5 @@ def test_a_network_of_other_maps_or_windows_is_refused(grid, steps, problem):
 
 
 def test_a_network_of_fixed_obstacles_is_refused():
-    directory = ROOT / "reproduce" / "results" / "office-8000" / "exppeople-convgru"
     with pytest.raises(ValueError, match="was trained with fixed obstacles, which the demo does not have"):
-        networks.load_demo_network("office", directory)
+        networks.load_demo_network("reproduce/results/office-8000/exppeople-convgru")

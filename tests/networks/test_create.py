@@ -14,22 +14,9 @@ MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 @pytest.mark.parametrize("architecture", NETWORKS)
 def test_one_gray_image_is_mapped_to_one_map_of_logits(architecture):
     model = create_network(paper_model(architecture)).eval()
-    with torch.inference_mode():
-        assert model(torch.rand(2, 1, 64, 64)).shape == (2, 1, 64, 64)
+    check_interface(model, 1)
+    check_interface(create_network(paper_model(architecture), in_channels=4), 4)
     assert sum(p.numel() for p in model.parameters()) / 1e6 == pytest.approx(MILLIONS[architecture], abs=0.01)
-
-
-@pytest.mark.parametrize("channels", [2, 4])
-def test_a_network_has_the_channels_of_its_encoding(channels):
-    with torch.inference_mode():
-        assert create_network(paper_model("unet"), in_channels=channels).eval()(
-            torch.rand(1, channels, 64, 64)
-        ).shape == (
-            1,
-            1,
-            64,
-            64,
-        )
 
 
 @pytest.mark.parametrize(

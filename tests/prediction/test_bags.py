@@ -3,7 +3,6 @@
 import shutil
 import sqlite3
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,12 +86,3 @@ def test_a_database_whose_last_messages_are_in_its_log_is_refused_until_it_has_t
     with closing(sqlite3.connect(killed / path.name)) as repaired:
         repaired.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     expect(read(killed), atol=2e-3)
-
-
-def test_the_parts_of_a_bag_in_a_directory_are_one_log(tmp_path):
-    """The second one has the same scans again, and no poses."""
-    for name, poses in (("a.bag", "tf"), ("b.bag", "none")):
-        bag(tmp_path / name, 1, poses=poses)
-    log = read(tmp_path)
-    assert log.skipped == {"not later than the one before": SCANS}
-    expect(replace(log, skipped={}), atol=2e-3)

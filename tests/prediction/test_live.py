@@ -102,7 +102,7 @@ def check(robot: Robot, count: int, warnings=(), center=(25.0, 25.0)) -> None:
         assert np.array_equal(predicted.unknown, batch.unknown)
 
 
-@pytest.mark.parametrize("lag", [1, 8])
+@pytest.mark.parametrize("lag", [1, 40])
 @pytest.mark.parametrize("center", ["robot", (25.0, 25.0)])
 def test_maps_with_transforms_are_those_of_the_batch(lag, center):
     """Poses arrive after their scans, the mounting of the lidar even later."""
@@ -120,19 +120,6 @@ def test_maps_with_transforms_are_those_of_the_batch(lag, center):
 
 def test_maps_with_odometry_are_those_of_the_batch():
     check(driven(30), 30)
-
-
-def test_scans_wait_for_transforms_that_lag_more_and_more():
-    """As on a busy computer: up to 4 s behind the scans, and then in time again."""
-    robot = Robot()
-    robot.mapper.add_transforms(base(-1))
-    sent, count = 0, 110
-    for step in range(count):
-        robot.mapper.add_scan(scan(step))
-        while sent <= step - min(step // 2, 40) or (sent <= step and step > 100):
-            robot.mapper.add_transforms(base(sent))
-            sent += 1
-    check(robot, count)
 
 
 def test_scans_do_not_wait_for_odometry_that_is_silent_from_the_beginning():
@@ -220,18 +207,6 @@ def test_scans_without_poses_do_not_pile_up():
         robot.mapper.add_scan(scan(0))
     assert len(robot.mapper.waiting) == MAX_WAITING
     assert len(robot.warnings) == 5
-
-
-def test_a_scan_waits_for_the_poses_of_the_robot():
-    """The mounting of the lidar alone does not place it."""
-    robot = Robot()
-    for step in range(5):
-        robot.mapper.add_scan(scan(step))
-    for step in range(-1, 25):
-        robot.mapper.add_transforms(base(step))
-        if step >= 5:
-            robot.mapper.add_scan(scan(step))
-    check(robot, 25)
 
 
 def test_the_window_begins_again_when_the_poses_are_in_another_frame():

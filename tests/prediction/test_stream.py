@@ -169,10 +169,10 @@ def test_a_scan_that_cannot_be_is_refused_and_left_out(small, change, message):
         ({"center": None}, "center: expected robot"),
         ({"angles": np.linspace(-45, 45, 91)}, "angles are beyond a full turn: expected radians"),
         ({"angles": np.linspace(-2 * np.pi, 2 * np.pi, 721)}, "355 of 721 angles are more than a turn from the first"),
-        ({"steps": 9}, "10 steps or more, a whole number, and .*, got 9 and 0.1"),
-        ({"steps": 50.5}, "10 steps or more, a whole number, and .*, got 50.5 and 0.1"),
-        ({"step_s": 0.0}, "10 steps or more, a whole number, and .*, got 100 and 0.0"),
-        ({"step_s": float("inf")}, "10 steps or more, a whole number, and .*, got 100 and inf"),
+        ({"steps": 9}, "steps: expected at least 10, one for each part of the encoding, got 9"),
+        ({"steps": 50.5}, "expected 1 to 10000 steps and a step_s of at least 0.001 s, got 50.5 and 0.1"),
+        ({"step_s": 0.0}, "expected 1 to 10000 steps .*, got 100 and 0.0"),
+        ({"step_s": float("inf")}, "expected 1 to 10000 steps .*, got 100 and inf"),
     ],
 )
 def test_impossible_settings_are_refused_at_once(small, options, message):

@@ -37,14 +37,9 @@ def test_headings_are_interpolated_through_the_shorter_turn():
     assert transforms.pose_at("base", 1.25) == pytest.approx((0.25, 0.5, math.pi - 0.05))
 
 
-def test_poses_may_arrive_in_any_order():
-    transforms = moving([3.0, 1.0, 2.0], [3.0, 1.0, 2.0])
-    assert [transforms.pose_at("base", stamp)[0] for stamp in (1.0, 1.5, 2.5, 3.0)] == pytest.approx([1, 1.5, 2.5, 3])
-
-
 @pytest.mark.parametrize(("stamp", "is_known"), [(0.85, False), (0.95, True), (1.5, True), (3.0, False), (4.15, False)])
 def test_poses_are_known_near_others_only(stamp, is_known):
-    transforms = moving([1, 2, 4], [1, 2, 4])  # with a gap of 2 s
+    transforms = moving([2, 4, 1], [2, 4, 1])  # in any order, with a gap of 2 s
     assert (transforms.pose_at("base", stamp) is not None) == is_known
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import repro
-from repro.cli.inputs import find
 from repro.maps.encodings import create_encoding
 from repro.maps.validity import check_windows
+from repro.networks.predictor import load_predictor
 from repro.prediction.readings import readings
 from repro.scans import Scans
 from repro.simulation.floors import read_floor
@@ -50,7 +50,7 @@ def test_a_file_without_an_end_is_not_read(name, tmp_path):
     (tmp_path / "map.yaml").write_text(MAP.format(path, 0.05, [0, 0, 0]))
     reads = {
         "floor_map": lambda: read_floor(tmp_path / "map.yaml"),
-        "weights": lambda: find("prediction.weights", str(path)),
+        "weights": lambda: load_predictor(path),
         "mapping": lambda: read_mapping(path, "restore it"),
         "arrays": lambda: open_arrays(path).__enter__(),
     }

@@ -108,17 +108,3 @@ def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     with AnyReader([maps]) as reader:
         received = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
     check_maps(received, batch_maps(log), output.read_text())
-
-
-def test_the_recorded_bag_is_predicted(bag, tmp_path):
-    command = [
-        sys.executable,
-        "run.py",
-        "task=predict",
-        f"scans={bag}",
-        "prediction.weights=rooms",
-        "prediction.center=[12.5,12.5]",
-    ]
-    done = subprocess.run([*command, f"outputs={tmp_path}"], cwd=ROOT, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert len(list((tmp_path / "predictions" / "robot").glob("window-*.npz"))) == 3

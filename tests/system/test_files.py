@@ -14,8 +14,6 @@ from repro.system.files import (
     read_mapping,
     read_table,
     replacing,
-    sha256,
-    write_json,
     write_text,
 )
 
@@ -130,11 +128,3 @@ def test_an_unreadable_table_is_named_with_a_fix(tmp_path, content):
         (tmp_path / "t.csv").write_text(content)
     with pytest.raises(ValueError, match=r"t\.csv cannot be read \(.*\): do this"):
         read_table(tmp_path / "t.csv", ("a", "b"), "do this")
-
-
-def test_complete_files_are_read(tmp_path):
-    write_json(tmp_path / "a.json", {"b": 1})
-    assert read_mapping(tmp_path / "a.json", "") == {"b": 1}
-    write_text(tmp_path / "t.csv", "a,b\n1,2\n")
-    assert read_table(tmp_path / "t.csv", ("a", "b"), "")["b"].tolist() == [2]
-    assert sha256(tmp_path / "t.csv") == sha256(tmp_path / "t.csv") != sha256(tmp_path / "a.json")

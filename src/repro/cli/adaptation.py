@@ -5,7 +5,6 @@ import os
 import tempfile
 from pathlib import Path
 
-from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.cli.prediction import read
 from repro.cli.settings import Prediction
@@ -30,7 +29,7 @@ def adapt_to_logs(job: Job, paths: list[Path], target: Path) -> None:
         InputError: a log cannot be used, or the validation loss does not fall.
     """
     settings, runtime, origin = job.call.prediction, job.call.runtime, environment()
-    predictor = load_predictor(find("prediction.weights", settings.weights))
+    predictor = load_predictor(settings.weights)
     device = resolve_device(runtime.accelerator)
     with few_threads():
         logs = [_labeled(path, predictor, settings, seed=number) for number, path in enumerate(paths)]

@@ -6,11 +6,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from types import ModuleType
 
 import pandas as pd
 
-from repro.cli.inputs import find, name_of
+from repro.cli.inputs import name_of
 from repro.cli.jobs import Job
 from repro.cli.prediction_report import describe, percent, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
@@ -18,7 +17,7 @@ from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import SHARES, compare
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, read_maps, write_map, write_probabilities
+from repro.prediction.output import draw, write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.stream import predict_map
 from repro.prediction.times import WindowSettings, window_of
@@ -29,7 +28,7 @@ from repro.system.progress import progress
 
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # of earlier versions: the GIF
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # GIF: before 0.4
 
 
 def predict_log(job: Job) -> None:
@@ -43,12 +42,11 @@ def predict_log(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    predictor = load_predictor(find("prediction.weights", settings.weights))
+    predictor = load_predictor(settings.weights)
     print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings)
     describe(log, windows, predictor.reach_m)
     predictor = predictor.with_range(log.range_max_m)
-    mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
@@ -58,8 +56,6 @@ def predict_log(job: Job) -> None:
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
-        if mcap:
-            mcap.write_mcap(new / f"{target.name}.mcap", log, read_maps(new), min(log.range_max_m, COMPARED_M))
         write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
         write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
     warn_of(predicted, predictor.statistics)
@@ -97,7 +93,7 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     if settings.spacing == "distance" and settings.step_s is not None:
         raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
     windows = window_of(predictor, center, settings.steps, settings.step_s, settings.range_max_m)
-    if (windows.steps, windows.step_s) != predictor.window():
+    if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
     return replace(windows, spacing=settings.spacing)
@@ -107,16 +103,6 @@ def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor)
     """Return the time between two windows [s], or the scans between two that are spaced by distance."""
     is_spaced = windows.spacing == "distance"
     return settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
-
-
-def _mcap(log: ScanLog) -> ModuleType:
-    """Return the module that writes MCAP files, after a check that it can write this log."""
-    try:
-        from repro.prediction import mcap
-    except ModuleNotFoundError as error:
-        raise InputError("prediction.mcap=true needs the package rosbags: pip install rosbags") from error
-    mcap.check_times(log)
-    return mcap
 
 
 def _predict_all(

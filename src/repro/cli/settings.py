@@ -90,7 +90,6 @@ class Prediction:
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None
-    mcap: bool
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from onnx import TensorProto, helper, numpy_helper
 from repro.maps.encodings import kind_of
 from repro.networks.onnx_files import TOLERANCE, OnnxNetwork
 from repro.networks.predictor import ONNX, Predictor, load_predictor
+from repro.networks.weights import locate
 from repro.system.errors import InputError
 
 DRAWN_ENCODINGS = ("projection", "stack", "series")  # those that assets/encodings.js draws
@@ -33,14 +34,14 @@ class DemoNetwork:
     onnx: bytes
 
 
-def load_demo_network(title: str, path: Path) -> DemoNetwork:
-    """Load a trained or exported network for the page: a directory, or an ONNX file.
+def load_demo_network(title: str) -> DemoNetwork:
+    """Load a network for the page by the name or the path of its weights, see `load_predictor`.
 
     Raises:
-        InputError: the path holds no predictor, it was trained with fixed obstacles, the page cannot draw its encoding,
+        InputError: there is no such predictor, it was trained with fixed obstacles, the page cannot draw its encoding,
             or float16 weights change its output by more than 0.001.
     """
-    predictor = load_predictor(path)
+    path, predictor = locate(title), load_predictor(title)
     if predictor.has_fixed:
         raise InputError(f"{path} was trained with fixed obstacles, which the demo does not have")
     if predictor.is_centered:

@@ -101,7 +101,7 @@ def _check_network(network: DemoNetwork, spec: WorldSpec, steps: int) -> None:
     found, expected = (
         f"maps of {size_m:g} m from {count} steps of {step_s:g} s"
         for size_m, count, step_s in (
-            (predictor.grid.size_m, *predictor.window()),
+            (predictor.grid.size_m, predictor.steps, predictor.step_s),
             (spec.world.width, steps, spec.world.step_time),
         )
     )

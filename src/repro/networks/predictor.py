@@ -10,7 +10,6 @@ statistics and the window of the training scans, see `torch_files`. The other fo
 
 import copy
 import dataclasses
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,20 +79,6 @@ class Predictor:
         if range_max_m >= self.reach_m:
             return self
         return dataclasses.replace(self, encoding=self.encoding.with_range(range_max_m))
-
-    def window(self, steps: int | None = None, step_s: float | None = None) -> tuple[int, float]:
-        """Return the steps of a window and the time of a step [s], those of the training where None is given.
-
-        Raises:
-            ValueError: the steps are fewer than the parts of the encoding, or the time is not positive.
-        """
-        steps, step_s = self.steps if steps is None else steps, self.step_s if step_s is None else step_s
-        least = self.encoding.frames
-        if not float(steps).is_integer() or steps < least or not 0 < step_s < math.inf:
-            raise InputError(
-                f"expected {least} steps or more, a whole number, and a positive step_s [s], got {steps} and {step_s}"
-            )
-        return steps, step_s
 
     def check_center(self, center: str | tuple[float, float]) -> None:
         """Check that the map may have this center in the frame of the poses: `robot`, `start`, or x, y [m].

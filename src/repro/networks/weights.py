@@ -11,6 +11,7 @@ from huggingface_hub import snapshot_download
 
 from repro.system.errors import InputError
 from repro.system.files import first_line
+from repro.system.places import project_directory
 
 DIRECTORY = Path(__file__).parents[1] / "weights"
 NAMES = tuple(sorted(path.name for path in DIRECTORY.iterdir()))
@@ -22,18 +23,19 @@ def locate(weights: str | Path) -> Path:
     """Return the path of weights, which are downloaded to the user's cache if they are in a repository of the Hub.
 
     Args:
-        weights: one of `NAMES`; or a path; or owner/name of a repository of the Hugging Face Hub, which is asked for a
-            name that is no path, and whose owner is no directory.
+        weights: one of `NAMES`; or a path, which may be relative to the project; or owner/name of a repository of the
+            Hugging Face Hub, which is asked for a name that is no path, and whose owner is no directory.
 
     Raises:
         ValueError: there are none of this name, or they cannot be downloaded.
     """
-    name, path = str(weights), Path(weights).expanduser()
+    name = str(weights)
     if name in NAMES:
         return DIRECTORY / name
-    if name and path.exists():
-        return path
-    if not REPOSITORY.fullmatch(name) or path.parent.exists():
+    paths = Path(name).expanduser(), project_directory() / name
+    if there := [path for path in paths if name and path.exists()]:
+        return there[0]
+    if not REPOSITORY.fullmatch(name) or any(path.parent.exists() for path in paths):
         raise InputError(
             f"{name}: no such weights, expected one of {', '.join(NAMES)}, a directory or ONNX file that exists, or a "
             "repository of the Hugging Face Hub, owner/name"

@@ -31,13 +31,14 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
     """Open a bag.
 
     Args:
-        path: a file, the directory of a ROS 2 bag, or a directory with the parts of a bag and no metadata.yaml.
+        path: a file, or the directory of a ROS 2 bag.
 
     Raises:
         InputError: it cannot be read, also while the context reads from it.
     """
     try:
-        with AnyReader(_parts(path), default_typestore=get_typestore(Stores.LATEST)) as bag:
+        _check_files(path)
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
             yield bag
     except InputError:
         raise
@@ -49,20 +50,15 @@ def open_bag(path: Path) -> Iterator[AnyReader]:
         ) from error
 
 
-def _parts(path: Path) -> list[Path]:
-    """Return the paths that together are a bag, in the order of their names, after a check of its files."""
-    files = sorted(path.iterdir()) if path.is_dir() else [path]
-    for file in files:
-        if file.suffix not in SUFFIXES and path.is_file():
-            raise InputError(f"{path}: is a bag: expected a name that ends with {', '.join(SUFFIXES)}")
+def _check_files(path: Path) -> None:
+    """Check the files of a bag, and that rosbags takes its name."""
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise InputError(f"{path}: is a directory without metadata.yaml, as that of a bag of ROS 2: name a file in it")
+    if path.is_file() and path.suffix not in SUFFIXES:
+        raise InputError(f"{path}: is a bag: expected a name that ends with {', '.join(SUFFIXES)}")
+    for file in path.iterdir() if path.is_dir() else [path]:
         if file.suffix in SUFFIXES:
             _check(file)
-    if path.is_file() or path / "metadata.yaml" in files:
-        return [path]
-    parts = [file for file in files if file.suffix in SUFFIXES]
-    if not parts:
-        raise InputError(f"{path}: is a directory without metadata.yaml and without parts of a bag")
-    return parts
 
 
 def _check(path: Path) -> None:
@@ -95,7 +91,7 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
     reported once; see `Transforms.base_of`.
 
     Args:
-        path: the file, or the directory of a ROS 2 bag or of the parts of a bag.
+        path: the file, or the directory of a ROS 2 bag.
         options: topics, frame and poses. Named odometry replaces all transforms that are not static.
 
     Raises:

@@ -150,19 +150,19 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         InputError: the times do not order the scans, fewer than two scans can be used, the beams are not those of a
             lidar, the ranges are not meters, or the headings are not radians.
     """
-    intake, clock = Intake(str(path), settings.range_max_m), Clock[LogScan](settings)
+    intake, clock = Intake(str(path), settings.range_max_m), Clock(settings)
     stamps, ranges, poses, limits = list[float](), list[np.ndarray](), list[Pose](), list[float]()
     for number, scan in enumerate(_usable(scans, intake)):
         is_spaced = settings.spacing == "distance"
-        for stamp, kept in [(float(number), scan)] if is_spaced else clock.take(scan.stamp, scan):
-            assert kept.pose is not None, "the intake leaves out others"
-            stamps.append(stamp)
-            ranges.append(kept.ranges)
-            poses.append(kept.pose)
-            limits.append(kept.range_max_m)
-        if (
-            number % SCANS_PER_CHECK == 0 and 1e-9 * sum(each.nbytes for each in ranges) > available_memory_gb()
-        ):  # copied once
+        if not is_spaced and clock.why_left_out(scan.stamp):
+            continue
+        assert scan.pose is not None, "the intake leaves out others"
+        stamps.append(float(number) if is_spaced else scan.stamp)
+        ranges.append(scan.ranges)
+        poses.append(scan.pose)
+        limits.append(scan.range_max_m)
+        is_checked = len(stamps) % SCANS_PER_CHECK == 0
+        if is_checked and 1e-9 * sum(each.nbytes for each in ranges) > available_memory_gb():  # copied once
             raise InputError(f"{path}: its first {number} scans fill the memory: divide the log")
     _check_order(np.array(stamps), clock.left_out[NOT_LATER], path)
     skipped = intake.left_out + clock.left_out

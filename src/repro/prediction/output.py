@@ -1,6 +1,5 @@
 """Files of a prediction: probabilities, a map for map_server, and a figure."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from repro.maps.projection import Projection
 from repro.prediction.ros import OCCUPIED_ABOVE
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
-from repro.system.files import open_arrays
 
 FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight
 UNKNOWN = 255  # in a map for map_server
@@ -31,16 +29,6 @@ def write_probabilities(path: Path, predicted: StreamMap) -> None:
         resolution=np.array(predicted.resolution_m),
         stamp=np.array(predicted.stamp),
     )
-
-
-def read_maps(directory: Path) -> Iterator[StreamMap]:
-    """Read the maps that `write_probabilities` wrote to a directory, in the order of time."""
-    numbers = {path: int(path.stem.split("-")[1]) for path in directory.glob("window-*.npz")}  # may have more digits
-    for path in sorted(numbers, key=numbers.__getitem__):
-        with open_arrays(path) as content:
-            left, bottom = content["origin"].tolist()
-            place = (left, bottom), float(content["resolution"]), float(content["stamp"])
-            yield StreamMap(content["free"], *place, content["unknown"])
 
 
 def write_map(stem: Path, predicted: StreamMap) -> None:

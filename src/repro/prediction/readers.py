@@ -25,7 +25,7 @@ def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOp
     """Read a log.
 
     Args:
-        path: a file, the directory of a ROS 2 bag, or a directory with the parts of a bag.
+        path: a file, or the directory of a ROS 2 bag.
         settings: the windows that will be cut from it.
         options: what its file does not say.
 

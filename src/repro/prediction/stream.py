@@ -116,7 +116,7 @@ class PredictionStream:
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
-        self._clock: Clock[tuple[np.ndarray, np.ndarray]] = Clock(self.settings)
+        self._clock = Clock(self.settings)
         self._lock = threading.Lock()
 
     def limit(self, range_max_m: float) -> None:
@@ -147,11 +147,13 @@ class PredictionStream:
 
     def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> None:
         """Keep a scan and drop the scans that no later window needs; `reason` states why a scan is left out."""
-        for kept_s, scan in self._clock.take(stamp, (ranges, pose)):
-            if self._kept and self.settings.divides(kept_s - self._kept[-1][0]):
-                self._kept.clear()
-            self._kept.append((kept_s, *scan))
-        self.reason = self._clock.reason
+        left_out = self._clock.why_left_out(stamp)
+        self.reason = left_out and f"the scan at {stamp:.2f} s is {left_out}"
+        if left_out:
+            return
+        if self._kept and self.settings.divides(stamp - self._kept[-1][0]):
+            self._kept.clear()
+        self._kept.append((stamp, ranges, pose))
         while len(self._kept) > 1 and self._kept[1][0] <= self._kept[-1][0] - self.settings.duration_s:
             self._kept.popleft()
 

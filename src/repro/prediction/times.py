@@ -1,6 +1,6 @@
 """The times of scans and the steps of windows: one set of rules for logs, streams and nodes.
 
-A `Clock` keeps scans by their times, as they arrive, `WindowSettings.divides` finds the parts of the kept scans, and
+A `Clock` chooses scans by their times, as they arrive, `WindowSettings.divides` finds the parts of the kept scans, and
 `steps_before` takes the scan nearest to each step of a window. Logs, streams and nodes use them, so that they predict
 the same maps.
 """
@@ -8,14 +8,13 @@ the same maps.
 import math
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
 from repro.networks.predictor import Predictor
 from repro.system.errors import InputError
 
-T = TypeVar("T")
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; twice that between two scans divides a log
 MAX_STEPS = 10_000  # of a window
 MIN_STEP_S = 0.001  # far above the resolution of times, so that a window has as many scans as steps
@@ -23,7 +22,6 @@ TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
 SPACINGS = ("time", "distance")
 NOT_LATER = "not later than the one before"
 TOO_SOON = "less than half a step after the one before"
-ELSEWHERE = "far in time from those before and after"
 
 
 @dataclass(frozen=True)
@@ -105,61 +103,42 @@ def window_of(
     Raises:
         InputError: a value is outside of its range, or the network has learned fixed obstacles and the center moves.
     """
-    settings = WindowSettings(center, *predictor.window(steps, step_s), range_max_m)
+    steps, step_s = predictor.steps if steps is None else steps, predictor.step_s if step_s is None else step_s
+    settings, least = WindowSettings(center, steps, step_s, range_max_m), predictor.encoding.frames
+    if settings.steps < least:
+        raise InputError(f"steps: expected at least {least}, one for each part of the encoding, got {settings.steps}")
     predictor.check_center(settings.center)
     return settings
 
 
-class Clock(Generic[T]):
-    """Keeps scans by their times as they arrive.
+class Clock:
+    """Chooses scans by their times as they arrive.
 
     A scan is left out if it is not later than the one before, or follows it by less than half a step. A gap of more
-    than ten steps, or a time that is earlier by more than a window, begins a new part. The scan after it may have a
-    wrong time: it waits for the next one, and is left out if that one continues the part before.
+    than ten steps, or a time that is earlier by more than a window, begins a new part.
 
     Args:
         settings: steps of the windows.
 
     Attributes:
-        reason: why the newest scan was not kept; None if it was.
         left_out: number of scans that were left out, by reason.
     """
 
     def __init__(self, settings: WindowSettings) -> None:
         self.settings = settings
-        self.reason: str | None = None
         self.left_out: Counter[str] = Counter()
-        self._last_s: float | None = None
-        self._waiting: tuple[float, T] | None = None
+        self._last_s = -math.inf
 
-    def take(self, stamp: float, scan: T) -> list[tuple[float, T]]:
-        """Take a scan with its time [s] and return the scans that are kept from now on, in the order of their times."""
-        kept, self.reason = list[tuple[float, T]](), None
-        if self._waiting is not None:
-            if self._continues(stamp):
-                self.left_out[ELSEWHERE] += 1
-            else:
-                kept.append(self._waiting)
-                self._last_s = self._waiting[0]
-            self._waiting = None
-        since_s = math.inf if self._last_s is None else stamp - self._last_s
-        if self._last_s is not None and not self._continues(stamp):
-            self._waiting = stamp, scan
-            self.reason = f"the scan at {stamp:.2f} s is far in time from the one before: it waits for the next"
-        elif since_s < (0.5 - TOLERANCE) * self.settings.step_s:
+    def why_left_out(self, stamp: float) -> str | None:
+        """Take the time of the next scan [s], and return why it is left out; None if it is kept."""
+        since_s = stamp - self._last_s
+        is_set_back = since_s < -max(self.settings.duration_s, self.settings.step_s)
+        if not is_set_back and since_s < (0.5 - TOLERANCE) * self.settings.step_s:
             reason = NOT_LATER if since_s <= 0 else TOO_SOON
             self.left_out[reason] += 1
-            self.reason = f"the scan at {stamp:.2f} s is {reason}"
-        else:
-            kept.append((stamp, scan))
-            self._last_s = stamp
-        return kept
-
-    def _continues(self, stamp: float) -> bool:
-        """Return whether a time [s] is near enough to that of the last scan for the same part."""
-        assert self._last_s is not None, "a scan was kept"
-        since_s = stamp - self._last_s
-        return -max(self.settings.duration_s, self.settings.step_s) <= since_s <= self.settings.longest_gap_s
+            return reason
+        self._last_s = stamp
+        return None
 
 
 def steps_before(stamps: np.ndarray, settings: WindowSettings) -> np.ndarray:

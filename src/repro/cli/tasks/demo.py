@@ -1,6 +1,5 @@
 """task=demo: one HTML file that runs networks in the browser."""
 
-from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.cli.tasks import NETWORK_KEYS, Task
 
@@ -20,7 +19,7 @@ def run(job: Job) -> None:
     networks = []
     for number, name in enumerate(job.call.demo.networks, start=1):
         print(f"network {number} of {len(job.call.demo.networks)}, exported and compared: {name}", flush=True)
-        networks.append(load_demo_network(name, find("demo.networks", name)))
+        networks.append(load_demo_network(name))
     page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
     path = job.outputs.path / "demo.html"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -41,13 +41,13 @@ def run(job: Job) -> None:
 def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
     """Return the name and the arm of a call; that of a network has the name of its architecture and encoding."""
     from repro.baselines.registry import TRACKER
-    from repro.cli.inputs import find
     from repro.evaluation.evaluate import evaluate_baseline
     from repro.navigation.arms import CLASSICAL, HITS, network_arm, tracker_arm
     from repro.networks.predictor import load_predictor
+    from repro.networks.weights import locate
 
     if name in NETWORK_ARMS:
-        path = find("prediction.weights", job.call.prediction.weights)
+        path = locate(job.call.prediction.weights)
         predictor = load_predictor(path)
         if predictor.grid != grid:
             expected, found = (f"{one.size_px} px, {one.size_m:g} m" for one in (grid, predictor.grid))
