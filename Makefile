@@ -67,7 +67,7 @@ navigation: setup ## do maps help a robot? hours: train two networks, tune and d
 	done
 
 test: setup ## all tests, without GPU and network
-	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope
+	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 test-fast: setup ## the tests that take seconds, in three to five minutes on two cores
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope -m "not slow"

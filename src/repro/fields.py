@@ -22,7 +22,6 @@ Share = Annotated[float, Field(gt=0, lt=1)]
 Even = Annotated[int, Field(ge=2, le=2_000_000, multiple_of=2)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 Gray = Annotated[float, Field(ge=0, le=254 / 255, allow_inf_nan=False)]  # of a hit; 0 is black, 1 the white background
-Hidden = Annotated[int, Field(ge=16, le=512, multiple_of=16)]  # channels of a recurrent network
 FrameCount = Annotated[int, Field(ge=1, le=100)]
 
 

@@ -64,8 +64,8 @@ def test_the_home_directory_is_expanded_in_every_path(monkeypatch, tmp_path):
     (tmp_path / "x").touch()
     call = read_call("task=predict", "scans='~/x'", "outputs='~/y'", "prediction.weights='~/x'")
     assert (call.outputs, call.prediction.weights) == (f"{tmp_path}/y", f"{tmp_path}/x")
-    demo = read_call("task=demo", "demo.runtime='~/x'", "demo.networks=['~/x']").demo
-    assert (demo.runtime, *demo.networks) == (f"{tmp_path}/x",) * 2
+    demo = read_call("task=demo", "demo.networks=['~/x']").demo
+    assert demo.networks == [f"{tmp_path}/x"]
 
 
 def test_the_grid_has_the_size_of_the_world():

@@ -75,8 +75,8 @@ CALLS = {
     "encoding=series10 exp=3 world.motions.rotate.steps=9": "divides a window into 10 parts, those of exp 3 have 9",
     "model=convgru": "encoding=projection: model convgru takes a series of images: encoding=series10 or",
     "model=convlstm encoding=stack4 model.encoder_name=mit_b0": "model.encoder_name=mit_b0: architecture convlstm has",
-    "model=convgru encoding=series10 model.parameters.hidden=9": "model.parameters.hidden=9: must be a multiple of 16",
-    "model=convgru encoding=series10 +model.parameters.hiden=32": "hiden=32: is not a known key; did you mean",
+    "model=convgru encoding=series10 model.parameters.hidden=9": "hidden must be a multiple of 16",
+    "model=convgru encoding=series10 +model.parameters.hiden=32": "unexpected keyword argument 'hiden'",
     "+model.parameters.hidden=32": "parameters are for the architectures convgru, convlstm",
     # worlds that cannot be simulated, or not in the memory of a machine
     f"{LIDAR}.number=50000": "more than 2000000 readings",
@@ -94,7 +94,6 @@ PATHS = {  # files that cannot be read; {tmp} is a directory with a pipe
     "outputs=''": "at least 1 character",
     "task=predict scans={tmp}/nowhere.npz": "No such file or directory",
     "task=predict scans=/dev/zero": "is neither a file nor a directory",
-    "task=demo demo.runtime={tmp}/pipe": "is neither a file nor a directory",
 }
 YAML = {  # contents of a file scale/broken.yaml
     "a:\tb\n\tc: 1\n": "found character",

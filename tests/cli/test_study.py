@@ -26,19 +26,6 @@ def test_the_study_has_the_papers_24_trainings(tmp_path):
     assert {key.model for key in keys} == set(NETWORKS)
 
 
-def test_progress_counts_trainings_and_estimates_the_time_left(tmp_path):
-    study = Study(Outputs(tmp_path), EXPERIMENTS, 0, {})
-    assert study.progress(RunKey("3", "fpn", PROJECTION, 0)) == (
-        "training exp 3, FPN (0 of the 24 trainings of the study are finished)"
-    )
-    fake_run(tmp_path, "3", "unet", 0.9)  # took a second
-    assert study.progress(RunKey("4", "fpn", PROJECTION_NO_DECAY, 0)) == (
-        "training exp 4, FPN, no decay (1 of the 24 trainings of the study are finished, "
-        "the rest takes about 23 s one after the other)"
-    )
-    assert study.progress(RunKey("3", "unet", "observed_free", 0)) is None
-
-
 def test_the_status_lists_the_state_of_every_run(tmp_path):
     outputs = Outputs(tmp_path)
     fake_run(tmp_path, "3", "unet", 0.9)
@@ -71,7 +58,6 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     ):
         assert row in text, text
     assert "Of the study's 20 trainings with seed 0: 16 missing" in text
-    assert ", the rest takes about 19 s one after the other." in text
     assert "1 of another world" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
 

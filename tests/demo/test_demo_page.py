@@ -30,14 +30,14 @@ def open_tab(browser, page):
     """Return a function that opens the page; at the end, there were neither errors nor requests."""
     tabs, errors, requests = [], [], []
 
-    def open_page(width=1280, scheme="light", address="#seed=17&exp=4"):
-        tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    def open_page(width=1280):
+        tab = browser.new_page(viewport={"width": width, "height": 900})
         tab.set_default_timeout(TIMEOUT_MS)
         tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
         tab.on("pageerror", lambda error: errors.append(str(error)))
         tab.on("request", lambda request: requests.append(request.url))
-        tab.goto(page.as_uri() + address)
-        tab.wait_for_function("document.getElementById('iou').textContent !== '–'")
+        tab.goto(page.as_uri())
+        tab.wait_for_function("document.getElementById('status').textContent === ''")
         tabs.append(tab)
         return tab
 
@@ -78,10 +78,10 @@ def an_obstacle(tab):
         """() => {
             const canvas = document.getElementById("world"), { width } = canvas;
             const { data } = canvas.getContext("2d").getImageData(0, 0, width, width);
-            const is = (row, column) => data[4 * (row * width + column)] === 0x9a; // --obstacle in style.css
-            for (let row = 0; row < width - 40; row++) for (let column = 20; column < width - 20; column++)
-                if (is(row, column) && is(row + 20, column) && is(row + 40, column))
-                    return [((column + 0.5) / width) * 50, 50 - ((row + 20) / width) * 50];
+            const is = (row, column) => data[4 * (row * width + column)] === 0x9a; // of an obstacle in drawing.js
+            for (let row = 0; row < width - 16; row++) for (let column = 16; column < width - 16; column++)
+                if (is(row, column) && is(row + 8, column) && is(row + 16, column))
+                    return [((column + 0.5) / width) * 50, 50 - ((row + 8) / width) * 50];
         }"""
     )
 
@@ -95,49 +95,41 @@ def drag(tab, start, end):
 
     tab.mouse.move(*at(start))
     tab.mouse.down()
-    tab.mouse.move(*at(end), steps=5)  # and hold it there
+    tab.mouse.move(*at(end), steps=5)
+    tab.mouse.up()
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(360, "dark"), (1280, "light")])
-def test_the_page_fits_any_width(open_tab, width, scheme):
-    tab = open_tab(width, scheme)
+@pytest.mark.parametrize("width", [360, 1280])
+def test_the_page_fits_any_width(open_tab, width):
+    tab = open_tab(width)
     assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == (
-        "rgb(21, 24, 27)" if scheme == "dark" else "rgb(255, 255, 255)"
-    )
     names = tab.evaluate(
-        "[...document.querySelectorAll('button, select, input, canvas')].filter((element) => !(element.ariaLabel "
+        "[...document.querySelectorAll('button, select, canvas')].filter((element) => !(element.ariaLabel "
         "|| element.textContent.trim() || element.labels?.length)).map((element) => element.outerHTML)"
     )
     assert not names  # every control has a label
-    assert tab.inner_text("#status") == ""
-
-
-def test_the_prediction_finds_most_obstacles_of_a_world_of_the_study(open_tab):
-    tab = open_tab(address="#seed=17&exp=4&paused")
-    assert tab.inner_text("#clock") == "10.0 s"
-    assert float(tab.inner_text("#iou")) > 0.35
-    assert float(tab.inner_text("#accuracy")) > 0.92
 
 
 def test_an_obstacle_dragged_before_the_robot_appears_on_the_map(open_tab):
-    tab = open_tab(address="#seed=17&exp=4&paused")
-    target = (20, 25 + 2.5 + 8)  # the robot is back at its start and drives up
+    tab = open_tab()
+    tab.select_option("#experiment", "1")  # the robot turns in the middle, and obstacles stand
+    target = (25, 33)
     assert gray_around(tab, "prediction", *target)[0] > 127
-    changes(tab, "prediction", lambda: drag(tab, an_obstacle(tab), target))
-    darkest = []
-    while len(darkest) < 15 and min(darkest, default=255) >= 64:  # what no motion explains is accepted after a second
-        changes(tab, "prediction", lambda: tab.evaluate("document.getElementById('step').click()"))
-        darkest.append(gray_around(tab, "prediction", *target)[0])
-    assert min(darkest) < 64, darkest
+    drag(tab, an_obstacle(tab), target)
+    for _ in range(100):  # until the robot has turned to it
+        if gray_around(tab, "prediction", *target)[0] < 64:
+            return
+        changes(tab, "prediction", lambda: None)
+    pytest.fail("the map does not show the obstacle")
 
 
 def test_every_control_acts(open_tab):
-    tab = open_tab(address="#seed=17&exp=3&paused")
-    changes(tab, "prediction", lambda: tab.select_option("#network", label="U-Net, experiment 4"))
+    tab = open_tab()
+    changes(tab, "world", lambda: None)  # the robot drives
+    tab.click("#play")
+    assert tab.inner_text("#play") == "Play"
+    changes(tab, "prediction", lambda: tab.select_option("#network", index=1))
     changes(tab, "world", lambda: tab.click("#new-world"))
     changes(tab, "world", lambda: tab.select_option("#experiment", "2"))
-    assert tab.inner_text("#play") == "Play"
-    changes(tab, "world", lambda: tab.click("#play"))
+    changes(tab, "prediction", lambda: tab.click("#play"))
     assert tab.inner_text("#play") == "Pause"
-    assert float(tab.inner_text("#frame-time").removesuffix(" ms")) > 0

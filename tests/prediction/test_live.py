@@ -13,7 +13,7 @@ from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
-from repro.prediction.live import MAX_OTHERS, MAX_WAITING, LiveMapper
+from repro.prediction.live import MAX_WAITING, LiveMapper
 from repro.prediction.logs import ScanLog
 from repro.prediction.stream import StreamMap, predict_map
 from repro.prediction.times import WindowSettings
@@ -143,7 +143,9 @@ def test_scans_do_not_wait_for_odometry_that_is_silent_from_the_beginning():
     for step in range(70):
         robot.mapper.add_scan(scan(step))
     assert robot.warnings == []
-    assert len(robot.maps) > 70 - STEPS - 30 - 1, "all but the newest three seconds"
+    for step in range(70, 180):
+        robot.mapper.add_scan(scan(step))
+    assert len(robot.maps) > 180 - STEPS - 100 - 2, "all but the newest ten seconds"
 
 
 @pytest.mark.parametrize("ahead", [10, 1e5])
@@ -210,15 +212,6 @@ def test_scans_that_cannot_be_used_are_skipped_with_their_reason():
     assert len(robot.warnings) == len(wrong)
     assert all(any(reason in warning for warning in robot.warnings) for _, reason in wrong.values())
     assert len(robot.maps) == 30 - 2 - STEPS + 1
-
-
-def test_the_window_begins_again_with_other_beams():
-    count = 40 + MAX_OTHERS + STEPS
-    *skipped, changed = driven(
-        count, {step: scan(step, ranges=np.ones(99, np.float32)) for step in range(40, count)}
-    ).warnings
-    assert skipped == ["a scan is skipped: it is with another number of beams than 91"] * (MAX_OTHERS + 1)
-    assert changed == "the beams of the lidar have changed: the window begins again"
 
 
 def test_scans_without_poses_do_not_pile_up():

@@ -29,7 +29,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from repro.prediction.intake import LogScan
 from repro.prediction.logs import ScanLog, collect
-from repro.prediction.times import TimesLost
 
 COUNTS = "101, 180, 181, 201, 360, 361, 401, 540, 541"  # of readings of FLASER
 
@@ -115,11 +114,11 @@ def test_times_that_are_lost_are_an_error(tmp_path):
     count = 400
     arrays = {"ranges": np.full((count, 5), 3.0), "angles": np.linspace(-1, 1, 5), "poses": np.zeros((count, 3))}
     stamps = 1000.0 + np.random.default_rng(0).permutation(count)
-    with pytest.raises(TimesLost, match=r"time goes back by more than a window \d+ times: its times are lost"):
+    with pytest.raises(ValueError, match=r"time goes back by more than a window \d+ times: its times are lost"):
         read(npz(tmp_path / "log.npz", **arrays, stamps=stamps))
     written = [line.replace(f"{STAMPS[n]:.6f}", f"{1e9 + 1e4 * (n > 9):g}") for n, line in enumerate(lines())]
     path = carmen(tmp_path / "log", written)
-    with pytest.raises(TimesLost, match="28 scans are not later than the one before, 2 are later: its times are lost"):
+    with pytest.raises(ValueError, match="28 scans are not later than the one before, 2 are later: its times are lost"):
         read(path)
     log = read(path, replace(WINDOWS, spacing="distance"))
     assert log.stamps.tolist() == list(range(SCANS))

@@ -32,12 +32,9 @@ def test_cells_are_row_major_from_the_lower_left_corner():
 def test_unknown_is_minus_one_and_the_rest_0_to_100():
     free = np.array([[1.0, 0.0, np.nan], [0.5, 0.31, 0.29]])
     assert occupancy(free).tolist() == [50, 69, 71, 0, 100, -1]
-    assert occupancy(free, (0.4, 0.7)).tolist() == [-1, -1, 71, 0, 100, -1]
     assert occupancy(free).dtype == np.int8
     unknown = np.array([[True, True, False], [True, False, True]])
     assert occupancy(free, unknown=unknown).tolist() == [-1, 69, 71, -1, 100, -1], "a predicted obstacle stays"
-    with pytest.raises(ValueError, match=r"undecided: expected two increasing probabilities, got 0\.7 and 0\.4"):
-        occupancy(free, (0.7, 0.4))
     for value in (-0.01, 1.01, np.inf):
         with pytest.raises(ValueError, match="expected probabilities from 0 to 1"):
             occupancy(np.array([[0.5, value]]))

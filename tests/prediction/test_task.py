@@ -31,7 +31,7 @@ def run(tmp_path, monkeypatch):
 
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot", "mcap": False}
-        settings |= dict.fromkeys(("spacing", "pose", "mounting", "frame"), None) | {"inspect": False}
+        settings |= dict.fromkeys(("pose", "mounting", "frame"), None) | {"spacing": "time"}
         settings |= {"fov_deg": None, "range_max_m": None, "scan_topic": None, "odometry_topic": None}
         chosen = SimpleNamespace(**settings | changes)
         job = SimpleNamespace(
@@ -56,7 +56,7 @@ def test_a_directory_with_other_files_or_a_file_in_its_place_is_not_replaced(run
     target = tmp_path / "predictions" / "rooms" / name
     target.parent.mkdir(parents=True)
     target.write_text("mine")
-    with pytest.raises(ValueError, match=f"rooms has files that are no prediction, such as {target.name}: move them"):
+    with pytest.raises(ValueError, match=rf"rooms is replaced .* such as {target.name}: move them"):
         run()
     assert target.read_text() == "mine"
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.cli.prediction import read
-from repro.cli.prediction_report import printed_messages
 from repro.cli.settings import Prediction
 from repro.learning.adaptation import Labeled, adapt, label
 from repro.learning.held_out import View
@@ -52,8 +51,7 @@ def adapt_to_logs(job: Job, paths: list[Path], target: Path) -> None:
 def _labeled(path: Path, predictor: Predictor, settings: Prediction, *, seed: int) -> tuple[Labeled, Labeled]:
     """Read a log and label its windows, for training and for validation."""
     print(f"reading {path}", flush=True)
-    with printed_messages():
-        log, windows = read(path, predictor, settings)
+    log, windows = read(path, predictor, settings)
     known = predictor.statistics
     view = View(math.radians(known.quantiles["fov_deg"][2])) if known else View()
     try:

@@ -116,6 +116,8 @@ def _say_scale(call: Call, overrides: list[str]) -> None:
 
 def _run_one(call: Call, job: Composed) -> str | None:
     if call.facts.place == "outputs":  # the task writes what it writes, and Hydra nothing beside it
+        logging.basicConfig(format="%(message)s", stream=sys.stdout)
+        logging.getLogger("repro").setLevel(logging.INFO)
         return perform(call)
     return job.run(lambda _: perform(call))
 

@@ -12,16 +12,16 @@ import pandas as pd
 
 from repro.cli.inputs import find, name_of
 from repro.cli.jobs import Job
-from repro.cli.prediction_report import describe, percent, printed_messages, say_left_out, summarize, warn_of
+from repro.cli.prediction_report import describe, percent, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.agreement import SHARES, compare
 from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import draw, read_maps, write_map, write_probabilities
-from repro.prediction.readers import read_log, topics_of
+from repro.prediction.readers import read_log
 from repro.prediction.stream import predict_map
-from repro.prediction.times import TimesLost, WindowSettings, window_of
+from repro.prediction.times import WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
@@ -45,19 +45,14 @@ def predict_log(job: Job) -> None:
     _check_target(target, path, Path(settings.weights))
     predictor = load_predictor(find("prediction.weights", settings.weights))
     print(f"network: {settings.weights}", flush=True)
-    with printed_messages():
-        if settings.inspect:
-            print(*topics_of(path), sep="\n")
-        log, windows = read(path, predictor, settings)
-        describe(log, windows, predictor.reach_m)
-    if settings.inspect:
-        _say_windows(log, windows)
-        return
+    log, windows = read(path, predictor, settings)
+    describe(log, windows, predictor.reach_m)
     predictor = predictor.with_range(log.range_max_m)
     mcap = _mcap(log) if settings.mcap else None
     target.parent.mkdir(parents=True, exist_ok=True)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
-    with lock(target.parent, f".{target.name}.lock"), replacing_directory(target) as new:
+    own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
+    with lock(target.parent, f".{target.name}.lock"), replacing_directory(target, own) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
         table = _predict_all(found, predictor, new, min(log.range_max_m, COMPARED_M))
         predicted = table[table["left_out"].isna()]
@@ -73,21 +68,14 @@ def predict_log(job: Job) -> None:
 
 
 def _check_target(target: Path, *sources: Path) -> None:
-    """Refuse to replace a directory that has what is read, or anything but earlier predictions."""
+    """Refuse to replace a directory that has what is read."""
     for source in sources:
         if source.resolve().is_relative_to(target.resolve()):
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
-    others = [target] if target.exists() and not target.is_dir() else target.glob("*")
-    written = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap")
-    foreign = [path.name for path in others if not path.is_file() or not written.fullmatch(path.name)]
-    if foreign:
-        raise InputError(
-            f"{target} has files that are no prediction, such as {sorted(foreign)[0]}: move them, or set outputs="
-        )
 
 
 def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLog, WindowSettings]:
-    """Read a log, spaced by distance where its times are unusable and none is chosen, and return its windows."""
+    """Read a log, and return the windows that are cut from it."""
     windows = _windows(predictor, settings)
     options = ReadOptions(
         settings.scan_topic,
@@ -96,20 +84,10 @@ def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLo
         (0.0, 0.0, 0.0) if settings.pose == "fixed" else settings.pose and tuple(settings.pose),
         settings.mounting and tuple(settings.mounting),
     )
-    log: ScanLog | None = None
-    if settings.spacing != "distance":
-        try:
-            log = read_log(path, windows, options)
-            log.check_times(windows)
-        except TimesLost as error:
-            if settings.spacing == "time" or predictor.statistics is None:
-                advice = "use prediction.spacing=distance, or another prediction.step_s"
-                raise InputError(f"{error}: {advice}") from error
-            print(f"{error}: the scans are spaced by distance, as with prediction.spacing=distance", flush=True)
-            log = None
-    if log is None:
-        log = read_log(path, replace(windows, spacing="distance"), options)
+    log = read_log(path, windows, options)
+    if windows.spacing == "distance":
         windows = spaced_by_distance(log, windows, predictor.statistics)
+    log.check_times(windows)
     return log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log, windows
 
 
@@ -122,23 +100,13 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     if (windows.steps, windows.step_s) != predictor.window():
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
-    return windows
+    return replace(windows, spacing=settings.spacing)
 
 
 def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor) -> float:
     """Return the time between two windows [s], or the scans between two that are spaced by distance."""
     is_spaced = windows.spacing == "distance"
     return settings.stride_s * windows.step_s / predictor.step_s if is_spaced else settings.stride_s
-
-
-def _say_windows(log: ScanLog, windows: WindowSettings) -> None:
-    """Print the windows that would be predicted."""
-    log.check_times(windows)
-    unit = "s" if windows.spacing == "time" else "scans"
-    print(
-        f"would be used: windows of {windows.steps} steps of {windows.step_s:.3g} {unit}, from {log.stamps[0]:.2f} to "
-        f"{log.stamps[-1]:.2f} {unit}, maximum range {log.range_max_m:.4g} m"
-    )
 
 
 def _mcap(log: ScanLog) -> ModuleType:

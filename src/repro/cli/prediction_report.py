@@ -1,10 +1,6 @@
 """What task=predict prints about a log and its predictions."""
 
-import logging
 import math
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 import pandas as pd
@@ -18,30 +14,6 @@ from repro.prediction.times import WindowSettings
 
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 MAX_REASONS = 5  # that are printed
-
-
-@contextmanager
-def printed_messages() -> Iterator[None]:
-    """Print what the library logs, each line at once and only once, although a log may be read twice."""
-    logger, printed = logging.getLogger("repro.prediction"), set[str]()
-
-    def is_new(record: logging.LogRecord) -> bool:
-        message = record.getMessage()
-        is_known = message in printed
-        printed.add(message)
-        return not is_known
-
-    handler = logging.StreamHandler(sys.stdout)
-    handler.addFilter(is_new)
-    propagates, level, logger.propagate = logger.propagate, logger.level, False
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-        logger.propagate = propagates
 
 
 def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:

@@ -81,7 +81,7 @@ class Prediction:
     steps: Annotated[int, Field(ge=1, le=10_000)] | None
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
-    spacing: Literal["time", "distance"] | None
+    spacing: Literal["time", "distance"]
     center: Annotated[Any, _place("robot, start, or [x,y] in meters", 2, "robot", "start")]
     pose: Annotated[Any, _place("fixed, or [x,y,heading] in meters and radians", 3, "fixed")] | None
     mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
@@ -91,7 +91,6 @@ class Prediction:
     odometry_topic: str | None
     frame: str | None
     mcap: bool
-    inspect: bool
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,6 @@ class Demo:
     __pydantic_config__ = KNOWN_KEYS
 
     networks: Annotated[list[UserPath], Field(min_length=1)]
-    runtime: Source | None
 
 
 @dataclass(frozen=True)

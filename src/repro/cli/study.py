@@ -10,13 +10,11 @@ from repro.baselines.names import rank
 from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.networks.model import NETWORKS
 from repro.recordings.format import recordings_in
-from repro.reporting.names import duration, predictor_title
 from repro.reporting.render import Cells
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
-from repro.system.errors import InputError
 from repro.system.files import is_locked
 from repro.world_config import is_moving
 
@@ -48,32 +46,6 @@ class Study:
         ]
         return {key: self.outputs.run(key) for key in keys}
 
-    def progress(self, key: RunKey) -> str | None:
-        """Describe a training, the finished trainings of the study and the remaining time; None if not of the study."""
-        runs = self.runs()
-        if key not in runs:
-            return None
-        count, left = self.time_left()
-        title = f"training exp {key.experiment}, {predictor_title(key.model, key.encoding)}"
-        return f"{title} ({count} of the {len(runs)} trainings of the study are finished{left})"
-
-    def time_left(self) -> tuple[int, str]:
-        """Return the number of finished trainings, and how long the others take, in words; empty before the first."""
-        runs = self.runs().values()
-        trained = [run for run in runs if self.is_trained(run)]
-        if len(trained) in (0, len(runs)):
-            return len(trained), ""
-        seconds = sum(run.provenance().fact("training_seconds") or 0.0 for run in trained)
-        left = duration(seconds / len(trained) * (len(runs) - len(trained)))
-        return len(trained), f", the rest takes about {left} one after the other"
-
-    def is_trained(self, run: Run) -> bool:
-        """Whether a training of the study is finished; false if its run cannot be read."""
-        try:
-            return run.is_trained and not self.is_of_another_world(run)
-        except InputError:
-            return False
-
     def is_of_another_world(self, run: Run) -> bool:
         """Whether a run has other worlds than its experiment in this study."""
         config = run.config()
@@ -98,7 +70,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
         f"{outputs.path}\n",
         Cells(("exp.", "recordings"), recorded).to_markdown(),
         Cells(("run", "status"), [(key.path, states[key]) for key in ordered]).to_markdown(),
-        f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}{study.time_left()[1]}.",
+        f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}.",
     ]
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
     return "\n".join(lines)

@@ -1,24 +1,17 @@
 """Networks for the page: ONNX with weights stored as float16, checked against PyTorch."""
 
-import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
 
-from repro.config import NO_DECAY
 from repro.maps.encodings import kind_of
-from repro.maps.grid import Grid
-from repro.networks.create import architecture_of
 from repro.networks.onnx_files import TOLERANCE, OnnxNetwork
 from repro.networks.predictor import ONNX, Predictor, load_predictor
-from repro.reporting.names import model_title, predictor_title
-from repro.runs.keys import RunKey
 from repro.system.errors import InputError
 
 DRAWN_ENCODINGS = ("projection", "stack", "series")  # those that assets/encodings.js draws
@@ -30,52 +23,42 @@ class DemoNetwork:
     """A network of the page.
 
     Args:
-        title: name of the network, encoding and experiment.
-        experiment: the experiment in which it was trained; None if that is unknown.
-        encoding: name and parameters of its encoding, as in predictor.json.
-        grid: grid of its maps.
-        steps: steps of a window in training, T.
-        step_s: time of a step in training [s].
+        title: its name.
+        predictor: the network as it was loaded.
         onnx: the network, from the input (1, C, H, W) to logits (1, 1, H, W).
     """
 
     title: str
-    experiment: str | None
-    encoding: dict[str, Any]
-    grid: Grid
-    steps: int
-    step_s: float
+    predictor: Predictor
     onnx: bytes
 
 
-def load_demo_network(directory: Path) -> DemoNetwork:
+def load_demo_network(title: str, path: Path) -> DemoNetwork:
     """Load a trained or exported network for the page: a directory, or an ONNX file.
 
     Raises:
-        ValueError: the directory holds no predictor, it was trained with fixed obstacles, the page cannot draw its
-            encoding, or float16 weights change its output by more than 0.001.
+        InputError: the path holds no predictor, it was trained with fixed obstacles, the page cannot draw its encoding,
+            or float16 weights change its output by more than 0.001.
     """
-    predictor = load_predictor(directory)
+    predictor = load_predictor(path)
     if predictor.has_fixed:
-        raise InputError(f"{directory} was trained with fixed obstacles, which the demo does not have")
+        raise InputError(f"{path} was trained with fixed obstacles, which the demo does not have")
     if predictor.is_centered:
-        raise InputError(f"{directory} takes the robot to be in the middle of the map, which it is not in the demo")
+        raise InputError(f"{path} takes the robot to be in the middle of the map, which it is not in the demo")
     name = predictor.encoding.name
     if kind_of(name) not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
-        raise InputError(f"{directory} has the encoding {name}, expected {expected}: the page draws no other")
-    content = with_float16_weights(_onnx_of(directory, predictor))
-    _check(content, predictor, directory)
-    title, experiment = _names(directory, predictor)
-    encoding = {"name": name, "parameters": predictor.encoding.parameters}
-    return DemoNetwork(title, experiment, encoding, predictor.grid, *predictor.window(), content)
+        raise InputError(f"{path} has the encoding {name}, expected {expected}: the page draws no other")
+    content = with_float16_weights(_onnx_of(path, predictor))
+    _check(content, predictor, path)
+    return DemoNetwork(title, predictor, content)
 
 
 def with_float16_weights(content: bytes) -> bytes:
     """Store the large float32 weights of an ONNX model as float16; ONNX Runtime converts them back when it loads them.
 
     Raises:
-        ValueError: a weight is too large for float16.
+        InputError: a weight is too large for float16.
     """
     model = onnx.load_from_string(content)
     graph, casts = model.graph, []
@@ -103,7 +86,7 @@ def _onnx_of(path: Path, predictor: Predictor) -> bytes:
         return file.read_bytes()
 
 
-def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
+def _check(content: bytes, predictor: Predictor, path: Path) -> None:
     """Compare with PyTorch on images of random gray values of which most are white."""
     generator = torch.Generator().manual_seed(0)
     shape = (1, predictor.encoding.channels, predictor.grid.size_px, predictor.grid.size_px)
@@ -112,22 +95,4 @@ def _check(content: bytes, predictor: Predictor, directory: Path) -> None:
     free = OnnxNetwork(content)(predictor.encoding.to_input(images)).sigmoid()
     error = float((free - predictor.predict_images(images)).abs().max())
     if not error <= TOLERANCE:
-        raise InputError(
-            f"{directory}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}"
-        )
-
-
-def _names(directory: Path, predictor: Predictor) -> tuple[str, str | None]:
-    """Return the title of a network and its experiment, from the path of an exported folder or a run directory."""
-    parts = (directory.parent if directory.is_file() else directory).resolve().parts
-    label = predictor.encoding.name + ("" if predictor.encoding.parameters.get("decay", True) else NO_DECAY)
-    exported = re.fullmatch(rf"exp(.+?)-([^-]+?)(?:-{label})?(?:-seed\d+)?", parts[-1])
-    if exported:
-        experiment, model = exported.groups()
-        return f"{predictor_title(model, label)}, experiment {experiment}", experiment
-    if parts[-1] == "model" and "runs" in parts[-6:-5]:
-        key = RunKey.parse(Path(*parts[-6:-1]))
-        return f"{predictor_title(key.model, key.encoding)}, experiment {key.experiment}", key.experiment
-    own = architecture_of(predictor.network)
-    model = type(predictor.network).__name__.lower() if own == "smp" else own
-    return f"{model_title(model)}, {directory.name}", None
+        raise InputError(f"{path}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}")

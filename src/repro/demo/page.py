@@ -1,14 +1,13 @@
-"""The browser demo: one self-contained HTML file that runs networks in a world that the user changes.
+"""The browser demo: one self-contained HTML file that runs networks in worlds of the study.
 
-The page consists of `assets/`: ES modules without a build step, which `loader.js` links in the browser. ONNX Runtime
-Web and the networks are embedded as base64 of gzip.
+The page consists of `assets/`: ES modules without a build step, which are joined into one script of the page and one of
+its worker. ONNX Runtime Web and the networks are embedded as base64 of gzip.
 """
 
 import base64
 import gzip
 import re
 from dataclasses import asdict
-from graphlib import TopologicalSorter
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,15 @@ from jinja2.utils import htmlsafe_json_dumps
 
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
+from repro.recordings.format import SHOWN_SEED
+from repro.simulation.simulator import drive_robot, move_obstacles, outlines_of_world
+from repro.simulation.worlds import World, sample_world
 from repro.system.errors import InputError
 from repro.world_config import WorldSpec, world_spec
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
-RUNTIME_MODULE = "ort.mjs"
-IMPORTS = re.compile(r'from "\./([\w.]+)"')
-MAX_BYTES = 25_000_000
+PAGE, WORKER = ("world.js", "drawing.js", "main.js"), ("visibility.js", "encodings.js", "worker.js")
+WORLDS, WINDOWS = 3, 6  # of each experiment, and the length of a world
 
 
 def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any]) -> str:
@@ -36,59 +37,76 @@ def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any])
         world: `world`, `robot` and `experiments` of conf/world.
 
     Raises:
-        ValueError: the page cannot simulate the worlds, a network was trained for other maps or windows, or the page is
-            larger than 25 MB.
+        InputError: the page cannot show the worlds, or a network was trained for other maps or windows.
     """
     specs = {name: world_spec(world, name) for name in world["experiments"]}
-    for name, spec in specs.items():
-        if not spec.is_like_papers or spec.motion.irsim().get("turned_rad"):
-            raise InputError(f"the demo cannot simulate experiment {name}, with {spec.motion.name}: use world=paper")
-    spec, steps = next(iter(specs.values())), networks[0].steps
+    for name, each in specs.items():
+        if not each.is_like_papers:
+            raise InputError(f"the demo cannot show experiment {name}, with {each.motion.name}: use world=paper")
+    spec, steps = next(iter(specs.values())), networks[0].predictor.steps
     for network in networks:
         _check_network(network, spec, steps)
-    described = [{"encoding": each.encoding, "grid": asdict(each.grid)} for each in networks]
+    lidar, longest = spec.lidar.irsim(), WINDOWS * steps
+    settings = {
+        "worlds": {name: [_shown(each, seed, longest) for seed in range(WORLDS)] for name, each in specs.items()},
+        "lidar": lidar,
+        **{"sizeM": spec.world.width, "stepMs": 1000 * spec.world.step_time, "steps": steps, "longest": longest - 1},
+        "networks": [_described(network) for network in networks],
+        **{"runtime": runtime.script, "wasm": _pack(runtime.wasm), "worker": joined(*WORKER)},
+    }
     environment = Environment(loader=PackageLoader("repro.demo", "assets"), autoescape=True, undefined=StrictUndefined)
-    page: str = environment.get_template("index.html").render(
+    return environment.get_template("index.html").render(
         style=(ASSETS / "style.css").read_text(encoding="utf-8"),
-        loader=(ASSETS / "loader.js").read_text(encoding="utf-8"),
-        modules=htmlsafe_json_dumps(link_modules(runtime)),
-        settings=htmlsafe_json_dumps({"spec": world, "steps": steps, "networks": described}),
-        wasm=_pack(runtime.wasm),
-        weights=[_pack(network.onnx) for network in networks],
+        script=joined(*PAGE),
+        settings=htmlsafe_json_dumps(settings),
         networks=networks,
         experiments={name: _title(name, each) for name, each in specs.items()},
-        experiment=networks[0].experiment if networks[0].experiment in specs else [*specs][-1],
-        spec=spec,
+        lidar=lidar,
         steps=steps,
         seconds=f"{steps * spec.world.step_time:g}",
         runtime=VERSION,
     )
-    if len(page.encode()) > MAX_BYTES:
-        sizes = ", ".join(f"{network.title} {len(network.onnx) / 1e6:.1f} MB" for network in networks)
-        raise InputError(
-            f"the page has {len(page) / 1e6:.1f} MB, at most {MAX_BYTES / 1e6:.0f} are allowed: name fewer or smaller "
-            f"networks with demo.networks= (now {sizes})"
-        )
-    return page
+
+
+def describe_world(world: World, steps: int) -> dict[str, Any]:
+    """Return the robot and the obstacles of a world over some steps, as assets/world.js takes them."""
+    states = move_obstacles(world, steps)
+    moves = (states != states[:, :1]).any()
+    return {
+        "poses": drive_robot(world).round(6).tolist(),
+        "outlines": [outline.ravel().tolist() for outline in outlines_of_world(world).round(4)],
+        "headings": states[:, 0, 2].round(6).tolist(),
+        "paths": [path.ravel().tolist() for path in states[:, : None if moves else 1, :2].round(4)],
+    }
+
+
+def joined(*names: str) -> str:
+    """Join JavaScript modules, each after those that it imports, into one script."""
+    sources = [(ASSETS / name).read_text(encoding="utf-8") for name in names]
+    return "".join(re.sub(r"^(import .*\n|export )", "", source, flags=re.MULTILINE) for source in sources)
+
+
+def _shown(spec: WorldSpec, seed: int, steps: int) -> dict[str, Any]:
+    return describe_world(sample_world(spec, SHOWN_SEED + seed), steps)
+
+
+def _described(network: DemoNetwork) -> dict[str, Any]:
+    encoding = {"name": network.predictor.encoding.name, "parameters": network.predictor.encoding.parameters}
+    return {"encoding": encoding, "grid": asdict(network.predictor.grid), "weights": _pack(network.onnx)}
 
 
 def _check_network(network: DemoNetwork, spec: WorldSpec, steps: int) -> None:
     """Check that a network predicts maps of the worlds, from windows of the page."""
-    found = (network.grid.size_m, network.steps, network.step_s)
-    expected = (spec.world.width, steps, spec.world.step_time)
-    if found != expected:
-        found_words, expected_words = (
-            f"maps of {size_m:g} m from {count} steps of {step_s:g} s" for size_m, count, step_s in (found, expected)
+    predictor = network.predictor
+    found, expected = (
+        f"maps of {size_m:g} m from {count} steps of {step_s:g} s"
+        for size_m, count, step_s in (
+            (predictor.grid.size_m, *predictor.window()),
+            (spec.world.width, steps, spec.world.step_time),
         )
-        raise InputError(f"demo.networks: {network.title} predicts {found_words}, this page needs {expected_words}")
-
-
-def link_modules(runtime: Runtime) -> dict[str, str]:
-    """Return the source of all JavaScript modules of the page, each after those that it imports."""
-    sources = {path.name: path.read_text(encoding="utf-8") for path in ASSETS.glob("*.js") if path.name != "loader.js"}
-    graph = {name: IMPORTS.findall(source) for name, source in sources.items()}
-    sources[RUNTIME_MODULE] = runtime.script
-    return {name: sources[name] for name in TopologicalSorter(graph).static_order()}
+    )
+    if found != expected:
+        raise InputError(f"demo.networks: {network.title} predicts {found}, this page needs {expected}")
 
 
 def _title(name: str, spec: WorldSpec) -> str:

@@ -32,17 +32,14 @@ class Runtime:
     wasm: bytes
 
 
-def load_runtime(archive: Path | None = None) -> Runtime:
-    """Read ONNX Runtime Web from its npm package.
-
-    Args:
-        archive: the npm package; None takes it from the cache, or downloads it.
+def load_runtime() -> Runtime:
+    """Read ONNX Runtime Web from its npm package in the cache, where it is downloaded once.
 
     Raises:
-        ValueError: the package cannot be downloaded or read, or is another one than expected.
+        InputError: the package cannot be downloaded or read, or is another one than expected.
     """
-    path = archive or cached_archive()
-    source = URL if archive is None and not path.is_file() else str(path)
+    path = cached_archive()
+    source = str(path) if path.is_file() else URL
     try:
         if source == URL:
             log.info("downloading %s (33 MB) to %s", URL, path)
@@ -50,8 +47,7 @@ def load_runtime(archive: Path | None = None) -> Runtime:
             content = file.read(MOST_BYTES)
     except (OSError, HTTPException) as error:
         raise InputError(
-            f"{source} cannot be read ({error}): connect to the internet once, or download {URL} elsewhere and name "
-            "the file with demo.runtime="
+            f"{source} cannot be read ({error}): connect to the internet once, or download {URL} elsewhere to {path}"
         ) from error
     digest = base64.b64encode(hashlib.sha512(content).digest()).decode()
     if digest != SHA512:

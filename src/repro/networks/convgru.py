@@ -7,7 +7,6 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.fields import Hidden
 from repro.networks.blocks import Residual, check_series, conv_block, each_part, last_state
 from repro.system.errors import InputError
 
@@ -34,7 +33,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
     """
 
     def __init__(
-        self, in_channels: int, frames: int, hidden: Hidden = 48, stride: Literal[2, 4] = 4, centered: bool = False
+        self, in_channels: int, frames: int, hidden: int = 48, stride: Literal[2, 4] = 4, centered: bool = False
     ) -> None:
         check_series(in_channels, frames)
         if hidden < 16 or hidden % 16 or stride not in (2, 4):

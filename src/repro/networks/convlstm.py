@@ -8,7 +8,6 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.fields import Hidden
 from repro.networks.blocks import check_series, conv_block, each_part
 
 
@@ -24,7 +23,7 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         ValueError: see `blocks.check_series`.
     """
 
-    def __init__(self, in_channels: int, frames: int, hidden: Hidden = 32) -> None:
+    def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:
         check_series(in_channels, frames)
         super().__init__()
         self.frames = frames

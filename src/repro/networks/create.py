@@ -13,10 +13,9 @@ from typing import Any, Protocol
 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
-from pydantic import ValidationError, create_model
 from torch import Tensor, nn
 
-from repro.fields import STRICT, ConfigError, config_errors_of
+from repro.fields import ConfigError
 from repro.networks.convgru import ConvGRU
 from repro.networks.convlstm import ConvLSTM
 from repro.networks.model import Model
@@ -26,7 +25,7 @@ OWN_ARCHITECTURES: dict[str, Any] = {
     "convgru": ConvGRU,
     "convlstm": ConvLSTM,
 }
-SERIES = ("in_channels", "frames")  # parameters that follow from the encoding
+SERIES_CHANNELS = 10  # of the input with which the parameters of an own architecture are tried
 
 
 class Network(Protocol):
@@ -65,7 +64,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> nn.Mo
             series = {"frames": frames} if "frames" in signature(kind).parameters else {}
             return kind(in_channels, **series, **model.parameters)
         except TypeError as error:
-            raise InputError(f"model.parameters={model.parameters}: {error}") from error
+            raise InputError(str(error)) from error
     smp_networks = _smp_networks()
     if architecture not in smp_networks.ARCHITECTURES:
         raise InputError(f"model.architecture={architecture}: must be one of {_known(smp_networks)}")
@@ -134,7 +133,12 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         given = {"encoder_name": name, "encoder_weights": weights}
         expected = f"architecture {architecture} has an encoder of its own, leave it null"
         errors = [ConfigError(f"model.{key}", value, expected) for key, value in given.items() if value is not None]
-        return errors + _parameter_errors(OWN_ARCHITECTURES[architecture], model.parameters)
+        try:
+            with torch.device("meta"):  # which takes no memory
+                create_network(model, SERIES_CHANNELS, SERIES_CHANNELS)
+        except (ValueError, RuntimeError) as error:
+            errors.append(ConfigError("model.parameters", model.parameters, str(error)))
+        return errors
     if model.parameters:
         known = ", ".join(OWN_ARCHITECTURES)
         expected = f"parameters are for the architectures {known}: set model.architecture if the name is another"
@@ -143,23 +147,6 @@ def architecture_errors(model: Model) -> list[ConfigError]:
     if architecture not in smp_networks.ARCHITECTURES:
         return [ConfigError(key, architecture, f"must be one of {_known(smp_networks)}, in lower case")]
     return smp_networks.encoder_errors(model)
-
-
-def _parameter_errors(kind: Any, parameters: dict[str, Any]) -> list[ConfigError]:
-    """Return the errors of the parameters of a class by the annotations of its constructor."""
-    types: dict[str, Any] = {
-        name: (
-            Any if each.annotation is each.empty else each.annotation,
-            ... if each.default is each.empty else each.default,
-        )
-        for name, each in signature(kind, eval_str=True).parameters.items()
-        if name not in SERIES
-    }
-    try:
-        create_model("Parameters", __config__=STRICT, **types).model_validate(parameters)
-    except ValidationError as error:
-        return config_errors_of(error, "model.parameters.")
-    return []
 
 
 def _smp_networks() -> ModuleType:

@@ -39,7 +39,7 @@ def write_torch(directory: Path, network: nn.Module, description: dict[str, Any]
     is_other = directory.exists() and not (directory / DESCRIPTION).is_file()
     if is_other and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"{directory} exists and is no predictor: expected a new or an empty directory")
-    with replacing_directory(directory, OWN_FILES) as new:
+    with replacing_directory(directory, OWN_FILES.__contains__) as new:
         assert isinstance(network, PyTorchModelHubMixin), "see `create.check_interface`"
         network.save_pretrained(new)
         content = {"architecture": architecture_of(network), **description}

@@ -117,12 +117,6 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
             yield scan
 
 
-def describe_bag(path: Path) -> list[str]:
-    """Return one line for each topic of a bag: its type and number of messages."""
-    with open_bag(path) as bag:
-        return [f"{topic}: {info.msgtype}, {info.msgcount} messages" for topic, info in sorted(bag.topics.items())]
-
-
 def _topics(bag: AnyReader, path: Path, kind: str, topic: str | None) -> list[str]:
     """Return the topics of a type with messages, those with the most first; only one if it is named."""
     topics = {name: info for name, info in bag.topics.items() if info.msgtype == kind and info.msgcount}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from repro.networks.predictor import Predictor
-from repro.prediction.intake import OTHER_BEAMS, WITHOUT_POSE, Intake, LogScan
+from repro.prediction.intake import WITHOUT_POSE, Intake, LogScan
 from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
@@ -17,11 +17,9 @@ from repro.prediction.transforms import Transforms, without_transform
 from repro.system.errors import InputError
 
 KEEP_S = 30.0  # age up to which poses are remembered
-SILENT_S = 3.0  # without poses of a frame, after which the scans do not wait for them if the last one still holds
 WAIT_S = 10.0  # for the poses of a scan; transforms may be late on a busy computer
 WAIT_FOR_FRAME_S = 1.0  # for a transform of the lidar
 MAX_WAITING = 200  # scans that wait for their poses or for the network
-MAX_OTHERS = 10  # scans in a row with other beams, after which the window begins again
 
 
 class LiveMapper:
@@ -52,7 +50,6 @@ class LiveMapper:
         self.waiting: deque[tuple[Any, float, float]] = deque()  # scans, their times and those of their middles [s]
         self.without_transform: set[str] = set()  # frames of scans that nobody places
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
-        self.last_s = -np.inf  # time of the last scan in the stream
         self.lock = threading.Lock()
         self._begin_again()
 
@@ -61,32 +58,21 @@ class LiveMapper:
         self.intake = Intake("scan", self.settings.range_max_m)
         self.stream: PredictionStream | None = None  # whose misses reach the smallest maximum range
         self.root: str | None = None  # frame of the poses in the stream
-        self.others = 0  # scans in a row with other beams
 
     def add_scan(self, message: Any) -> None:
-        """Take a LaserScan.
-
-        If it is earlier than the last one in the stream by more than a window, the clock was set back. If it is that
-        much earlier than another scan, the time of the other one was wrong.
-        """
+        """Take a LaserScan; if it is earlier than another one by more than a window, the clock was set back."""
         with self.lock:
             stamp, window_s = seconds(message.header.stamp), self.settings.steps * self.settings.step_s
-            if stamp < self.last_s - window_s:
+            if stamp < self.newest_s - window_s:
                 self.warn("the clock was set back: the window begins again")
                 self.transforms.forget()
                 self.waiting.clear()
-                self.newest_s = self.last_s = -np.inf
-            elif stamp < self.newest_s - window_s:
-                earlier = [each for each in self.waiting if each[1] <= stamp]
-                if skipped := len(self.waiting) - len(earlier):
-                    self.warn(f"{skipped} scans are skipped: their times are ahead of a later scan")
-                self.waiting, self.newest_s = deque(earlier), stamp
+                self.newest_s = -np.inf
             self.waiting.append((message, *self.scans.times(message)))
             if len(self.waiting) > MAX_WAITING:
                 self.waiting.popleft()
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
             self.newest_s = max(self.newest_s, stamp)
-            self.transforms.note_scan(self.newest_s)
             self._predict()
 
     def add_transforms(self, message: Any, *, is_static: bool = False) -> None:
@@ -110,7 +96,7 @@ class LiveMapper:
             frame = message.header.frame_id
             is_placed = frame in self.transforms or frame in self.without_transform
             is_late = self.newest_s > middle_s + (WAIT_S if is_placed else WAIT_FOR_FRAME_S)
-            if not is_late and not (is_placed and self.transforms.has_later(frame, middle_s, SILENT_S)):
+            if not is_late and not (is_placed and self.transforms.has_later(frame, middle_s)):
                 return
             if is_late and not is_placed:
                 self.without_transform.add(frame)
@@ -134,12 +120,8 @@ class LiveMapper:
         for reason in self.intake.reasons:
             why = f": {self.transforms.why_unplaced(frame, middle_s)}" if reason == WITHOUT_POSE else ""
             self.warn(f"a scan is skipped: it is {reason}{why}")
-        self.others = self.others + 1 if any(reason.startswith(OTHER_BEAMS) for reason in self.intake.reasons) else 0
         for each in found:
             self._map(each)
-        if self.others > MAX_OTHERS and not found:
-            self.warn("the beams of the lidar have changed: the window begins again")
-            self._begin_again()
 
     def _map(self, scan: LogScan) -> None:
         """Predict the map of the window that ends with a scan, and publish it."""
@@ -150,7 +132,6 @@ class LiveMapper:
                 text = f"misses show free space up to the smallest, {scan.range_max_m:.4g} m"
                 self.warn(f"the maximum range changes: {text}")
                 self.stream.limit(scan.range_max_m)
-            self.last_s = scan.stamp
             assert scan.pose is not None, "the intake leaves out others"
             predicted = self.stream.update(scan.ranges, np.array(scan.pose), scan.stamp)
         except InputError as error:

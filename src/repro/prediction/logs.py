@@ -11,7 +11,7 @@ import torch
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
 from repro.prediction.readings import check_heading
-from repro.prediction.times import NOT_LATER, Clock, TimesLost, WindowSettings, parts_of
+from repro.prediction.times import NOT_LATER, Clock, WindowSettings, parts_of
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
@@ -20,6 +20,7 @@ MIN_SCANS = 2
 MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
 MAX_MEDIAN_M = 300.0  # median range beyond which no 2D lidar measures; the readings are in other units
+BY_NUMBER = "use prediction.spacing=distance"
 Pose = tuple[float, float, float]
 SCANS_PER_CHECK = 1000  # of the memory
 
@@ -79,8 +80,8 @@ class ScanLog:
         """Check that the scans have windows; a refusal names what was left out, too.
 
         Raises:
-            TimesLost: the scans are too rare for the steps.
-            InputError: no part of them without a gap is as long as a window, or the times are not in seconds.
+            InputError: the scans are too rare for the steps, no part without a gap is as long as a window, or the
+                times are not in seconds.
         """
         left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
         skipped = f" (skipped: {left_out})" if left_out else ""
@@ -89,8 +90,8 @@ class ScanLog:
         if between_s > MAX_BETWEEN_S:
             raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}")
         if between_s > longest_s:
-            needed = f"steps of {settings.step_s:g} s need one every {longest_s:.3g} s"
-            raise TimesLost(f"a scan every {between_s:.2g} s, {needed}{skipped}")
+            needed = f"steps of {settings.step_s:g} s need one every {longest_s:.3g} s{skipped}"
+            raise InputError(f"a scan every {between_s:.2g} s, {needed}: {BY_NUMBER}, or another prediction.step_s")
         parts = parts_of(self.stamps, settings)
         longest = max(float(self.stamps[end - 1] - self.stamps[begin]) for begin, end in parts)
         if not settings.is_filled(0.0, longest):
@@ -146,9 +147,8 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
             of the scans, and if they are spaced by distance, times are the numbers of the scans.
 
     Raises:
-        TimesLost: the times do not order the scans.
-        InputError: fewer than two scans can be used, the beams are not those of a lidar, the ranges are not meters, or
-            the headings are not radians.
+        InputError: the times do not order the scans, fewer than two scans can be used, the beams are not those of a
+            lidar, the ranges are not meters, or the headings are not radians.
     """
     intake, clock = Intake(str(path), settings.range_max_m), Clock[LogScan](settings)
     stamps, ranges, poses, limits = list[float](), list[np.ndarray](), list[Pose](), list[float]()
@@ -184,12 +184,12 @@ def _usable(scans: Iterable[LogScan], intake: Intake) -> Iterator[LogScan]:
 def _check_order(stamps: np.ndarray, not_later: int, path: Path) -> None:
     """Refuse times where most scans are not later than the one before, or that go back again and again."""
     backward = int((np.diff(stamps) < 0).sum())
-    lost = "its times are lost, or its scans are not in the order of their times"
+    lost = f"its times are lost, or its scans are not in the order of their times: {BY_NUMBER}"
     if not_later > MOSTLY * len(stamps):
         counts = f"{not_later} scans are {NOT_LATER}, {len(stamps)} are later"
-        raise TimesLost(f"{path}: {counts}: {lost}")
+        raise InputError(f"{path}: {counts}: {lost}")
     if backward >= MOSTLY:
-        raise TimesLost(f"{path}: time goes back by more than a window {backward} times: {lost}")
+        raise InputError(f"{path}: time goes back by more than a window {backward} times: {lost}")
 
 
 def _check_values(log: ScanLog, path: Path) -> None:

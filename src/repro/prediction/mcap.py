@@ -85,6 +85,6 @@ def _messages(log: ScanLog, maps: Iterator[StreamMap], range_max_m: float) -> It
         pose = TYPES["Pose"](position=TYPES["Point"](x=x, y=y, z=0.0), orientation=turn)
         yield stamp, "/pose", TYPES["PoseStamped"](in_map, pose=pose)
         if predicted is not None and predicted.stamp == stamp:
-            data = occupancy(predicted.free, unknown=predicted.unknown)
+            data = occupancy(predicted.free, predicted.unknown)
             yield stamp, "/predicted_map", grid_message(TYPES, data, predicted, time, MAP_FRAME)
             predicted = next(maps, None)

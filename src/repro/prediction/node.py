@@ -9,7 +9,7 @@ import torch
 
 from repro.networks.predictor import load_predictor
 from repro.prediction.live import KEEP_S, LiveMapper
-from repro.prediction.ros import check_undecided, grid_message, occupancy
+from repro.prediction.ros import grid_message, occupancy
 from repro.prediction.stream import StreamMap
 from repro.prediction.times import window_of
 from repro.prediction.transforms import Transforms
@@ -22,13 +22,12 @@ PARAMETERS: dict[str, tuple[Any, str]] = {  # by name: default, of the type of t
     "frame": ("", "frame of the poses and of the map, such as odom; empty for the topmost one"),
     "mounting": ("", "x,y,heading of the lidar on the robot [m, rad], in place of its transforms"),
     "center": ("robot", "center of the map: robot, or x,y in the frame of the poses [m]"),
-    "undecided": ("", "low,high: probabilities of an obstacle between these are unknown, -1"),
     "steps": (0, "steps of a window; 0 for those of the training"),
     "step_s": (0.0, "time of a step [s]; 0 for that of the training"),
     "range_max_m": (0.0, "maximum range of the lidar [m]; 0 for that of the scans"),
     "threads": (1, "threads of the network"),
 }
-NUMBERS = ("mounting", "center", "undecided")  # parameters whose text of numbers may also be a list of them
+NUMBERS = ("mounting", "center")  # parameters whose text of numbers may also be a list of them
 LIMITS = {"threads": (1, 64), "step_s": (0, 60), "range_max_m": (0, 1000)}
 
 
@@ -48,19 +47,17 @@ def create_mapper(
     """
     for name in PARAMETERS:
         _check(name, values[name])
-    undecided, mounting = _numbers(values, "undecided", 2), _numbers(values, "mounting", 3)
+    mounting = _numbers(values, "mounting", 3)
     center = "robot" if values["center"] == "robot" else _numbers(values, "center", 2)
     if center is None:
         raise InputError("center: expected robot or x,y [m], got an empty text")
-    if undecided is not None:
-        check_undecided(undecided)
     torch.set_num_threads(values["threads"])
     predictor = load_predictor(values["weights"])
     steps, step_s, range_max_m = (values[name] or None for name in ("steps", "step_s", "range_max_m"))
     settings = window_of(predictor, center, steps, step_s, range_max_m)
 
     def send(header: Any, frame: str, predicted: StreamMap) -> None:
-        data = array.array("b", occupancy(predicted.free, undecided, predicted.unknown).tobytes())
+        data = array.array("b", occupancy(predicted.free, predicted.unknown).tobytes())
         publish(grid_message(types, data, predicted, header.stamp, frame))
 
     transforms = Transforms(KEEP_S, frame=values["frame"] or None, mounting=mounting)

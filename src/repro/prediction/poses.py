@@ -42,7 +42,6 @@ class Edge:
     stamps: list[float] = field(default_factory=list)
     poses: list[RigidTransform] = field(default_factory=list)
     moves: bool = False  # whether two of its poses differ
-    heard_s: float = -math.inf  # time of the newest scan when its last pose arrived
 
     def at(self, stamp: float, *, is_correction: bool = False) -> RigidTransform | None:
         """Return the pose at a time.

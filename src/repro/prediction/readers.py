@@ -30,7 +30,6 @@ def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOp
         options: what its file does not say.
 
     Raises:
-        TimesLost: its times do not order its scans.
         InputError: it is missing, unreadable, empty, damaged or of another kind, or holds no usable scans; the message
             names it and what was expected.
     """
@@ -71,11 +70,6 @@ def _head(path: Path, opener: Callable[..., Any]) -> bytes:
         raise InputError(f"{path}: is damaged ({error})") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}): expected {KINDS}") from error
-
-
-def topics_of(path: Path) -> list[str]:
-    """Return one line for each topic of a bag, see `describe_bag`; none for another log."""
-    return list(_bags(path).describe_bag(path)) if kind_of(path) == "bag" else []
 
 
 def _bags(path: Path) -> ModuleType:

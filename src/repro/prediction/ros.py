@@ -147,14 +147,11 @@ class LaserScans:
             self.warn(message)
 
 
-def occupancy(
-    free: np.ndarray, undecided: tuple[float, float] | None = None, unknown: np.ndarray | None = None
-) -> np.ndarray:
+def occupancy(free: np.ndarray, unknown: np.ndarray | None = None) -> np.ndarray:
     """Convert a map to the data of an OccupancyGrid.
 
     Args:
         free: probability of free, (H, W), row 0 at the top; NaN is unknown.
-        undecided: probabilities of an obstacle between these two are unknown, too; None for none.
         unknown: pixels that no reading supports, bool, (H, W): unknown, unless an obstacle is predicted with more than
             `OCCUPIED_ABOVE`; None for none.
 
@@ -163,24 +160,15 @@ def occupancy(
         corner of the map.
 
     Raises:
-        InputError: a probability is outside [0, 1], or the limits are not in order.
+        InputError: a probability is outside [0, 1].
     """
     occupied = 1 - np.flipud(np.asarray(free, dtype=float)).ravel()
     is_known = ~np.isnan(occupied)
     if ((occupied[is_known] < 0) | (occupied[is_known] > 1)).any():
         raise InputError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
-    if undecided is not None:
-        check_undecided(undecided)
-        is_known &= (occupied <= undecided[0]) | (occupied >= undecided[1])
     if unknown is not None:
         is_known &= ~np.flipud(unknown).ravel() | (occupied > OCCUPIED_ABOVE)
     return np.where(is_known, np.rint(100 * np.where(is_known, occupied, 0)), UNKNOWN).astype(np.int8)
-
-
-def check_undecided(limits: tuple[float, float]) -> None:
-    """Refuse limits that are not two increasing probabilities."""
-    if not 0 <= limits[0] < limits[1] <= 1:
-        raise InputError(f"undecided: expected two increasing probabilities, got {limits[0]} and {limits[1]}")
 
 
 def grid_message(types: dict[str, Any], data: Any, predicted: StreamMap, stamp: Any, frame: str) -> Any:

@@ -26,10 +26,6 @@ TOO_SOON = "less than half a step after the one before"
 ELSEWHERE = "far in time from those before and after"
 
 
-class TimesLost(InputError):
-    """The times of a log cannot order its scans into windows; their numbers can."""
-
-
 @dataclass(frozen=True)
 class WindowSettings:
     """How windows are cut from scans.

@@ -33,7 +33,6 @@ class Transforms:
     ) -> None:
         self.keep_s, self.frame = keep_s, frame and frame.lstrip("/")
         self.mounting, self.pose = mounting, pose
-        self.now_s = -math.inf  # time of the newest scan
         self.edges: dict[str, Edge] = {}
         self.left_out: dict[str, None] = {}  # messages about poses that cannot be used, in the order of their arrival
 
@@ -55,7 +54,7 @@ class Transforms:
             self.left_out[f"poses of {child} are left out: {problem}"] = None
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
-        edge, given = self.edges.get(child), Edge(parent, is_static, [stamp], [pose], heard_s=self.now_s)
+        edge, given = self.edges.get(child), Edge(parent, is_static, [stamp], [pose])
         if edge is None or not edge.stamps or (edge.is_static and (is_static or edge.parent == parent)):
             self.edges[child] = given
         elif edge.parent != parent and is_static:
@@ -67,22 +66,13 @@ class Transforms:
             self.left_out[f"poses of {child} in {parent} are left out: it has poses in {edge.parent}"] = None
         elif not is_static:
             edge.insert(stamp, pose, self.keep_s)
-            edge.heard_s = self.now_s
 
     def _turn_over(self, child: str, static: Edge) -> None:
         """Make the static parent of a frame that moves in another one its child, unless it has a parent itself."""
         self.edges.setdefault(static.parent, Edge(child, True, static.stamps, [static.poses[0].inv()]))
 
-    def note_scan(self, stamp: float) -> None:
-        """Note the time of the newest scan [s], where scans and poses arrive live, see `has_later`."""
-        if self.now_s == -math.inf:
-            for edge in self.edges.values():
-                edge.heard_s = stamp
-        self.now_s = stamp
-
     def forget(self) -> None:
         """Remove all poses that are not static; their frames stay, so that scans wait for new ones."""
-        self.now_s = -math.inf
         for edge in self.edges.values():
             if not edge.is_static:
                 edge.forget()
@@ -138,19 +128,19 @@ class Transforms:
         needed = f"poses of {name} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
         return f"it needs {needed}; there are {span}"
 
-    def has_later(self, frame: str, stamp: float, silent_s: float = math.inf) -> bool:
-        """Return whether later poses than a time [s] are known on the whole way, so that `pose_at` will not change.
+    def has_later(self, frame: str, stamp: float) -> bool:
+        """Return whether later poses than a time [s] are known up to the odometry, so that `pose_at` can interpolate.
 
-        After `silent_s` [s] without poses of a frame none are expected; what counts is when they arrive, since poses
-        may lag behind the scans by more.
+        A correction above it, such as `odom` in `map`, may be rare: the last one holds.
         """
-        chain, has_odometry = list(self._chain(frame)), False
-        for edge in chain:
-            is_silent = edge.heard_s < self.now_s - silent_s and edge.at(stamp, is_correction=has_odometry) is not None
-            if not edge.is_static and (len(edge.stamps) < 2 or edge.stamps[-1] < stamp) and not is_silent:
+        has_poses = False
+        for edge in self._chain(frame):
+            if not edge.is_static and (len(edge.stamps) < 2 or edge.stamps[-1] < stamp):
                 return False
-            has_odometry = has_odometry or edge.moves
-        return not all(edge.is_static for edge in chain)
+            has_poses = has_poses or not edge.is_static
+            if edge.moves:
+                return True
+        return has_poses
 
     def root(self, frame: str) -> str:
         """Return the last parent of a frame."""

@@ -35,7 +35,7 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
         raise InputError(f"{target} has weights already: publish.force=true replaces them")
     target.parent.mkdir(parents=True, exist_ok=True)
     # the lock is that of publishing, which moves the parent
-    with lock(target.parents[1]), replacing_directory(target, OWN_FILES) as new:
+    with lock(target.parents[1]), replacing_directory(target, OWN_FILES.__contains__) as new:
         clear_leftovers(target.parent, keep=new)
         predictor.save(new, torch.float16)
         where = f"reproduce/results/{'/'.join(target.parts[-2:])}"
@@ -58,7 +58,7 @@ def export_onnx(run: Run, target: Path) -> float:
     predictor = _evaluated_predictor(run)
     card = make_card(run, str(target / ONNX), "float32 weights in ONNX; the batch is dynamic")
     target.parent.mkdir(parents=True, exist_ok=True)
-    with lock(target.parent), replacing_directory(target, (ONNX, CARD)) as new:
+    with lock(target.parent), replacing_directory(target, (ONNX, CARD).__contains__) as new:
         clear_leftovers(target.parent, keep=new)
         difference = predictor.save_onnx(new / ONNX, card)
         write_text(new / CARD, card)

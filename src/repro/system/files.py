@@ -8,7 +8,7 @@ import re
 import shutil
 import stat
 import uuid
-from collections.abc import Container, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -51,7 +51,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def replacing_directory(path: Path, own: Container[str] | None = None) -> Iterator[Path]:
+def replacing_directory(path: Path, own: Callable[[str], object] | None = None) -> Iterator[Path]:
     """Yield an empty directory beside `path` to fill, and move it to `path` when the block ends without an error.
 
     A directory at `path` is moved aside first and deleted last, so that an error leaves the old or the new one. Where
@@ -59,9 +59,11 @@ def replacing_directory(path: Path, own: Container[str] | None = None) -> Iterat
 
     Args:
         path: the directory to create or replace.
-        own: names of the files that may be replaced; None for all. Others raise an `InputError`.
+        own: tells by the name of a file whether it may be replaced; None for all. Others raise an `InputError`, as does
+            a file at `path`.
     """
-    foreign = [each.name for each in path.glob("*") if own is not None and each.name not in own]
+    others = [path] if path.exists() and not path.is_dir() else path.glob("*")
+    foreign = [each.name for each in others if own and not (each.is_file() and own(each.name))]
     if foreign:
         raise InputError(f"{path} is replaced as a whole and has files such as {min(foreign)}: move them elsewhere")
     new, old = (path.with_name(f"{path.name}.{uuid.uuid4().hex}{kind}.tmp") for kind in ("", ".old"))

@@ -1,6 +1,5 @@
-"""Progress with the remaining time: a bar on a terminal, and a line now and then in a log."""
+"""Progress with the remaining time, on a terminal and now and then in a log."""
 
-import io
 import multiprocessing
 import sys
 from collections.abc import Iterable
@@ -8,21 +7,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-LINE_S = 20.0  # between two lines in a log
-LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} left"
-WITHOUT_TOTAL = "{desc}: {n_fmt}, {elapsed} passed"
-
-
-class _Lines(tqdm):
-    """Prints lines, where a bar would fill a log with its states."""
-
-    pos, last_print_t, start_t = 0, 0.0, 0.0  # for the end of one that Ctrl-C interrupts before it has them
-
-    def display(self, msg: str | None = None, pos: int | None = None) -> None:
-        """Print a line; the last call has an empty message."""
-        if msg is None:
-            self.bar_format = LINE if self.total else WITHOUT_TOTAL
-            print(self, file=sys.stderr, flush=True)
+LOG_S = 20.0  # between two states in a log
 
 
 def progress(items: Iterable[Any] | None = None, description: str = "", **options: Any) -> tqdm:
@@ -33,8 +18,7 @@ def progress(items: Iterable[Any] | None = None, description: str = "", **option
         description: what is done.
         options: further options of tqdm, such as `total`.
     """
-    options |= {"desc": description, "leave": False}
-    if sys.stderr.isatty() and multiprocessing.parent_process() is None:  # no bars of several workers
-        return tqdm(items, delay=2, **options)
-    options |= {"mininterval": LINE_S, "delay": LINE_S, "miniters": 1}
-    return _Lines(items, file=io.StringIO(), **options)
+    is_terminal = sys.stderr.isatty() and multiprocessing.parent_process() is None  # no bars of several workers
+    every_s, delay_s = (0.1, 2.0) if is_terminal else (LOG_S, LOG_S)
+    options |= {"desc": description, "leave": not is_terminal, "mininterval": every_s, "delay": delay_s}
+    return tqdm(items, miniters=1, **options)

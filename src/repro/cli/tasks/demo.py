@@ -1,7 +1,5 @@
 """task=demo: one HTML file that runs networks in the browser."""
 
-from pathlib import Path
-
 from repro.cli.inputs import find
 from repro.cli.jobs import Job
 from repro.cli.tasks import NETWORK_KEYS, Task
@@ -11,18 +9,18 @@ def run(job: Job) -> None:
     """Write the page.
 
     Raises:
-        InputError: a network or the runtime cannot be used, or the page would be too large.
+        InputError: a network or the runtime cannot be used.
     """
     from repro.demo.networks import load_demo_network
     from repro.demo.page import render
     from repro.demo.runtime import load_runtime
     from repro.system.files import write_text
 
-    runtime = load_runtime(Path(job.call.demo.runtime) if job.call.demo.runtime else None)
+    runtime = load_runtime()
     networks = []
     for number, name in enumerate(job.call.demo.networks, start=1):
         print(f"network {number} of {len(job.call.demo.networks)}, exported and compared: {name}", flush=True)
-        networks.append(load_demo_network(find("demo.networks", name)))
+        networks.append(load_demo_network(name, find("demo.networks", name)))
     page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
     path = job.outputs.path / "demo.html"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -17,8 +17,7 @@ def run(job: Job) -> None:
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
-        progress = job.study.progress(job.key)
-        print(f"{progress}, {job.run}" if progress else f"training {job.run}", flush=True)
+        print(f"training {job.run}", flush=True)
     if resolve_device(job.call.runtime.accelerator) == "cpu":
         use_idle_cores()
     runtime = job.call.runtime

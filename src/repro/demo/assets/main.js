@@ -1,65 +1,111 @@
-// The page: starts the worker, steps the world in time, asks for maps and shows them.
+// The page: steps the world in time, asks the worker for maps and shows them, and follows the user.
 
-import { at, themeColors } from "./canvas.js";
-import { connectControls, newWorld, togglePlay } from "./controls.js";
-import { connect } from "./inference.js";
-import { compare, rasterize } from "./maps.js";
-import { drawMaps, redraw, showScores, showWorld } from "./panels.js";
-import { fail, say, settings, state, step } from "./state.js";
+import { drawInput, drawMap, drawWorld } from "./drawing.js";
+import { beginWorld, obstacleAt, takeScan } from "./world.js";
 
-const MOST_STEPS_PER_FRAME = 8;
-const STOPPED = "Something is in the robot's way: drag it aside.";
+const at = (id) => document.getElementById(id);
+const settings = JSON.parse(at("settings").textContent), { steps, stepMs, sizeM } = settings;
+const state = { world: null, window: null, shown: null, begun: 0, isPlaying: true, isAsking: false, isStale: true, last: 0 };
+const worker = new Worker(URL.createObjectURL(new Blob([settings.worker], { type: "text/javascript" })));
 
-/** Load the networks in the worker and start; on failure, show why. */
-export async function start(worker, modules) {
-  try {
-    state.ask = await connect(worker, modules);
-    const weights = [...document.querySelectorAll(".weights")].map((element) => element.textContent);
-    await state.ask("load", { wasm: at("wasm").textContent, weights, descriptions: settings.networks });
-    for (const element of document.querySelectorAll("#wasm, .weights")) element.remove(); // the worker has them
-  } catch (error) {
-    return fail(error);
-  }
-  const address = new URLSearchParams(location.hash.slice(1));
-  if (settings.spec.experiments[address.get("exp")]) at("experiment").value = address.get("exp");
-  connectControls();
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { state.colors = themeColors(); redraw(); });
-  window.addEventListener("resize", redraw);
-  newWorld(Number(address.get("seed") ?? Math.floor(Math.random() * 2 ** 31)));
-  if (address.has("paused") || matchMedia("(prefers-reduced-motion: reduce)").matches) togglePlay();
-  for (const id of ["play", "step", "new-world"]) at(id).disabled = false;
-  say("");
-  requestAnimationFrame(frame);
+/** Send values to the worker, and resolve to its answer; there is one question at a time. */
+function ask(values) {
+  return new Promise((resolve, reject) => {
+    worker.onmessage = ({ data }) => (data.error ? reject(new Error(data.error)) : resolve(data));
+    worker.onerror = (event) => reject(new Error(event.message || "its worker does not start"));
+    worker.postMessage(values);
+  });
+}
+
+/** Begin the next world of the chosen experiment, and fill the window, so that the first map is that of a whole one. */
+function newWorld() {
+  const worlds = settings.worlds[at("experiment").value];
+  state.world = beginWorld(worlds[state.begun++ % worlds.length], settings.lidar);
+  const { angles } = state.world;
+  state.window = {
+    ranges: new Float32Array(steps * angles.length), angles: Float32Array.from(angles), poses: new Float32Array(3 * steps),
+  };
+  for (let i = 0; i < steps; i++) step();
+}
+
+/** Advance world and window by one step. */
+function step() {
+  if (state.world.step === settings.longest) return newWorld();
+  state.world.step++;
+  state.window.ranges.copyWithin(0, state.world.angles.length);
+  state.window.poses.copyWithin(0, 3);
+  scan();
+}
+
+/** Take the newest scan of the window, anew after the user has moved an obstacle. */
+function scan() {
+  const { world, window: { ranges, poses } } = state;
+  takeScan(world);
+  ranges.set(world.ranges, ranges.length - world.ranges.length);
+  poses.set([world.robot.x, world.robot.y, world.robot.heading], poses.length - 3);
+  state.isStale = true;
 }
 
 /** Draw one frame of the screen, after the steps that are due. */
 function frame(now) {
-  const stepMs = state.world.stepTime * 1000, elapsed = Math.min(now - state.last, 250);
-  state.last = now;
-  state.behind += state.isPlaying ? elapsed : 0;
-  for (let i = 0; state.behind >= stepMs && i < MOST_STEPS_PER_FRAME; i++, state.behind -= stepMs) step();
-  if (state.behind >= stepMs) state.behind = 0;
-  if (state.isPlaying || state.isUndrawn) showWorld();
-  if (state.isStale && !state.isAsking && !state.hasFailed) predict();
-  say(state.world.isStopped ? STOPPED : at("status").textContent === STOPPED ? "" : null);
+  if (state.isPlaying && now - state.last >= stepMs) {
+    step();
+    state.last = Math.max(state.last + stepMs, now - stepMs); // a slow machine shows the world more slowly
+  }
+  drawWorld(at("world"), state.world, sizeM, state.window.poses);
+  at("clock").textContent = `${((state.world.step * stepMs) / 1000).toFixed(1)} s`;
+  if (state.isStale && !state.isAsking) predict().catch(fail);
   requestAnimationFrame(frame);
 }
 
-/** Ask for the map of the present moment, and show it with its errors. */
+/** Ask for the map of the present moment, and show it. */
 async function predict() {
-  const { world } = state, network = Number(at("network").value), { grid } = settings.networks[network];
-  const asked = { network, grid, robot: world.robot, outlines: world.obstacles.map(({ placed }) => placed) };
-  state.isAsking = true;
-  state.isStale = false;
-  try {
-    const answer = await state.ask("predict", { network, scans: state.window });
-    if (world !== state.world) return;
-    state.shown = { ...asked, ...answer, ...compare(answer.free, rasterize(asked.outlines, grid)) };
-    showScores();
-    drawMaps();
-  } catch (error) {
-    fail(error);
-  } finally {
-    state.isAsking = false;
-  }
+  const { world, window: scans } = state, number = Number(at("network").value), { grid, encoding } = settings.networks[number];
+  const { robot } = world, outlines = world.obstacles.map(({ placed }) => placed);
+  [state.isAsking, state.isStale] = [true, false];
+  const { images, free } = await ask({ number, scans });
+  state.isAsking = false;
+  drawInput(at("input"), images, grid, encoding.parameters.frames ?? 1, robot);
+  drawMap(at("prediction"), free, grid, robot, outlines);
+  at("status").textContent = "";
 }
+
+/** Show why no network can run; the page makes no further predictions. */
+function fail(error) {
+  at("status").textContent = `The network cannot run in this browser: ${error.message}.`;
+}
+
+/** Let the pointer drag obstacles in the world panel. */
+function connectPointer(canvas) {
+  let dragged = null, last = null;
+  const meters = ({ clientX, clientY }) => {
+    const { left, top, width, height } = canvas.getBoundingClientRect();
+    return [((clientX - left) / width) * sizeM, (1 - (clientY - top) / height) * sizeM];
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    last = meters(event);
+    dragged = obstacleAt(state.world, ...last);
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!dragged) return;
+    const [x, y] = meters(event);
+    dragged.moved = [dragged.moved[0] + x - last[0], dragged.moved[1] + y - last[1]];
+    last = [x, y];
+    scan();
+  });
+  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { dragged = null; });
+}
+
+function togglePlay() {
+  state.isPlaying = !state.isPlaying;
+  at("play").textContent = state.isPlaying ? "Pause" : "Play";
+}
+
+at("play").addEventListener("click", togglePlay);
+at("new-world").addEventListener("click", newWorld);
+at("experiment").addEventListener("change", newWorld);
+at("network").addEventListener("change", () => { state.isStale = true; });
+connectPointer(at("world"));
+newWorld();
+ask(settings).then(() => requestAnimationFrame(frame), fail);

@@ -1,125 +1,74 @@
-// The world: sampled from an experiment as in repro.simulation.worlds, stepped, and changed by the user.
-
-import { contains, outlineOf, place, radiusOf } from "./geometry.js";
-import { advance, driftVelocity, robotCommands, setCourse, startPose } from "./motions.js";
-import { beamAngles, scan } from "./raycasting.js";
-
-const PLACEMENTS = 200; // attempts to place one obstacle
-const TURN_STEPS = [50, 100]; // of an obstacle that stood still in its experiment
-
-/** Return a generator of uniform random numbers in [0, 1), mulberry32. */
-export function generator(seed) {
-  let state = seed >>> 0;
-  return () => {
-    state = (state + 0x6d2b79f5) >>> 0;
-    let mixed = Math.imul(state ^ (state >>> 15), state | 1);
-    mixed ^= mixed + Math.imul(mixed ^ (mixed >>> 7), mixed | 61);
-    return ((mixed ^ (mixed >>> 14)) >>> 0) / 2 ** 32;
-  };
-}
+// A world of the study: robot and obstacles move as Python has computed, and the user may drag obstacles.
+// An outline is a flat array x0, y0, x1, y1, ... [m], closed by its first vertex.
 
 /**
- * Sample the world of an experiment.
+ * Begin a world.
  *
- * @param {object} spec the content of conf/world/paper.yaml
- * @param {string} experiment a key of spec.experiments
- * @param {number} seed the same seed gives the same world
+ * @param {{poses: number[][], outlines: number[][], headings: number[], paths: number[][]}} description the poses of the
+ *   robot x, y [m], heading [rad] in one round, and of each obstacle outline, heading and places x0, y0, x1, y1, ... of
+ *   all steps, a single place if it stands
+ * @param {{angle_range: number, number: number, range_max: number}} lidar as in conf/world
  */
-export function sampleWorld(spec, experiment, seed) {
-  const { motion, obstacles: population, clear_radius_m: clear } = spec.experiments[experiment];
-  const lidar = spec.robot.sensors[0], random = generator(seed), direction = random() < 0.5 ? 1 : -1;
-  const sizeM = spec.world.width, stepTime = spec.world.step_time, robot = startPose(motion, sizeM, direction);
-  const world = {
-    sizeM, stepTime, robotRadius: spec.robot.shape.radius, rangeMax: lidar.range_max, angles: beamAngles(lidar),
-    clear, population, random, obstacles: [], step: 0, round: 0,
-    commands: robotCommands(motion, direction, stepTime), robot,
-  };
-  const [least, most] = population.count;
-  const count = least + Math.floor(random() * (most - least + 1));
-  for (let i = 0; i < count; i++) addObstacle(world);
+export function beginWorld({ poses, outlines, headings, paths }, lidar) {
+  const spacing = lidar.angle_range / (lidar.number - 1);
+  const angles = Float64Array.from({ length: lidar.number }, (_, i) => -lidar.angle_range / 2 + i * spacing);
+  const obstacles = outlines.map((outline, i) => ({
+    outline, heading: headings[i], path: paths[i], moved: [0, 0], lastHit: -Infinity,
+  }));
+  const world = { poses, obstacles, angles, rangeMax: lidar.range_max, step: 0 };
   takeScan(world);
   return world;
 }
 
-/** Add an obstacle of the population at a random free place, if there is room. */
-function addObstacle(world) {
-  const { random, sizeM } = world, shape = sampleShape(world), radius = radiusOf(shape);
-  for (let attempt = 0; attempt < PLACEMENTS; attempt++) {
-    const x = radius + random() * (sizeM - 2 * radius), y = radius + random() * (sizeM - 2 * radius);
-    const apart = world.obstacles.every((other) => Math.hypot(x - other.x, y - other.y) >= radius + other.radius);
-    const { zone } = rulesOf(world);
-    if (!apart || Math.hypot(x - zone.x, y - zone.y) < zone.radius + radius) continue;
-    const heading = (2 * random() - 1) * Math.PI, [slow, fast] = world.population.behavior?.speed_m_s ?? [0, 0];
-    const obstacle = { radius, outline: outlineOf(shape), heading, lastHit: -Infinity };
-    obstacle.speed = slow + random() * (fast - slow);
-    setCourse(obstacle, 2 * Math.PI * random(), rulesOf(world), random);
-    moveTo(obstacle, x, y);
-    world.obstacles.push(obstacle);
-    return;
-  }
-}
-
-/** Move an obstacle to the free place nearest to a point, on the map and off the robot. */
-export function dragTo(world, obstacle, x, y) {
-  const within = (value) => Math.min(Math.max(value, 0), world.sizeM);
-  const least = obstacle.radius + world.robotRadius, { robot } = world;
-  let away = [within(x) - robot.x, within(y) - robot.y];
-  const distance = Math.hypot(...away);
-  if (distance < least) away = distance > 0 ? away.map((part) => (part * least) / distance) : [least, 0];
-  moveTo(obstacle, robot.x + away[0], robot.y + away[1]);
-}
-
-/** Advance obstacles and robot by one step, and take a scan. */
-export function stepWorld(world) {
-  world.step++;
-  const rules = rulesOf(world), stands = world.robot;
-  for (const obstacle of world.obstacles) {
-    if (obstacle.isHeld) continue; // by the pointer
-    const [vx, vy] = driftVelocity(obstacle, rules, world.random, world.stepTime);
-    const { x, y } = obstacle;
-    moveTo(obstacle, x + vx * world.stepTime, y + vy * world.stepTime);
-    if (isBlocked(world, stands, obstacle)) moveTo(obstacle, x, y);
-  }
-  const command = world.commands[world.round], next = advance(stands, command, world.stepTime);
-  const stays = world.obstacles.some((obstacle) => isBlocked(world, next, obstacle));
-  // the paper's motions keep to the clear zone; only an obstacle that the user put into it can stop them
-  world.isStopped = stays && command[0] !== 0;
-  world.robot = stays ? { ...stands, heading: next.heading } : next;
-  if (!world.isStopped) world.round = (world.round + 1) % world.commands.length;
-  takeScan(world);
-}
-
-/** Scan the world from the robot's pose and note which obstacles are hit. */
+/** Take the scan of the present step: `ranges` [m], Infinity for a miss, from the `robot`. */
 export function takeScan(world) {
-  const { ranges, nearest } = scan(world.robot, world.angles, world.obstacles, world.rangeMax);
-  world.ranges = ranges;
-  for (const index of nearest) if (index >= 0) world.obstacles[index].lastHit = world.step;
+  const { poses, obstacles, angles, step } = world, [x, y, heading] = poses[step % poses.length];
+  world.robot = { x, y, heading };
+  for (const obstacle of obstacles) place(obstacle, step);
+  world.ranges = Float64Array.from(angles, (angle) => {
+    const dx = Math.cos(heading + angle), dy = Math.sin(heading + angle);
+    let nearest = world.rangeMax, hit = null;
+    for (const obstacle of obstacles) {
+      const range = crossing(x, y, dx, dy, obstacle.placed);
+      if (range <= nearest) [nearest, hit] = [range, obstacle];
+    }
+    if (hit) hit.lastHit = step;
+    return hit ? nearest : Infinity;
+  });
 }
 
-/** Return the topmost obstacle at a point, or undefined. */
+/** Place the outline of an obstacle in the world, where its path and the user have moved it. */
+function place(obstacle, step) {
+  const { outline, heading, path, moved } = obstacle, cos = Math.cos(heading), sin = Math.sin(heading);
+  const at = Math.min(2 * step, path.length - 2), x = path[at] + moved[0], y = path[at + 1] + moved[1];
+  obstacle.placed = Float64Array.from(outline, (value, i) => (i % 2
+    ? outline[i - 1] * sin + value * cos + y
+    : value * cos - outline[i + 1] * sin + x));
+}
+
+/** Return the distance along a beam to an outline [m], Infinity without a crossing; as in repro.simulation.raycasting. */
+function crossing(fromX, fromY, dx, dy, placed) {
+  let nearest = Infinity;
+  for (let i = 0; i < placed.length; i += 2) {
+    const next = (i + 2) % placed.length;
+    const edgeX = placed[next] - placed[i], edgeY = placed[next + 1] - placed[i + 1];
+    const x = fromX - placed[i], y = fromY - placed[i + 1];
+    const denominator = edgeY * dx - edgeX * dy;
+    const u = (y * dx - x * dy) / denominator, t = (edgeX * y - edgeY * x) / denominator;
+    if (u >= 0 && u <= 1 && t > 1e-9 && t < nearest) nearest = t;
+  }
+  return nearest;
+}
+
+/** Return the topmost obstacle at a point, or undefined; by the crossings of a ray to the right. */
 export function obstacleAt(world, x, y) {
-  return world.obstacles.findLast((obstacle) => contains(obstacle.placed, x, y));
-}
-
-function moveTo(obstacle, x, y) {
-  Object.assign(obstacle, { x, y });
-  obstacle.placed = place(obstacle.outline, obstacle);
-}
-
-function sampleShape({ population, random }) {
-  const uniform = ([low, high]) => low + random() * (high - low);
-  const radius = uniform(population.radius_m), aspect = uniform(population.aspect);
-  if (random() < population.disc_share) return { name: "circle", radius };
-  const width = Math.sqrt((Math.PI * radius ** 2) / aspect);
-  return { name: "rectangle", length: aspect * width, width };
-}
-
-/** Return what obstacles respect: the clear zone at the center, and the border. */
-function rulesOf(world) {
-  const zone = { x: world.sizeM / 2, y: world.sizeM / 2, radius: world.clear };
-  return { zone, sizeM: world.sizeM, turnSteps: world.population.behavior?.turn_steps ?? TURN_STEPS };
-}
-
-function isBlocked(world, robot, obstacle) {
-  return Math.hypot(robot.x - obstacle.x, robot.y - obstacle.y) < obstacle.radius + world.robotRadius;
+  return world.obstacles.findLast(({ placed }) => {
+    let inside = false;
+    for (let i = 0, j = placed.length - 2; i < placed.length; j = i, i += 2) {
+      if (placed[i + 1] > y === placed[j + 1] > y) continue;
+      const share = (y - placed[i + 1]) / (placed[j + 1] - placed[i + 1]);
+      if (x < placed[i] + share * (placed[j] - placed[i])) inside = !inside;
+    }
+    return inside;
+  });
 }
