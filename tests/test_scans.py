@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -10,29 +12,30 @@ def window(steps=5, beams=4):
     return Scans(rng.random((steps, beams)), np.linspace(-1, 1, beams), rng.random((steps, 3)))
 
 
+SHAPES = (((5, 4), (3,), (5, 3)), ((5, 4), (4,), (6, 3)), ((2, 5, 4), (4,), (5, 3)), ((0, 4), (4,), (0, 3)))
+RANGES, ANGLES, POSES = (getattr(window(), name) for name in ("ranges", "angles", "poses"))
+
+
 @pytest.mark.parametrize(
-    ("ranges", "angles", "poses"),
+    ("arrays", "message"),
     [
-        ((5, 4), (3,), (5, 3)),
-        ((5, 4), (4,), (6, 3)),
-        ((5, 4), (4,), (5, 2)),
-        ((2, 5, 4), (4,), (5, 3)),
-        ((4,), (4,), (3,)),
+        *(([*map(np.zeros, shapes)], ".*".join(map(re.escape, map(str, shapes)))) for shapes in SHAPES),
+        ((torch.as_tensor(RANGES), ANGLES, POSES), "as arrays, or all of them as tensors, got both"),
+        ((np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES), "ranges: expected a plain array, got a masked one"),
+        ((RANGES.astype(str), ANGLES, POSES), "ranges: expected real numbers"),
+        ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
+        ((RANGES, ANGLES, POSES.tolist()), "poses: expected an array or a tensor, got list"),
+        ((torch.ones(5, 4, dtype=torch.bool), torch.zeros(4), torch.zeros(5, 3)), "real numbers, got torch.bool"),
     ],
 )
-def test_shapes_that_disagree_are_refused_naming_them(ranges, angles, poses):
-    with pytest.raises(ValueError, match=r"expected ranges \(B, T, N\), .* got") as caught:
-        Scans(np.zeros(ranges), np.zeros(angles), np.zeros(poses))
-    assert f"got {ranges}, {angles}, {poses}" in str(caught.value)
+def test_arrays_of_other_kinds_and_shapes_are_refused(arrays, message):
+    with pytest.raises(ValueError, match=message):
+        Scans(*arrays)
 
 
-def test_arrays_and_tensors_are_not_mixed_and_hold_real_numbers():
-    arrays = window()
-    with pytest.raises(ValueError, match="as arrays, or all of them as tensors, got both"):
-        Scans(torch.as_tensor(arrays.ranges), arrays.angles, arrays.poses)
-    for dtype in (torch.bool, torch.complex64):
-        with pytest.raises(ValueError, match=f"ranges: expected real numbers, got {dtype}"):
-            Scans(torch.ones(5, 4, dtype=dtype), torch.zeros(4), torch.zeros(5, 3))
+def test_windows_with_different_angles_are_not_stacked():
+    with pytest.raises(ValueError, match="same beam angles"):
+        Scans.stack([window(), Scans(RANGES, 2 * ANGLES, POSES)])
 
 
 def test_windows_are_stacked_and_indexed():

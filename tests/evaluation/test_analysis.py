@@ -139,14 +139,6 @@ def test_the_average_is_over_the_seeds_that_all_networks_have():
     assert not list(averages(counted, seeds, weights))
 
 
-def test_a_damaged_run_is_named(outputs, tmp_path):
-    damaged = Outputs(tmp_path / "outputs")
-    shutil.copytree(outputs.path, damaged.path)
-    (damaged.run(run_config(seed=0).key).path / "config.yaml").write_text("")
-    with pytest.raises(ValueError, match=r"config\.yaml"):
-        gather(damaged)
-
-
 def test_the_interval_of_a_rare_group_is_left_out(test_set):
     """With 3 obstacles of two of 250 worlds, a tenth of the draws have none of them."""
     worlds = 250

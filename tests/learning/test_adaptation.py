@@ -98,10 +98,6 @@ def test_the_loss_takes_the_lowest_logit_beside_a_label_and_weighs_seen_and_unse
     assert logits.grad.flatten().nonzero().flatten().tolist() == [0, 4, 7]
 
 
-def test_windows_without_known_pixels_have_no_loss():
-    assert float(PartialLoss()(torch.zeros(1, 1, 4, 4), torch.full((1, 1, 4, 4), UNKNOWN))) == 0
-
-
 def test_statistics_are_widened_and_keep_their_median():
     one = Statistics(10, {"path_m": (1.0, 2.0, 3.0, 4.0, 5.0)})
     other = Statistics(5, {"path_m": (0.5, 0.6, 0.7, 6.0, 7.0), "valid_share": (0.5, 0.6, 0.7, 0.8, 0.9)})

@@ -170,11 +170,6 @@ def test_a_run_is_not_continued_with_other_recordings(recorded, tmp_path):
         train(run, recorded)
 
 
-def test_missing_recordings_name_the_command_that_records(tmp_path):
-    with pytest.raises(ValueError, match="same command with task=record"):
-        train(prepared(tmp_path / "run"), tmp_path / "laptop" / "recordings" / "exp3")
-
-
 class TwoMaps(torch.nn.Module, PyTorchModelHubMixin):
     """A network with an output of two channels."""
 

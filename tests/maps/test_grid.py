@@ -1,4 +1,3 @@
-import pytest
 import torch
 
 from repro.maps.grid import Grid
@@ -32,9 +31,3 @@ def test_first_column_is_the_first_center_not_left_of_x():
     grid = Grid(5, 50.0)  # centers at 5, 15, 25, 35, 45
     x = torch.tensor([-3.0, 5.0, 5.1, 44.9, 45.1, 99.0])
     assert grid.first_column(x).tolist() == [0, 0, 1, 4, 5, 5]
-
-
-@pytest.mark.parametrize("size", [(0, 50.0), (8, 0.0)])
-def test_sizes_that_are_not_positive_are_refused(size):
-    with pytest.raises(ValueError, match="a whole number of pixels and a positive size"):
-        Grid(*size)

@@ -31,6 +31,7 @@ def check(ranges=RANGES, angles=ANGLES, poses=POSES, **options):
         {"ranges": RANGES.astype(np.float32)},
         {"ranges": np.where(np.arange(30) == 7, RANGES, np.inf)},
         {"ranges": np.stack([RANGES, RANGES - 1]), "poses": np.stack([POSES, POSES])},
+        {"poses": with_value(POSES, 51.0, (slice(9), 0))},  # it comes from outside the map
     ],
 )
 def test_scans_of_a_lidar_on_the_map_are_accepted(scans):
@@ -62,6 +63,7 @@ def test_values_that_no_lidar_has_are_refused_always(scans, message, allow_empty
     ("scans", "message"),
     [
         ({"ranges": RANGES * 1000}, r"1 of 1 windows have no hit on the map of 50 m, their median range is 1.2e\+04"),
+        ({"ranges": np.stack([RANGES, RANGES + np.inf]), "poses": np.stack([POSES] * 2)}, "1 of 2 windows have no hit"),
         ({"ranges": RANGES + np.inf}, "1 of 1 windows have no hit on the map of 50 m, all of their beams are misses"),
         (
             {"poses": with_value(POSES, 51.0, (-1, 0))},
@@ -75,36 +77,3 @@ def test_windows_without_information_are_refused_unless_asked_for(scans, message
     with pytest.raises(ValueError, match=message):
         check(**scans)
     check(**scans, allow_empty=True)
-
-
-def test_a_robot_may_come_from_outside_the_map():
-    check(poses=with_value(POSES, 51.0, (slice(9), 0)))
-
-
-def test_one_empty_window_of_a_batch_is_found():
-    ranges = np.stack([RANGES, RANGES + np.inf, RANGES])
-    with pytest.raises(ValueError, match="1 of 3 windows have no hit"):
-        check(ranges=ranges, poses=np.stack([POSES] * 3))
-
-
-@pytest.mark.parametrize(
-    ("arrays", "message"),
-    [
-        ((RANGES[:0], ANGLES, POSES[:0]), "none of them empty"),
-        ((RANGES[:, :0], ANGLES[:0], POSES), "none of them empty"),
-        ((np.ma.masked_greater(RANGES, 10), ANGLES, POSES), "ranges: expected a plain array, got a masked one"),
-        ((RANGES.astype(object), ANGLES, POSES), "ranges: expected real numbers, got object"),
-        ((RANGES.astype(str), ANGLES, POSES), "ranges: expected real numbers"),
-        ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
-        ((RANGES, ANGLES, POSES.tolist()), "poses: expected an array or a tensor, got list"),
-        ((RANGES, ANGLES[:-1], POSES), "expected ranges"),
-    ],
-)
-def test_arrays_of_other_kinds_and_shapes_are_refused(arrays, message):
-    with pytest.raises(ValueError, match=message):
-        Scans(*arrays)
-
-
-def test_windows_with_different_angles_are_not_stacked():
-    with pytest.raises(ValueError, match="same beam angles"):
-        Scans.stack([Scans(RANGES, ANGLES, POSES), Scans(RANGES, 2 * ANGLES, POSES)])

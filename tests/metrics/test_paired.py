@@ -28,15 +28,6 @@ def test_the_differences_are_those_of_the_pooled_metrics():
     assert np.allclose(swapped["value"], -rows["value"])
 
 
-def test_pairs_have_narrower_intervals_than_independent_predictions():
-    """Both predictions fail on the same worlds."""
-    hard = torch.arange(40).ge(20).view(40, 1, 1, 1)
-    one, other = (torch.where(hard, with_errors(0.4, seed), with_errors(0.01, seed)) for seed in (1, 2))
-    row = pd.DataFrame(paired_differences(one, other, MAPS)).set_index("metric").loc["accuracy"]
-    single = pd.DataFrame(paired_differences(one, with_errors(0.2, 2), MAPS)).set_index("metric").loc["accuracy"]
-    assert row["high"] - row["low"] < 0.5 * (single["high"] - single["low"])
-
-
 def test_a_prediction_does_not_differ_from_itself_and_arrays_will_do():
     free = with_errors(0.1, 1)
     rows = pd.DataFrame(paired_differences(free.numpy().astype(np.float64), free, MAPS))
@@ -47,14 +38,7 @@ def test_a_prediction_does_not_differ_from_itself_and_arrays_will_do():
 @pytest.mark.parametrize(
     ("one", "maps", "message"),
     [
-        (
-            with_errors(0.1, 1)[:, 0],
-            MAPS,
-            r"one: expected probabilities of free, \(40, 1, 16, 16\) as the maps, got \(40, 16, 16\)",
-        ),
         (with_errors(0.1, 1)[:38], MAPS, r"one: expected probabilities .* got \(38, 1, 16, 16\)"),
-        (255 * with_errors(0.1, 1), MAPS, r"one: expected .* from 0 to 1, got values from 25.5 to 229.5: logits"),
-        (torch.nan * MAPS, MAPS, r"one: expected .* from 0 to 1, got values from nan to nan"),
         (MAPS[:, 0], MAPS[:, 0], r"maps: expected the shape \(M, 1, H, W\) with an even M, got \(40, 16, 16\)"),
         (MAPS[:3], MAPS[:3], r"maps: expected .* an even M, got \(3, 1, 16, 16\)"),
     ],

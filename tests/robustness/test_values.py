@@ -25,6 +25,7 @@ def window(angles: np.ndarray) -> Scans:
 
 VALUES = {
     "a grid of half a pixel": lambda: repro.Grid(32.5, 50.0),
+    "a grid of no pixels": lambda: repro.Grid(0, 50.0),
     "a grid of text": lambda: repro.Grid("32", 50.0),
     "a grid without a size": lambda: repro.Grid(32, np.nan),
     "an infinite grid": lambda: repro.Grid(32, np.inf),
