@@ -2,7 +2,7 @@
 
 import pandas as pd
 import pytest
-from conftest import ROOT, read_calls
+from conftest import ROOT, TINY, read_calls
 
 from repro.cli.jobs import resolve
 from repro.navigation import study
@@ -10,7 +10,6 @@ from repro.system.errors import InputError
 
 pytestmark = pytest.mark.slow
 
-TINY = ["scale=first", "scale.pairs.train=16", "scale.pairs.val=4", "scale.pairs.test=4", "scale.max_epochs=1"]
 FEW = [
     "navigation.inflations_m=[1.6]",
     "navigation.validation_seeds=1",
@@ -20,7 +19,7 @@ FEW = [
 
 
 def run(outputs, *arguments) -> None:
-    words = ["world=navigation", "exp=mixed", *TINY, f"outputs={outputs}", "runtime.accelerator=cpu"]
+    words = ["world=navigation", "exp=mixed", *TINY, f"outputs={outputs}"]
     (call,) = read_calls(*words, *arguments)
     call.facts.run(resolve(call))
 

@@ -74,11 +74,17 @@ def test_negated_and_probabilistic_maps_have_the_same_floor(tmp_path):
     assert read_floor(write(tmp_path, cells, mode="scale")) == expected
 
 
-def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def worlds(tmp_path, monkeypatch) -> Path:
+    """Return an empty directory of worlds."""
     monkeypatch.setattr(floors, "conf_directory", lambda: tmp_path)
-    source = write(tmp_path, rooms())
     (tmp_path / "world").mkdir()
-    run_task(source)
+    return tmp_path / "world"
+
+
+def test_the_world_of_a_floor_is_complete(tmp_path, worlds, capsys):
+    source = write(tmp_path, rooms())
+    floors.write_floor(str(source))
     assert "prediction.center=[7,12]" in capsys.readouterr().out
     (call,) = read_calls("--config-dir", str(tmp_path), "task=world", "world=my_map", "exp=people")
     world = call.world
@@ -89,9 +95,9 @@ def test_the_world_of_a_floor_is_complete(tmp_path, monkeypatch, capsys):
     start = sample_world(world_spec(world, "people"), 0)["robot"]["state"]
     assert not covered(experiment["fixed"], 80)[int(start[1] / CELL), int(start[0] / CELL)]
     with pytest.raises(ValueError, match=r"my_map.yaml exists: rename"):
-        run_task(source)
-    shutil.copy(ROOT / "conf" / "world" / "office.yaml", tmp_path / "world")
-    assert read_world(tmp_path / "world" / "my_map.yaml") == world  # exports and publications read all worlds
+        floors.write_floor(str(source))
+    shutil.copy(ROOT / "conf" / "world" / "office.yaml", worlds)
+    assert read_world(worlds / "my_map.yaml") == world  # exports and publications read all worlds
 
 
 @pytest.mark.parametrize(
@@ -115,13 +121,6 @@ def test_a_map_that_cannot_be_converted_is_refused(tmp_path, keys, message):
         read_floor(path)
 
 
-def test_a_map_with_noise_is_refused(tmp_path):
-    cells = np.full((100, 100), FREE, dtype=np.uint8)
-    cells[1::3, 1::3] = OCCUPIED
-    with pytest.raises(ValueError, match=r"expected at most 1000 polygons, got 10\d\d or more: remove specks of noise"):
-        read_floor(write(tmp_path, cells))
-
-
 @pytest.mark.parametrize(("name", "mode"), [("map.png", "I;16"), ("map.pgm", "I"), ("map.png", "LA")])
 def test_an_image_of_more_than_8_bits_or_with_transparency_is_refused(tmp_path, name, mode):
     path = write(tmp_path, rooms(), image=name)
@@ -131,21 +130,9 @@ def test_an_image_of_more_than_8_bits_or_with_transparency_is_refused(tmp_path, 
         read_floor(path)
 
 
-def run_task(source: Path) -> None:
-    floors.write_floor(str(source))
-
-
-@pytest.fixture
-def worlds(tmp_path, monkeypatch) -> Path:
-    """Return an empty directory of worlds."""
-    monkeypatch.setattr(floors, "conf_directory", lambda: tmp_path)
-    (tmp_path / "world").mkdir()
-    return tmp_path / "world"
-
-
 def test_a_file_name_stays_in_the_comment(tmp_path, worlds, capsys):
     source = write(tmp_path, rooms()).rename(tmp_path / "a\nrobot: {}\x85\x1b[1m\u2028b.yaml")
-    run_task(source)
+    floors.write_floor(str(source))
     (path,) = worlds.iterdir()
     assert path.name == "a_robot_______1m_b.yaml"
     lines = path.read_text().splitlines()

@@ -108,6 +108,9 @@ def test_noise_has_its_deviation_and_is_reproducible():
     exact, noisy = (sample_world(own_spec(lidar=noise), 4) for noise in ({}, {"noise": True, "std": 0.05}))
     first, again = simulate(noisy).scans.ranges, simulate(copy.deepcopy(noisy)).scans.ranges
     assert np.array_equal(first, again)
+    twin = reverse_direction(noisy)
+    assert twin["custom"]["seed"] != noisy["custom"]["seed"]
+    assert reverse_direction(twin) == noisy
     assert noisy["custom"]["seed"] != sample_world(own_spec(lidar={"noise": True, "std": 0.05}), 6)["custom"]["seed"]
     truth = simulate(exact).scans.ranges
     hit = np.isfinite(truth) & np.isfinite(first)
@@ -118,13 +121,6 @@ def test_noise_has_its_deviation_and_is_reproducible():
     raw = copy.deepcopy(own_spec(lidar={"noise": True, "std": 0.05}).raw)
     del raw["robot"]["sensors"][0]["range_min"]
     assert np.array_equal(simulate(sample_world(WorldSpec.parse(raw), 4)).scans.ranges, first)
-
-
-def test_a_twin_has_other_noise_and_is_undone_by_its_twin():
-    world, twin = both(own_spec(lidar={"noise": True, "std": 0.05}), 4)
-    assert world["custom"]["seed"] != twin["custom"]["seed"]
-    assert reverse_direction(twin)["custom"] == world["custom"]
-    assert reverse_direction(twin)["robot"]["state"] == world["robot"]["state"]
 
 
 def test_beams_through_a_corner_are_left_to_plain_irsim():
@@ -149,22 +145,26 @@ def test_a_first_beam_through_a_corner_is_left_to_plain_irsim_with_noise():
     assert check_replay(world, simulate(world)) == 0
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_obstacles_are_off_the_walls_and_out_of_the_way_of_robot_and_twin(seed):
-    spec = own_spec()
+ROOMS = repro.world_config.world_spec(repro.world_config.read_world(ROOT / "conf" / "world" / "rooms.yaml"), "people")
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("spec", [own_spec(), ROOMS], ids=["shapes", "rooms"])
+def test_obstacles_are_off_the_walls_and_out_of_the_way_of_robot_and_twin(spec, seed):
     world, twin = both(spec, seed)
     paths = [simulate(item).scans.poses[:, :2] for item in (world, twin)]
     fixed = world["custom"]["fixed"]
     walls = union(world["obstacle"][:fixed])
     for obstacle in world["obstacle"][fixed:]:
-        places = shapely.points(obstacle_states(obstacle, 60, 0.1)[:, :2])
+        places = shapely.points(obstacle_states(obstacle, spec.steps, 0.1)[:, :2])
         radius = shape_radius(obstacle["shape"])
         assert shapely.distance(walls, places).min() >= radius - 1e-9
         for path in paths:
             assert shapely.distance(shapely.points(path), places).min() >= radius + spec.clear_radius_m - 1e-9
     for path in map(LineString, paths):
         assert path.distance(walls) >= 0.3 - 1e-9
-        assert shapely.box(0.3, 0.3, 19.7, 19.7).buffer(1e-9).covers(path)
+        side = spec.world.width - 0.3
+        assert shapely.box(0.3, 0.3, side, side).buffer(1e-9).covers(path)
 
 
 def test_goals_are_reproducible_and_differ_between_worlds():

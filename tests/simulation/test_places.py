@@ -11,7 +11,7 @@ from repro.simulation.drift import Walk
 from repro.simulation.paths import robot_commands
 from repro.simulation.rooms import sample_rooms
 from repro.simulation.schema import world_errors
-from repro.simulation.sensing import sensed
+from repro.simulation.sensing import drifted_poses, sensed, skipped_scans
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
@@ -145,8 +145,34 @@ def test_odometry_drifts_within_the_window():
     assert drifted[-1] == pytest.approx(scans().poses[-1])
     assert abs(drifted[0, 0]) > 1e-3
     noise = sensed_with(pose_m=(0.1, 0.1)).poses - scans().poses
-    assert noise[:-1, :2].std() == pytest.approx(0.1, rel=0.2)
+    assert noise[:-1].std(axis=0) == pytest.approx([0.1, 0.1, 0.005], rel=0.2)
     assert not noise[-1].any()
+
+
+def test_the_errors_of_odometry_add_up_along_a_circle():
+    angle = np.linspace(0, 2 * np.pi, 101)
+    poses = np.stack([5 * np.cos(angle), 5 * np.sin(angle), angle + np.pi / 2], axis=-1)[None]
+    circle = Scans(np.full((1, 101, 3), 10.0), np.linspace(-0.7, 0.7, 3), poses)
+
+    class Errors:
+        def normal(self, mean, std, shape):
+            assert (mean, shape) == (0, (2, 1, 1))
+            return np.array([0.1, -0.05]).reshape(shape)  # of distances and of turns
+
+    drifted = drifted_poses(circle, 0.1, Errors()).poses[0]
+    assert drifted[-1] == pytest.approx(poses[0, -1])
+    steps = np.diff(drifted[:, :2], axis=0)
+    assert np.linalg.norm(steps, axis=1).sum() == pytest.approx(1.1 * 2 * np.pi * 5, rel=1e-3)
+    assert drifted[-1, 2] - drifted[0, 2] == pytest.approx(0.95 * 2 * np.pi)
+    # each step points along the heading, as that of the circle does, up to half a step of the turn
+    assert np.cos(np.arctan2(steps[:, 1], steps[:, 0]) - drifted[:-1, 2]) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_step_takes_the_nearest_of_the_scans_that_are_left():
+    steps = np.arange(7.0)
+    window = Scans(np.tile(steps[:, None], (2, 1, 3)), np.zeros(3), np.tile(steps[:, None], (2, 1, 3)))
+    slower = skipped_scans(window, 2, np.random.default_rng(0))
+    assert slower.ranges[1, :, 0].tolist() == slower.poses[1, :, 0].tolist() == [0, 0, 3, 3, 3, 6, 6]
 
 
 def test_recordings_have_the_errors_of_the_sensors(tmp_path, monkeypatch):

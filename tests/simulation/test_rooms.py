@@ -6,8 +6,6 @@ import shapely
 from conftest import ROOT
 
 from repro.simulation.rooms import _Floor, sample_rooms
-from repro.simulation.shapes import union
-from repro.simulation.simulator import drive_robot, simulate
 from repro.simulation.worlds import reverse_direction, sample_world
 from repro.world_config import read_world, world_spec
 
@@ -66,15 +64,3 @@ def test_every_world_has_its_own_rooms_and_twins_share_them():
     assert first["obstacle"][:count] != second["obstacle"][:count]
     assert reverse_direction(first)["obstacle"] == first["obstacle"]
     assert sample_world(SPEC, 0) == first
-
-
-def test_the_robot_and_the_people_keep_off_the_walls():
-    for seed in range(5):
-        world = sample_world(SPEC, seed)
-        walls = union(world["obstacle"][: world["custom"]["fixed"]])
-        assert shapely.distance(walls, shapely.LineString(drive_robot(world)[:, :2])) >= 0.3 - 1e-6
-        recording = simulate(world)
-        for obstacle, states in zip(world["obstacle"], recording.states, strict=True):
-            if obstacle["kinematics"]["name"] != "static":
-                places = shapely.points(states[:, :2])
-                assert shapely.distance(walls, places).min() >= obstacle["shape"]["radius"] - 1e-6

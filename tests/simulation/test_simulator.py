@@ -41,12 +41,7 @@ def test_commands_beyond_the_limit_are_refused():
 
 @pytest.mark.parametrize(
     ("content", "problem"),
-    [
-        (None, "cannot be read \\(.*No such file"),
-        ("", "cannot be read \\(expected a mapping, got NoneType"),
-        ("a: [", "cannot be read \\("),
-        ("experiments: {}", "lacks world, robot, obstacle"),
-    ],
+    [(None, "cannot be read \\(.*No such file"), ("experiments: {}", "lacks world, robot, obstacle")],
 )
 def test_what_is_no_world_file_is_refused(content, problem, tmp_path):
     path = tmp_path / "world.yaml"
