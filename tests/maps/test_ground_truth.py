@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import shapely
 import torch
-from shapely import LineString, Point, affinity, contains_xy
+from shapely import LineString, affinity, contains_xy
 from shapely.geometry import Polygon
 
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import CONCAVE, CONVEX, LINE, kinds_of, rasterize
+from repro.maps.ground_truth import areas_of, rasterize
 from repro.recordings.reader import read_shards
 
 
@@ -83,6 +83,12 @@ def test_a_line_occupies_the_pixels_that_it_crosses():
         assert np.array_equal(drawn.flatten().numpy() == 0, truth)
 
 
+def test_only_lines_have_no_area():
+    thin, far = [[0, 0], [10, 0], [10, 0.05], [0, 0.05]], [[9000 + x, 9000 + y] for x, y in [[0, 0], [1, 0], [1, 0.1]]]
+    outlines = [thin, far, L_SHAPE[::-1], there_and_back([[0, 0], [1, 2], [5, 3], [0, 0]])]
+    assert areas_of(padded(outlines)).tolist() == pytest.approx([0.5, 0.05, -6, 0], rel=0.1)
+
+
 def test_obstacles_of_all_kinds_overlap_on_one_map():
     grid = Grid(64, 20.0)
     outlines = padded([L_SHAPE, L_SHAPE[::-1], U_SHAPE, [[0, 0], [5, 0], [5, 5]], there_and_back([[0, 0], [6, 6]])])
@@ -90,13 +96,3 @@ def test_obstacles_of_all_kinds_overlap_on_one_map():
     alone = rasterize(outlines, states, torch.arange(5), 5, grid)
     together = rasterize(outlines, states, torch.zeros(5, dtype=torch.long), 1, grid)
     assert torch.equal(together[0], alone.amin(0))
-
-
-def test_kinds_of_outlines():
-    thin = [[0, 0], [10, 0], [10, 0.05], [0, 0.05]]
-    disc = np.array(Point(0, 0).buffer(0.01).exterior.coords)[:-1].tolist()
-    far = [[9000 + x, 9000 + y] for x, y in [[0, 0], [1, 0], [1, 0.1], [0, 0.1]]]
-    concave_at_last = [[0, 0], [4, 0], [0, 4], [1, 1]]
-    shapes = [L_SHAPE, STAR, concave_at_last, thin, disc, far, there_and_back([[0, 0], [1, 2], [5, 3], [0, 0]])]
-    expected = [CONCAVE] * 3 + [CONVEX] * 3 + [LINE]
-    assert kinds_of(padded(shapes)).tolist() == expected

@@ -8,7 +8,7 @@ import shapely
 import torch
 
 from repro.maps.grid import Grid
-from repro.maps.ground_truth import CONVEX, kinds_of, rasterize
+from repro.maps.ground_truth import areas_of, rasterize
 from repro.maps.visibility import newest_in_view, newest_visible
 from repro.recordings.format import ShardContent
 from repro.scans import Scans
@@ -55,7 +55,9 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
     """
     points, hit = (part.numpy() for part in shard.scans.tensors(dtype=torch.float64).points())
     newest = np.zeros((2, len(shard.world)), dtype=np.int64)
-    is_convex, reach_m = kinds_of(torch.as_tensor(shard.outlines)) == CONVEX, TOUCH_M + 3 * noise_m
+    areas, reach_m = areas_of(torch.as_tensor(shard.outlines)).abs(), TOUCH_M + 3 * noise_m
+    hulls = shapely.area(shapely.convex_hull(shapely.linestrings(shard.outlines.astype(float))))
+    is_convex = (hulls > 0) & (hulls <= (1 + 1e-6) * areas.numpy())  # outlines are stored with 24 bits
     for number, world in enumerate(shard.world):
         outline, states = shard.outlines[number].astype(float), shard.states[number].astype(float)
         closed = np.concatenate([outline, outline[:1]])
