@@ -36,8 +36,7 @@ class Budget:
 class History(Callback):
     """Progress, and one row per epoch in history.csv.
 
-    Checkpoints keep the rows, so that a resumed run has the complete history. A row is written and printed when the
-    checkpoints of its epoch are.
+    Checkpoints keep the rows, so that a resumed run has the complete history; after a kill, it begins with theirs.
     """
 
     def __init__(self, path: Path) -> None:
@@ -45,16 +44,13 @@ class History(Callback):
         self.label = "/".join(path.parent.parts[-4:])  # several trainings of a sweep print to the same terminal
         self.since = time.monotonic()
         self.rows: list[dict[str, float]] = []
-        self.told = 0  # rows that are written and printed
 
     def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         if self.rows:
-            write_text(self.path, pd.DataFrame(self.rows).to_csv(index=False))  # a kill may have left fewer rows
-            self.told = len(self.rows)
+            self._write()
             print(f"{self.label}  resuming after epoch {len(self.rows)} of {trainer.max_epochs}", flush=True)
 
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        self._tell(trainer)
         self.since = time.monotonic()
         name = f"{self.label}  epoch {trainer.current_epoch + 1} of {trainer.max_epochs}, batch"
         self.bar = progress(description=name, total=int(trainer.num_training_batches))
@@ -70,21 +66,15 @@ class History(Callback):
             raise FloatingPointError(f"the validation loss is {values['val_loss']} at epoch {trainer.current_epoch}")
         seconds = round(time.monotonic() - self.since, 2)
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
-
-    def on_train_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        self._tell(trainer)
-
-    def _tell(self, trainer: L.Trainer) -> None:
-        """Write and print the row of the last epoch, once."""
-        if self.told == len(self.rows):
-            return
-        self.told, row = len(self.rows), self.rows[-1]
-        write_text(self.path, pd.DataFrame(self.rows).to_csv(index=False))
+        self._write()
         print(
-            f"{self.label}  epoch {row['epoch'] + 1} of {trainer.max_epochs}  train {row['train_loss']:.4f}  "
-            f"val {row['val_loss']:.4f}  {row['seconds']:.1f} s",
+            f"{self.label}  epoch {len(self.rows)} of {trainer.max_epochs}  train {values['train_loss']:.4f}  "
+            f"val {values['val_loss']:.4f}  {seconds:.1f} s",
             flush=True,
         )
+
+    def _write(self) -> None:
+        write_text(self.path, pd.DataFrame(self.rows).to_csv(index=False))
 
     def state_dict(self) -> dict[str, Any]:
         return {"rows": self.rows}
