@@ -77,12 +77,16 @@ def transitional_grid(recorded: Recorded, moving: float) -> Tensor:
     return torch.cat(maps)
 
 
+def observation(scans: Scans, grid: Grid, range_max_m: float) -> tuple[Tensor, Tensor]:
+    """Return the pixels in which beams of scans ended and those they only passed through, bool, each (B, H, W)."""
+    hit = newest_hits(scans, grid) > 0
+    return hit, (newest_passed(scans, grid, range_max_m) > 0) & ~hit
+
+
 def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield for every step the pixels in which beams ended and those they passed through, bool, each (B, H, W)."""
-    for step in range(scans.ranges.shape[1]):
-        current = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
-        hit = newest_hits(current, grid) > 0
-        yield hit, (newest_passed(current, grid, range_max_m) > 0) & ~hit
+    """Yield the observation of every step."""
+    for ranges, poses in zip(scans.ranges.split(1, 1), scans.poses.split(1, 1), strict=True):
+        yield observation(Scans(ranges, scans.angles, poses), grid, range_max_m)
 
 
 def _parts(recorded: Recorded) -> list[Scans]:

@@ -8,12 +8,10 @@ from typing import Literal
 import numpy as np
 import torch
 
-from repro.baselines.occupancy_grids import HIT_GAIN, PASSED_GAIN, PRIOR_LOGIT
+from repro.baselines.occupancy_grids import HIT_GAIN, PASSED_GAIN, PRIOR_LOGIT, observation
 from repro.baselines.tracker import Prior, clusters, distances, track
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.maps.projection import newest_hits
-from repro.maps.visibility import newest_passed
 from repro.navigation.courses import TURN_STEPS, Course
 from repro.navigation.planner import HORIZON_S, LAYER_S
 from repro.networks.predictor import Predictor
@@ -61,8 +59,7 @@ class Seen:
         self.ranges[who, self.step % TURN_STEPS], self.poses[who, self.step % TURN_STEPS] = ranges, poses
         self.step += 1
         scans = Scans(ranges[:, None], self.angles, poses[:, None]).tensors()
-        hit = newest_hits(scans, self.grid).numpy() > 0
-        passed = (newest_passed(scans, self.grid, self.range_max_m).numpy() > 0) & ~hit
+        hit, passed = (pixels.numpy() for pixels in observation(scans, self.grid, self.range_max_m))
         self.hit[who] = np.where(hit, self.step, self.hit[who])
         self.passed[who] = np.where(passed, self.step, self.passed[who])
         if self.forgetting is not None:
