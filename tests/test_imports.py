@@ -28,8 +28,6 @@ OF_THE_STUDY = (
     *("irsim", "hydra", "omegaconf", "lightning", "segmentation_models_pytorch", "timm"),
     *("pandas", "sklearn", "shapely", "joblib", "jinja2", "uncertainties"),
 )
-INNER_IMPORTS = 14  # imports inside functions that are worth their cost
-CONFIG_FUNCTIONS = 5  # functions that take the whole configuration
 WITHOUT_SIMULATOR = (
     "repro.learning.training",
     "repro.evaluation.evaluate",
@@ -49,29 +47,22 @@ def trees() -> dict[str, ast.Module]:
 TREES = trees()
 
 
-def nodes(root: ast.AST, *, typing: bool = True, depth: int = 0) -> Iterator[tuple[ast.AST, int]]:
-    """Yield all nodes below a node and in how many functions each is, without `if TYPE_CHECKING` unless `typing`."""
+def imports_of(root: ast.AST) -> Iterator[str]:
+    """Yield the full names that are imported at the top or inside a function, without `if TYPE_CHECKING`."""
     for node in ast.iter_child_nodes(root):
-        if not typing and isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            continue
-        yield node, depth
-        is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-        yield from nodes(node, typing=typing, depth=depth + is_function)
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"relative import: {ast.unparse(node)}"
+            yield from (str(node.module), *(f"{node.module}.{alias.name}" for alias in node.names))
+        elif not (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
+            yield from imports_of(node)
 
 
 def imported(tree: ast.Module) -> set[str]:
-    """Return the names of our modules that a module imports, at its top or inside a function."""
-    names = set()
-    for node, _ in nodes(tree, typing=False):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f"relative import: {ast.unparse(node)}"
-            names |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
-    ours = {name.removeprefix("repro.") for name in names if name.startswith("repro.")}
-    return {name for name in ours if name in TREES and not is_package(name)} | {
-        name for name in ours if name in TREES and is_package(name) and len(TREES[name].body) > 1
-    }
+    """Return the names of our modules, and packages with content, that a module imports."""
+    ours = {name.removeprefix("repro.") for name in imports_of(tree) if name.startswith("repro.")} & set(TREES)
+    return {name for name in ours if not is_package(name) or len(TREES[name].body) > 1}
 
 
 def is_package(name: str) -> bool:
@@ -111,78 +102,47 @@ def test_the_module_graph_has_no_cycle():
 
 
 def test_only_the_command_line_imports_hydra():
-    for name, tree in TREES.items():
-        if name in ("cli.compose", "cli.main"):
-            continue
-        for node, _ in nodes(tree):
-            modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            modules += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
-            assert not any(module.split(".")[0] == "hydra" for module in modules), f"{name}: {ast.unparse(node)}"
+    users = {name for name, tree in TREES.items() if any(each.split(".")[0] == "hydra" for each in imports_of(tree))}
+    assert users == {"cli.compose", "cli.main"}
 
 
-def test_few_imports_are_inside_functions():
-    """Those of the tasks keep a refusal from waiting for torch."""
-    inner = [
-        f"{name}: {ast.unparse(node)}"
-        for name, tree in TREES.items()
-        if not name.startswith("cli.tasks.")
-        for node, depth in nodes(tree, typing=False)
-        if depth and isinstance(node, ast.Import | ast.ImportFrom)
-    ]
-    assert len(inner) <= INNER_IMPORTS, "\n".join(inner)
-
-
-def test_only_the_command_line_takes_the_whole_configuration():
-    """Tasks take a resolved `Job`, everything else takes values."""
-    takers = []
-    for name, tree in (TREES | {"run.py": ast.parse((ROOT / "run.py").read_text())}).items():
-        for node, _ in nodes(tree):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-                if any(argument.annotation and ast.unparse(argument.annotation) == "Call" for argument in arguments):
-                    takers.append((name, node.name))
-    assert len(takers) <= CONFIG_FUNCTIONS, takers
-    assert all(name == "run.py" or package_of(name) == "cli" for name, _ in takers), takers
-
-
-def loaded_by(*modules: str) -> set[str]:
-    """Import modules in a new process and return the packages that it has loaded."""
-    code = f"import sys, {', '.join(modules)}; print(*{{name.split('.')[0] for name in sys.modules}})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+def loaded_by(code: str) -> set[str]:
+    """Run code in a new process and return the packages that it has loaded."""
+    command = [sys.executable, "-c", f"import sys; {code}; print(*{{name.split('.')[0] for name in sys.modules}})"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
     return set(done.stdout.split())
 
 
-@pytest.mark.slow
-def test_the_library_needs_no_dependency_of_the_study():
-    modules = [name for name in TREES if package_of(name) in LIBRARY and name not in (SMP, ROS2)]
-    needed = loaded_by(*(f"repro.{name}" for name in modules)) & set(OF_THE_STUDY)
-    assert not needed
+MODULES = [f"repro.{name}" for name in TREES if package_of(name) in LIBRARY and name not in (SMP, ROS2)]
 
 
 @pytest.mark.slow
-def test_the_public_names_need_no_dependency_of_the_study():
-    code = f"import sys; from repro import {', '.join(repro.__all__)}; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
-    assert not {name.split(".")[0] for name in done.stdout.split()} & set(OF_THE_STUDY)
+@pytest.mark.parametrize(
+    ("code", "unneeded"),
+    [
+        (f"import {', '.join(MODULES)}", OF_THE_STUDY),
+        (f"from repro import {', '.join(repro.__all__)}", OF_THE_STUDY),
+        (f"import {', '.join(WITHOUT_SIMULATOR)}", ("irsim",)),
+        ("import repro", ("torch",)),
+        ("import repro.parallel", ("torch",)),
+    ],
+    ids=["library", "public names", "training and evaluation", "package", "processes"],
+)
+def test_what_is_imported_needs_no_more(code, unneeded):
+    assert not loaded_by(code) & set(unneeded)
 
 
-def test_public_names_are_imported_at_their_first_use():
-    assert "torch" not in loaded_by("repro")
+def test_other_names_than_the_public_ones_are_refused():
     assert set(repro.__all__) <= set(dir(repro))
     with pytest.raises(AttributeError, match="no attribute 'load_predictors'"):
         repro.load_predictors  # noqa: B018
-
-
-@pytest.mark.slow
-def test_training_evaluation_and_reading_import_no_simulator():
-    assert "irsim" not in loaded_by(*WITHOUT_SIMULATOR)
 
 
 def test_text_files_are_utf8_in_any_locale():
     """Each call that reads or writes text names its encoding, since the default is that of the locale."""
     without = []
     for name, tree in (TREES | {"run.py": ast.parse((ROOT / "run.py").read_text())}).items():
-        for node, _ in nodes(tree):
+        for node in ast.walk(tree):
             if not isinstance(node, ast.Call):
                 continue
             function = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")

@@ -332,18 +332,9 @@ def test_arms_are_compared_on_the_same_courses():
     for arm, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru-series10": "gggg", "truth": "ggggg"}.items():
         for seed, outcome in enumerate(outcomes):
             is_hit = outcome == "c"
-            rows.append(
-                {"experiment": "fast", "arm": arm, "seed": seed, "outcome": "collision" if is_hit else "goal"}
-                | {
-                    "time_s": 25.0,
-                    "speed_m_s": 2.0,
-                    "path_m": 50.0,
-                    "way_m": 40.0,
-                    "clearance_m": 1.0,
-                    "moving_share": 1.0,
-                }
-                | {"contact": "behind" if is_hit else "", "stood": is_hit}
-            )
+            driven = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0}
+            end = {"outcome": "collision" if is_hit else "goal", "contact": "behind" if is_hit else "", "stood": is_hit}
+            rows.append({"experiment": "fast", "arm": arm, "seed": seed, "moving_share": 1.0, **driven, **end})
     found = compare(pd.DataFrame(rows))
     whole, found = (found[found["experiment"] == name].set_index("arm") for name in ("all", "fast"))
     assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"

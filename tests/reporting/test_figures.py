@@ -5,13 +5,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from conftest import fake_run, world_spec
-from PIL import Image
 
 from repro.cli.figures import draw_figures
 from repro.config import PROJECTION
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.reporting import page
 from repro.reporting.figures import (
     Example,
     data_representation,
@@ -53,13 +51,18 @@ def test_irsim_draws_the_given_world():
         assert gray[499 - int(10 * y), int(10 * x)] < 30
 
 
-def test_results_show_input_prediction_and_truth(example):
+def test_results_and_overview_show_scans_poses_projection_prediction_and_truth(example):
+    drawn = (example.projection, 255 * example.prediction, 255 * example.truth)
+    scans, poses, *others = method_overview(example).axes
+    ranges = np.where(np.isinf(example.scans.ranges), np.nan, example.scans.ranges)
     figure = results([example, example])
     assert len(figure.axes) == 6
-    shown = [ax.images[0].get_array() for ax in figure.axes[::2]]
-    for image, name in zip(shown, ("projection", "prediction", "truth"), strict=True):
-        scale = 1 if name == "projection" else 255
-        assert np.array_equal(image, scale * getattr(example, name)), name
+    for axes, images in (((scans, *others), (ranges, *drawn)), (figure.axes[::2], drawn)):
+        for ax, image in zip(axes, images, strict=True):
+            shown = np.ma.filled(ax.images[0].get_array().astype(float), np.nan)
+            assert np.array_equal(shown, image, equal_nan=True), ax.get_title()
+    (arrows,) = poses.collections
+    assert np.allclose(arrows.get_offsets(), example.scans.poses[::4, :2])
 
 
 def test_the_representation_shows_one_projection_per_experiment_with_the_meaning_of_the_grays(example):
@@ -69,17 +72,6 @@ def test_the_representation_shows_one_projection_per_experiment_with_the_meaning
     assert all(np.array_equal(ax.images[0].get_array(), example.projection) for ax in panels)
     assert bar.get_yticks().tolist() == [0, 204, 255]
     assert [label.get_text() for label in bar.get_yticklabels()] == ["last step", "first step", "no hit"]
-
-
-def test_the_overview_shows_scans_poses_projection_prediction_and_truth(example):
-    scans, poses, *others = method_overview(example).axes
-    ranges = np.where(np.isinf(example.scans.ranges), np.nan, example.scans.ranges)
-    images = (ranges, example.projection, 255 * example.prediction, 255 * example.truth)
-    for ax, image in zip((scans, *others), images, strict=True):
-        shown = np.ma.filled(ax.images[0].get_array().astype(float), np.nan)
-        assert np.array_equal(shown, image, equal_nan=True), ax.get_title()
-    (arrows,) = poses.collections
-    assert np.allclose(arrows.get_offsets(), example.scans.poses[::4, :2])
 
 
 def test_the_image_of_an_example_is_the_projection_of_its_scans(evaluated):
@@ -113,10 +105,3 @@ def test_figures_show_the_network_with_the_lowest_seed(tmp_path, monkeypatch):
     monkeypatch.setattr("repro.cli.figures.write_figures", lambda *_: [])
     draw_figures(Outputs(tmp_path))
     assert shown == [RunKey("3", "unet", PROJECTION, 1)]
-
-
-def test_figures_are_embedded(tmp_path):
-    Image.new("L", (300, 150)).save(tmp_path / "results.png", dpi=(150, 150))
-    embedded = {name: page._embedded(path) for name, path in page.images_of(tmp_path).items()}
-    assert embedded["results"]["width"] == pytest.approx(2 * page.PX_PER_INCH, abs=1)
-    assert embedded["results"]["url"].startswith("data:image/png;base64,")

@@ -58,6 +58,12 @@ def whole(tmp_path_factory):
     return outputs
 
 
+def check_same(outputs, whole):
+    """Check that a run has the files of the study that was not interrupted."""
+    for name in KEPT:
+        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
+
+
 def start_code(code):
     """Start code that prints "ready" after its imports, and wait for that."""
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
@@ -178,8 +184,7 @@ def test_concurrent_processes_do_the_work_once(whole, tmp_path, count, round_):
     texts = [finish(process) for process in processes]
     assert [status for status, _ in texts] == [0] * count, texts
     assert sum("epoch 3 of 3" in text for _, text in texts) == 1
-    for name in KEPT:
-        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
+    check_same(outputs, whole)
 
 
 @pytest.fixture(scope="module")
@@ -256,8 +261,7 @@ def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
     subprocess.run(["mount", "-o", "remount,size=600m", str(small_disk)], check=True)
     status, text = finish(start(outputs))
     assert status == 0, text
-    for name in KEPT:
-        assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
+    check_same(outputs, whole)
 
 
 def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
