@@ -41,7 +41,7 @@ def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding(
 
 @pytest.mark.parametrize("encoding", ALL, ids=lambda encoding: encoding.name)
 def test_an_encoding_is_created_again_from_its_parameters_and_follows_the_range_of_the_lidar(encoding):
-    assert create_encoding(encoding.name, encoding.parameters) == encoding
+    assert create_encoding(encoding.name, vars(encoding)) == encoding
     shorter = encoding.with_range(7.0)
     assert (shorter.name, shorter.reach_m) == (encoding.name, 7.0 if encoding.reach_m else 0.0)
 

@@ -26,7 +26,7 @@ def test_a_robot_that_fits_the_doors_reaches_every_room(seed):
     """All places of the floor that are 0.3 m from the walls are connected, also those that are not on the map."""
     floor = _Floor(np.random.default_rng(seed), ROOMS)
     floor.divide((0.0, 0.0), (35.0, 35.0))
-    walls = shapely.union_all([shapely.LineString(piece) for wall in floor.walls for piece in wall.pieces()])
+    walls = shapely.union_all([shapely.LineString(wall.piece(*ends)) for wall in floor.walls for ends in wall.spans()])
     assert shapely.box(0, 0, 35, 35).difference(walls.buffer(0.3)).geom_type == "Polygon"
 
 

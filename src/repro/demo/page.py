@@ -91,7 +91,7 @@ def _shown(spec: WorldSpec, seed: int, steps: int) -> dict[str, Any]:
 
 
 def _described(network: DemoNetwork) -> dict[str, Any]:
-    encoding = {"name": network.predictor.encoding.name, "parameters": network.predictor.encoding.parameters}
+    encoding = {"name": network.predictor.encoding.name, "parameters": vars(network.predictor.encoding)}
     return {"encoding": encoding, "grid": asdict(network.predictor.grid), "weights": _pack(network.onnx)}
 
 

@@ -43,10 +43,6 @@ class Encoding(Protocol):
     def reach_m(self) -> float:
         """How far the images show the pixels on the way of a miss as free [m], 0 if they do not."""
 
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The parameters from which `create_encoding` creates it."""
-
     def with_range(self, range_max_m: float) -> "Encoding":
         """Return the encoding for a lidar of another maximum range [m]."""
 

@@ -1,7 +1,6 @@
 """The paper's encoding, the cumulative dynamic sensor projection."""
 
-import dataclasses
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from pydantic.dataclasses import dataclass
@@ -39,10 +38,6 @@ class Projection:
 
     decay: bool = True
     oldest_gray: Gray = OLDEST_GRAY
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
 
     def with_range(self, range_max_m: float) -> "Projection":
         return self

@@ -1,7 +1,7 @@
 """Encodings with a series of images: one image per part of the window instead of one image of the whole window."""
 
 import dataclasses
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from pydantic.dataclasses import dataclass
@@ -45,10 +45,6 @@ class Stack:
     @property
     def reach_m(self) -> float:
         return 0.0
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
 
     def with_range(self, range_max_m: float) -> "Stack":
         return self

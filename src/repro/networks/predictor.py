@@ -189,7 +189,7 @@ class Predictor:
 
     def _description(self) -> dict[str, Any]:
         content: dict[str, Any] = {
-            "encoding": {"name": self.encoding.name, "parameters": self.encoding.parameters},
+            "encoding": {"name": self.encoding.name, "parameters": vars(self.encoding)},
             "grid": dataclasses.asdict(self.grid),
             "window": {"steps": self.steps, "step_s": self.step_s, "has_fixed": self.has_fixed},
         }

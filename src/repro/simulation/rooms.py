@@ -85,10 +85,9 @@ def _outlines(floor: "_Floor") -> list[_Points]:
     thickness = float(rng.uniform(*rooms.thickness_m)) if rooms.thickness_m else 0.0
     lines, beside = [], []
     for wall in floor.walls:
-        pieces = wall.pieces()
         lines += [
-            _box(wall, *ends, (-thickness / 2, thickness / 2)) if thickness else piece
-            for piece, ends in zip(pieces, wall.spans(), strict=True)
+            _box(wall, *ends, (-thickness / 2, thickness / 2)) if thickness else wall.piece(*ends)
+            for ends in wall.spans()
         ]
         beside += _leaves(rng, rooms, wall)
         if rooms.cabinets:
@@ -107,7 +106,7 @@ def _leaves(rng: np.random.Generator, rooms: Rooms, wall: "_Wall") -> list[_Poin
     lines = []
     for low, high in wall.doors:
         if rooms.closed_share and rng.random() < rooms.closed_share:
-            lines.append([wall.point(low, 0.0), wall.point(high, 0.0)])
+            lines.append(wall.piece(low, high))
         elif rooms.leaf_share and rng.random() < rooms.leaf_share:
             angle, side, is_low = rng.uniform(0, _WIDEST_RAD), rng.choice([-1.0, 1.0]), rng.random() < 0.5
             hinge, inward = (low, 1.0) if is_low else (high, -1.0)
@@ -140,9 +139,9 @@ class _Wall:
     high: float
     doors: list[tuple[float, float]]
 
-    def pieces(self) -> list[_Points]:
-        """Return the parts between the doors as pairs of points."""
-        return [[self.point(along, 0.0) for along in span] for span in self.spans()]
+    def piece(self, low: float, high: float) -> _Points:
+        """Return the ends of a part of the wall."""
+        return [self.point(low, 0.0), self.point(high, 0.0)]
 
     def spans(self) -> list[tuple[float, float]]:
         """Return where the parts between the doors begin and end, along the wall [m]."""
