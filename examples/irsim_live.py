@@ -6,7 +6,6 @@ The robot repeats the motion of an experiment of the paper; from its 100th scan 
 """
 
 import argparse
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +26,7 @@ from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.paths import robot_commands
 from repro.simulation.simulator import make, outlines_of
-from repro.simulation.worlds import sample_world, write_world
+from repro.simulation.worlds import sample_world
 from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
@@ -147,9 +146,7 @@ def main() -> None:
         matplotlib.use("agg")
     elif matplotlib.get_backend().lower() == "agg":
         raise SystemExit("no display for a window: write a GIF with --save FILE.gif")
-    with tempfile.TemporaryDirectory() as directory:
-        write_world(sample_world(spec, SHOWN_SEED + options.seed), Path(directory) / "world.yaml")
-        env = make(Path(directory) / "world.yaml")
+    env = make(sample_world(spec, SHOWN_SEED + options.seed))
     view = View(np.array(env.robot.lidar.angle_list), spec.world.width)
     frames = drive(env, predictor, options)
     if options.save:

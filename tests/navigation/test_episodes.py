@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 import shapely
 import torch
-import yaml
 from conftest import ROOT
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from scipy.ndimage import distance_transform_edt
@@ -61,7 +60,7 @@ def test_robots_move_as_in_irsim():
 
 
 @pytest.mark.parametrize("name", SPECS)
-def test_courses_have_room_turns_and_worlds_of_irsim(name, tmp_path):
+def test_courses_have_room_turns_and_worlds_of_irsim(name):
     courses = [sample_course(SPECS[name], seed) for seed in range(3)]
     again, _ = sample_course(SPECS[name], 1)
     assert np.array_equal(again.states, courses[1][0].states)
@@ -79,8 +78,7 @@ def test_courses_have_room_turns_and_worlds_of_irsim(name, tmp_path):
         ]
         assert min(shapely.distance(shape, point) for shape in shapes for point in points) >= 2.5 - 0.01
     if name == "fast":  # plain IR-SIM moves the obstacles to the same places
-        (tmp_path / "world.yaml").write_text(yaml.safe_dump(courses[0][1]))
-        env = make(tmp_path / "world.yaml")
+        env = make(courses[0][1])
         for _ in range(50):
             env.step()
         expected = np.array([obstacle.state[:2, 0] for obstacle in env.obstacle_list])

@@ -39,16 +39,11 @@ def test_commands_beyond_the_limit_are_refused():
         simulate(world)
 
 
-@pytest.mark.parametrize(
-    ("content", "problem"),
-    [(None, "cannot be read \\(.*No such file"), ("experiments: {}", "lacks world, robot, obstacle")],
-)
-def test_what_is_no_world_file_is_refused(content, problem, tmp_path):
-    path = tmp_path / "world.yaml"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(ValueError, match=f"world.yaml {problem}.*: expected a world that task=world wrote"):
-        make(path)
+def test_a_behavior_that_irsim_does_not_know_is_refused():
+    world = sample_world(world_spec("2"), 0)
+    world["robot"]["behavior"]["name"] = "dash"
+    with pytest.raises(ValueError, match=r"'dash'.* is not active"):
+        make(world)
 
 
 def test_replay_check_notices_another_scan():

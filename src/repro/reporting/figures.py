@@ -1,6 +1,5 @@
 """The paper's four figures: arrays and worlds in, `Figure` out; `write_figures` saves them as PNG and PDF."""
 
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from repro.runs.outputs import Outputs
 from repro.scans import Scans
 from repro.simulation.paths import motion_of
 from repro.simulation.simulator import make
-from repro.simulation.worlds import World, reverse_direction, write_world
+from repro.simulation.worlds import World, reverse_direction
 
 
 @dataclass(frozen=True)
@@ -121,10 +120,7 @@ def data_collection(worlds: dict[str, World], step: int = 70) -> Figure:
 def irsim_drawing(world: World, step: int, size_px: int = 720) -> np.ndarray:
     """Return IR-SIM's rendering of a world after some steps, RGBA, uint8, (size_px, size_px, 4)."""
     plot = {"no_axis": True, "show_title": False, "figure_pixels": [size_px, size_px]}
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "world.yaml"
-        write_world({**world, "world": {**world["world"], "plot": plot}}, path)
-        env = make(path, headless=False, display=False)
+    env = make({**world, "world": {**world["world"], "plot": plot}}, headless=False, display=False)
     for _ in range(step):
         env.step()
     env.render(0, show_trail=False)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
@@ -23,9 +24,8 @@ from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.paths import motion_of, robot_commands
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.shapes import Shape
-from repro.simulation.worlds import World, write_world
+from repro.simulation.worlds import World
 from repro.system.errors import InputError
-from repro.system.files import read_mapping
 
 # isort: split
 import irsim
@@ -70,7 +70,7 @@ def simulate(world: World) -> Recording:
     if has_noise:
         ranges = _with_noise(ranges, lidar, world["custom"]["seed"])[1:]
         poses, states = poses[1:], states[:, 1:]
-    scans = _replay_world(world).scans if grazing else Scans(ranges, angles, poses)
+    scans = replay(world).scans if grazing else Scans(ranges, angles, poses)
     return Recording(scans, outlines, states, seen)
 
 
@@ -82,16 +82,13 @@ def _with_noise(ranges: np.ndarray, lidar: dict[str, Any], seed: int) -> np.ndar
     return np.where((noisy >= lidar.get("range_min", 0)) & (noisy <= lidar["range_max"]), noisy, np.inf)
 
 
-def replay(path: Path) -> Recording:
-    """Simulate one world YAML in plain IR-SIM: create the environment, step it to its end and copy each scan.
-
-    Args:
-        path: a world written by `worlds.write_world`.
+def replay(world: World) -> Recording:
+    """Simulate one world in plain IR-SIM: create the environment, step it to its end and copy each scan.
 
     Raises:
-        ValueError: the file is missing, or a behavior is not active.
+        ValueError: a behavior is not active.
     """
-    env = make(path)
+    env = make(world)
     robot = env.robot
     obstacles = env.obstacle_list
     lidar = robot.lidar
@@ -118,7 +115,7 @@ def check_replay(world: World, recording: Recording) -> float:
         ValueError: the two disagree on which beams hit, or a range, a state of an obstacle, a pose of the robot or an
             angle of a beam differs by more than 1e-6.
     """
-    reference = _replay_world(world)
+    reference = replay(world)
     expected, simulated = reference.scans.ranges, recording.scans.ranges
     hit = np.isfinite(expected)
     if not np.array_equal(hit, np.isfinite(simulated)):
@@ -136,30 +133,21 @@ def check_replay(world: World, recording: Recording) -> float:
     return range_error
 
 
-def _replay_world(world: World) -> Recording:
-    """Simulate one world in plain IR-SIM, see `replay`."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "world.yaml"
-        write_world(world, path)
-        return replay(path)
-
-
-def make(path: Path, **options: Any) -> Any:
-    """Create an IR-SIM environment and check that all behaviors of its world YAML are active.
+def make(world: World, **options: Any) -> Any:
+    """Create the IR-SIM environment of a world, with options of `irsim.make`; all its behaviors are active.
 
     Raises:
-        ValueError: the file is missing (IR-SIM would create an empty world) or no world, or a behavior is not active.
+        ValueError: a behavior is not active.
     """
-    expected = "expected a world that task=world wrote"
-    content = read_mapping(Path(path), expected)
-    if missing := [key for key in ("world", "robot", "obstacle") if key not in content]:
-        raise InputError(f"{path} lacks {', '.join(missing)}: {expected}")
-    seed = (content.get("custom") or {}).get("seed")  # of the noise
-    env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", "seed": seed, **options})
+    seed = world.get("custom", {}).get("seed")  # of the noise
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "world.yaml"
+        path.write_text(yaml.safe_dump(world, sort_keys=False), encoding="utf-8")
+        env = irsim.make(str(path), **{"headless": True, "log_level": "ERROR", "seed": seed, **options})
     for item in env.objects:
         if item.obj_behavior.behavior_dict and item.obj_behavior._invoke_func is None:
             raise InputError(
-                f"{path}: the behavior {item.obj_behavior.behavior_dict} is not active: it lacks parameters, or "
+                f"the behavior {item.obj_behavior.behavior_dict} is not active: it lacks parameters, or "
                 "simulation/behaviors.py does not register its name"
             )
     return env
