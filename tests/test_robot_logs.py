@@ -21,7 +21,7 @@ from reproduce.real.evidence import Evidence, continued_walls, evidence_of, scor
 from sklearn.metrics import roc_auc_score
 
 from repro.learning import adaptation
-from repro.learning.held_out import View, swinging
+from repro.learning.held_out import View, stands, swinging
 from repro.maps.grid import Grid
 from repro.metrics import calibration
 from repro.metrics.counts import PROBABILITY
@@ -193,6 +193,7 @@ def standing_lidar(people: bool) -> ScanLog:
 
 def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
     log = standing_lidar(people=False)
+    assert stands(log)
     log = replace(log, ranges=np.broadcast_to(log.angles, log.ranges.shape))  # each reading tells its angle
     virtual, _ = swinging(log, View())
     assert virtual.poses[:, 2].min() == pytest.approx(-math.pi / 4, abs=0.01)

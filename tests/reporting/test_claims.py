@@ -115,6 +115,9 @@ def test_nothing_is_judged_on_worlds_that_are_not_the_papers():
     none = verdicts(frames, results.assign(papers_worlds=False))
     assert none.empty
     assert list(none.columns) == list(COLUMNS)
+    for claims, number in ((frames["claims"], 1), (none, 0)):
+        page = render(Path("laptop"), results, {**frames, "claims": claims}, {})
+        assert page.count('<section id="claims">') == page.count('href="#claims"') == number
 
 
 def test_verdicts_are_counted_in_the_order_from_reproduced_to_untested():
@@ -234,11 +237,3 @@ def test_the_papers_rows_include_the_scores_of_all_free():
     with pytest.raises(KeyError):
         rows.table("accuracy", "7")
     assert set(paper_rows()["metric"]) == set(METRICS)
-
-
-def test_the_page_of_worlds_that_are_not_the_papers_has_no_claims():
-    frames = analysis("laptop")
-    results = read_published(ROOT / "reproduce" / "results" / "laptop")
-    for claims, number in ((frames["claims"], 1), (frames["claims"].iloc[:0], 0)):
-        page = render(Path("laptop"), results, {**frames, "claims": claims}, {})
-        assert page.count('<section id="claims">') == page.count('href="#claims"') == number

@@ -128,8 +128,10 @@ def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_pat
     for name in before:
         text = text.replace(f'"{before[name]}"', f'"{after[name]}"')
     path.write_text(text)
+    kept = listing(published / "laptop")
     with pytest.raises(ValueError, match=message):
         publish(other, published)
+    assert listing(published / "laptop") == kept
     assert after["commit"] in (publish(other, published, force=True) / "provenance.json").read_text()
 
 
@@ -172,22 +174,14 @@ def listing(directory):
     return {path.name: path.read_bytes() for path in directory.iterdir() if path.is_file()}
 
 
-def test_runs_of_another_size_replace_all_published_runs_or_nothing(tmp_path):
-    results = tmp_path / "results"
-    fake_study(tmp_path / "first" / "laptop")
-    fake_run(tmp_path / "first" / "laptop", "3", "unet", 0.4, decay=False)
-    (target := publish(Outputs(tmp_path / "first" / "laptop"), results) / "exp3-unet").mkdir()
+def test_runs_of_another_size_replace_all_published_runs_and_keep_weights(published, tmp_path):
+    (target := published / "laptop" / "exp3-unet").mkdir()
     (target / "kept").write_text("weights")
-    before = listing(results / "laptop")
     fake_run(tmp_path / "other" / "laptop", "3", "unet", 0.7, size_px=16)
-    other = Outputs(tmp_path / "other" / "laptop")
-    with pytest.raises(ValueError, match=r"the published runs have 32 px, these runs 16; publish\.force=true"):
-        publish(other, results)
-    assert listing(results / "laptop") == before
-    publish(other, results, force=True)
-    assert len(read_published(results / "laptop")) == 1
+    publish(Outputs(tmp_path / "other" / "laptop"), published, force=True)
+    assert len(read_published(published / "laptop")) == 1
     assert (target / "kept").read_text() == "weights"
-    assert {path.name for path in results.iterdir()} == {"laptop", ".lock"}
+    assert {path.name for path in published.iterdir()} == {"laptop", ".lock"}
 
 
 def test_readme_tables_are_those_of_the_report(study):

@@ -129,11 +129,7 @@ def test_a_copied_run_is_named(copy, key):
     [
         ("train.dice_eps=1e-5", "holds a run of another configuration (train.dice_eps is 1e-06, requested 1e-05)"),
         ("oldest_gray=0.5", "holds a run of another configuration (encoding.parameters.oldest_gray is 0.8, requested"),
-        ("scale.size_px=64", "(size_px is 32, requested 64)"),
-        (
-            "world.obstacles.moving.disc_share=1",
-            "(worlds: the file of conf/world is another or has changed since",
-        ),
+        ("world.obstacles.moving.disc_share=1", "(worlds: the file of conf/world is another or has changed since"),
     ],
 )
 def test_another_configuration_in_the_same_directory_is_refused(copy, override, problem):
