@@ -25,7 +25,7 @@ from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.paths import robot_commands
-from repro.simulation.simulator import make, outlines_of
+from repro.simulation.simulator import make, outlines_of_world
 from repro.simulation.worlds import sample_world
 from repro.world_config import read_world, world_spec
 
@@ -50,15 +50,15 @@ class Frame:
     latency_ms: float
 
 
-def true_map(env: Any, grid: Grid) -> np.ndarray:
-    """Draw the obstacles of an environment, (H, W), 1 is free."""
+def true_map(env: Any, outlines: np.ndarray, grid: Grid) -> np.ndarray:
+    """Draw the obstacles of an environment, given their outlines (O, V, 2), (H, W), 1 is free."""
     states = np.array([obstacle.state[:3, 0] for obstacle in env.obstacle_list])
     owner = torch.zeros(len(states), dtype=torch.long)
-    tensors = torch.as_tensor(outlines_of(env)).float(), torch.as_tensor(states).float()
+    tensors = torch.as_tensor(outlines).float(), torch.as_tensor(states).float()
     return rasterize(*tensors, owner, 1, grid)[0].numpy()
 
 
-def drive(env: Any, predictor: Predictor, options: argparse.Namespace) -> Iterator[Frame]:
+def drive(env: Any, outlines: np.ndarray, predictor: Predictor, options: argparse.Namespace) -> Iterator[Frame]:
     """Step an environment, and predict after every step."""
     robot, center_m = env.robot, predictor.grid.size_m / 2
     stream = PredictionStream(
@@ -71,7 +71,7 @@ def drive(env: Any, predictor: Predictor, options: argparse.Namespace) -> Iterat
         pose, begin = robot.state[:3, 0].copy(), time.perf_counter()
         predicted = stream.update(ranges, pose, step * env.step_time)
         latency_ms = 1e3 * (time.perf_counter() - begin)
-        yield Frame(step, true_map(env, predictor.grid), predicted, pose, ranges, latency_ms)
+        yield Frame(step, true_map(env, outlines, predictor.grid), predicted, pose, ranges, latency_ms)
 
 
 class View:
@@ -146,9 +146,10 @@ def main() -> None:
         matplotlib.use("agg")
     elif matplotlib.get_backend().lower() == "agg":
         raise SystemExit("no display for a window: write a GIF with --save FILE.gif")
-    env = make(sample_world(spec, SHOWN_SEED + options.seed))
+    world = sample_world(spec, SHOWN_SEED + options.seed)
+    env = make(world)
     view = View(np.array(env.robot.lidar.angle_list), spec.world.width)
-    frames = drive(env, predictor, options)
+    frames = drive(env, outlines_of_world(world), predictor, options)
     if options.save:
         shown = (frame for frame in frames if (frame.step + 1) % options.every == 0)
         animation = FuncAnimation(view.figure, view.show, frames=shown, cache_frame_data=False)

@@ -34,9 +34,16 @@ from repro.reporting.results import read_rows
 from repro.runs.keys import RunKey
 from repro.scans import Scans, library_of
 from repro.simulation.recorder import record_experiment
-from repro.simulation.sensing import drifted_poses, dropped_beams, noisy_poses, noisy_ranges, skipped_scans
+from repro.simulation.sensing import drifted_poses, noisy_poses, noisy_ranges, skipped_scans
 from repro.system.files import write_text
 from repro.world_config import WorldSpec
+
+
+def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans:
+    """Drop a random share of all readings; dropped beams become misses."""
+    dropped = rng.random(scans.ranges.shape) < share
+    return dataclasses.replace(scans, ranges=np.where(dropped, np.inf, scans.ranges))
+
 
 CHANGES: dict[str, tuple[Callable[[Scans, float, np.random.Generator], Scans], tuple[float, ...]]] = {
     "range noise [m]": (noisy_ranges, (0.0, 0.05, 0.1, 0.2, 0.5)),

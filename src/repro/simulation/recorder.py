@@ -129,9 +129,7 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
             recordings.append(recording)
     worlds = recordings[::2]
     scans = Scans.stack([item.scans for item in recordings])
-    seen = [item.seen for item in recordings if item.seen is not None]
-    assert len(seen) == len(recordings), "only replays lack it"
-    most, longest = (max(array.shape[0] for array in seen), max(item.outlines.shape[1] for item in worlds))
+    most, longest = (max(item.outlines.shape[axis] for item in worlds) for axis in (0, 1))
     arrays: dict[str, Any] = {
         "ranges": scans.ranges.astype(np.float32),
         "angles": scans.angles,
@@ -139,7 +137,7 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
         "outlines": np.concatenate([padded(item.outlines, longest) for item in worlds]).astype(np.float32),
         "states": np.concatenate([item.states for item in worlds]).astype(np.float32),
         "world": np.repeat(np.arange(len(worlds)), [len(item.outlines) for item in worlds]),
-        "seen": np.stack([np.pad(array, (0, most - len(array))) for array in seen]),
+        "seen": np.stack([np.pad(item.seen, (0, most - len(item.seen))) for item in recordings]),
         "fingerprint": np.array(spec_fingerprint(spec)),
     }
     with replacing(directory / shard.name) as temporary, temporary.open("wb") as file:

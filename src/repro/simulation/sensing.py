@@ -63,12 +63,6 @@ def drifted_poses(scans: Scans, std: float, rng: np.random.Generator) -> Scans:
     return dataclasses.replace(scans, poses=np.concatenate([position, drifted[..., None]], axis=-1))
 
 
-def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans:
-    """Drop a random share of all readings; dropped beams become misses."""
-    dropped = rng.random(scans.ranges.shape) < share
-    return dataclasses.replace(scans, ranges=np.where(dropped, np.inf, scans.ranges))
-
-
 def skipped_scans(scans: Scans, skipped: float, _: np.random.Generator) -> Scans:
     """Skip a number of scans between any two, counted from the last; a step takes the nearest scan that is left."""
     count = scans.ranges.shape[-2]

@@ -42,13 +42,13 @@ class Recording:
         outlines: obstacle outlines in their own frame [m], (O, V, 2); shorter ones repeat their last vertex. A line
             string goes there and back, so that its outline encloses no area.
         states: obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
-        seen: whether any beam hit each obstacle, (O,), before noise, see `format.ShardContent`; None if unknown.
+        seen: whether any beam hit each obstacle, (O,), before noise, see `format.ShardContent`.
     """
 
     scans: Scans
     outlines: np.ndarray
     states: np.ndarray
-    seen: np.ndarray | None
+    seen: np.ndarray
 
 
 def simulate(world: World) -> Recording:
@@ -70,7 +70,7 @@ def simulate(world: World) -> Recording:
     if has_noise:
         ranges = _with_noise(ranges, lidar, world["custom"]["seed"])[1:]
         poses, states = poses[1:], states[:, 1:]
-    scans = replay(world).scans if grazing else Scans(ranges, angles, poses)
+    scans = replay(world)[0] if grazing else Scans(ranges, angles, poses)
     return Recording(scans, outlines, states, seen)
 
 
@@ -82,30 +82,25 @@ def _with_noise(ranges: np.ndarray, lidar: dict[str, Any], seed: int) -> np.ndar
     return np.where((noisy >= lidar.get("range_min", 0)) & (noisy <= lidar["range_max"]), noisy, np.inf)
 
 
-def replay(world: World) -> Recording:
+def replay(world: World) -> tuple[Scans, np.ndarray]:
     """Simulate one world in plain IR-SIM: create the environment, step it to its end and copy each scan.
+
+    Returns:
+        the scans, and the obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
 
     Raises:
         ValueError: a behavior is not active.
     """
     env = make(world)
-    robot = env.robot
-    obstacles = env.obstacle_list
-    lidar = robot.lidar
-    commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
+    lidar = env.robot.lidar
     ranges, poses, states = [], [], []
-    for _ in range(len(commands)):
+    for _ in range(motion_of(world["robot"]["behavior"]).steps):
         env.step()
         ranges.append(np.where(lidar.valid, lidar.range_data, np.inf))
-        poses.append(robot.state[:3, 0].copy())
-        states.append([obstacle.state[:3, 0].copy() for obstacle in obstacles])
+        poses.append(env.robot.state[:3, 0].copy())
+        states.append([obstacle.state[:3, 0].copy() for obstacle in env.obstacle_list])
     scans = Scans(np.array(ranges), np.asarray(lidar.angle_list), np.array(poses))
-    return Recording(scans, outlines_of(env), np.array(states).swapaxes(0, 1), seen=None)  # not reported by IR-SIM
-
-
-def outlines_of(env: Any) -> np.ndarray:
-    """Return the outlines of the obstacles of an IR-SIM environment in their own frames [m], (O, V, 2)."""
-    return _pad([_outline(obstacle.gf) for obstacle in env.obstacle_list])
+    return scans, np.array(states).swapaxes(0, 1)
 
 
 def check_replay(world: World, recording: Recording) -> float:
@@ -115,17 +110,17 @@ def check_replay(world: World, recording: Recording) -> float:
         ValueError: the two disagree on which beams hit, or a range, a state of an obstacle, a pose of the robot or an
             angle of a beam differs by more than 1e-6.
     """
-    reference = replay(world)
-    expected, simulated = reference.scans.ranges, recording.scans.ranges
+    reference, states = replay(world)
+    expected, simulated = reference.ranges, recording.scans.ranges
     hit = np.isfinite(expected)
     if not np.array_equal(hit, np.isfinite(simulated)):
         raise InputError(f"plain IR-SIM and the recorder disagree on which beams hit in the world {world}")
     range_error = float(np.abs(expected[hit] - simulated[hit]).max(initial=0))
     errors = {
         "ranges [m]": range_error,
-        "obstacle states": float(np.abs(reference.states - recording.states).max()),
-        "poses": float(np.abs(reference.scans.poses - recording.scans.poses).max()),
-        "angles [rad]": float(np.abs(reference.scans.angles - recording.scans.angles).max()),
+        "obstacle states": float(np.abs(states - recording.states).max()),
+        "poses": float(np.abs(reference.poses - recording.scans.poses).max()),
+        "angles [rad]": float(np.abs(reference.angles - recording.scans.angles).max()),
     }
     if max(errors.values()) > 1e-6:
         differences = ", ".join(f"{error} in {name}" for name, error in errors.items())
@@ -196,20 +191,11 @@ def outlines_of_world(world: World) -> np.ndarray:
 
 
 def _outline_of(shape: Shape) -> np.ndarray:
-    """Return the outline of a shape as IR-SIM creates it, (V, 2); line strings are faster without it."""
+    """Return the outline of a shape as IR-SIM creates it, (V, 2); a line string goes there and back."""
     if shape["name"] == "linestring":
-        return _there_and_back(np.array(shape["vertices"], float))
-    return _outline(GeometryFactory.create_geometry(**shape))
-
-
-def _outline(shape: Any) -> np.ndarray:
-    """Return the outline of one of IR-SIM's shapes, (V, 2); a line string goes there and back."""
-    vertices = shape.original_vertices.T
-    return _there_and_back(vertices) if shape.name == "linestring" else vertices
-
-
-def _there_and_back(line: np.ndarray) -> np.ndarray:
-    return np.concatenate([line, line[-2:0:-1]])
+        line = np.array(shape["vertices"], float)
+        return np.concatenate([line, line[-2:0:-1]])
+    return GeometryFactory.create_geometry(**shape).original_vertices.T
 
 
 def _pad(outlines: list[np.ndarray]) -> np.ndarray:
