@@ -1,4 +1,4 @@
-"""task=plan: what is recorded, trained, failed, evaluated and missing of the study, and how long the rest takes."""
+"""task=plan: what is recorded, trained, failed, evaluated and missing of the study."""
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
