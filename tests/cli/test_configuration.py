@@ -10,8 +10,6 @@ from repro.cli.jobs import RESULTS, resolve
 from repro.config import PairCounts
 from repro.fields import OLDEST_GRAY
 from repro.networks.model import NETWORKS, PAPER_ENCODER, paper_model
-from repro.runs.provenance import Status
-from repro.system.errors import InputError
 from repro.world_config import world_spec
 
 LIDAR = "world.robot.sensors.0"
@@ -147,15 +145,3 @@ def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     with pytest.raises(ValueError, match=r"task=(train|record) first"):
         job.call.facts.run(job)
     assert not list(job.outputs.runs())
-
-
-def test_a_network_is_not_shown_worlds_of_another_call(tmp_path):
-    """A map of 50 m would be predicted from scans of one of 100 m."""
-    trained = read_call("exp=3", "scale=first", f"outputs={tmp_path}")
-    run = resolve(trained).run
-    run.prepare(resolve(trained).config)
-    run.begin_step("trained", Status.trained)
-    overrides = ("task=world", "animate=true", "exp=3", "scale=first", f"outputs={tmp_path}", f"{LIDAR}.range_max=20")
-    call = read_call(*overrides)
-    with pytest.raises(InputError, match="worlds"):
-        call.facts.run(resolve(call))

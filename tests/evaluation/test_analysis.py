@@ -9,7 +9,7 @@ from repro.config import PROJECTION
 from repro.evaluation.analysis import ANALYZED, averages, gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
-from repro.evaluation.recency import GROUPS, NEVER_IN_VIEW, RECENCY, age_bin, newest_hits_of_obstacles, pixel_groups
+from repro.evaluation.recency import NEVER_IN_VIEW, RECENCY, age_group, newest_hits_of_obstacles, pixel_groups
 from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
@@ -44,10 +44,8 @@ def outputs(recorded, evaluated, tmp_path_factory):
     return outputs
 
 
-def test_ages_fall_into_bins():
-    assert age_bin(np.array([1, 5, 6, 10, 11, 95, 96, 100, 250])).tolist() == [0, 0, 1, 1, 2, 18, 19, 19, 19]
-    names = [group for groups in RECENCY.values() for group in groups]
-    assert names == list(range(GROUPS))
+def test_ages_fall_into_groups():
+    assert age_group(np.array([1, 10, 11, 25, 26, 50, 51, 250])).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
 
 
 def test_pixels_beyond_the_range_of_the_lidar_are_never_in_view(recorded):
@@ -85,7 +83,7 @@ def test_hits_of_walls_and_concave_obstacles_are_those_of_the_recorder(noise, tm
 
 def test_a_perfect_prediction_is_perfect_at_every_recency(test_set):
     perfect = 255 * test_set.truth
-    counts = count_quantized(perfect, test_set.truth, test_set.groups, GROUPS)
+    counts = count_quantized(perfect, test_set.truth, test_set.groups, len(RECENCY))
     table = by_recency(counts.reshape(4, 2, *counts.shape[1:]).sum(1), draw_weights(4, draws=50))
     values = table.pivot(index="recency", columns="metric", values="value")
     for metric in ("obstacle_recall", "free_recall", "obstacle_iou", "best_iou"):

@@ -49,13 +49,6 @@ def test_frequencies_equal_to_the_probabilities_are_calibrated():
     pixels = np.full(256, 51_000)
     counts = np.stack([pixels * (1 - PROBABILITY), pixels * PROBABILITY]).round().astype(np.int64)
     assert calibration.calibration_error(calibration.reliability(counts)) < 1e-4
-    assert calibration.decompose_brier(counts)["reliability"] < 1e-6
-
-
-def test_the_parts_of_the_brier_score_add_up(drawn):
-    *_, counts = drawn
-    parts = calibration.decompose_brier(counts)
-    assert parts["reliability"] - parts["resolution"] + parts["uncertainty"] == pytest.approx(calibration.brier(counts))
 
 
 def test_uncertain_predictions_are_measured_without_the_sure_ones():

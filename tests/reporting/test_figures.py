@@ -5,11 +5,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from conftest import fake_run, world_spec
+from PIL import Image
 
 from repro.cli.figures import draw_figures
 from repro.config import PROJECTION
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.reporting import page
 from repro.reporting.figures import (
     Example,
     data_representation,
@@ -111,3 +113,10 @@ def test_figures_show_the_network_with_the_lowest_seed(tmp_path, monkeypatch):
     monkeypatch.setattr("repro.cli.figures.write_figures", lambda *_: [])
     draw_figures(Outputs(tmp_path))
     assert shown == [RunKey("3", "unet", PROJECTION, 1)]
+
+
+def test_figures_are_embedded(tmp_path):
+    Image.new("L", (300, 150)).save(tmp_path / "results.png", dpi=(150, 150))
+    embedded = {name: page._embedded(path) for name, path in page.images_of(tmp_path).items()}
+    assert embedded["results"]["width"] == pytest.approx(2 * page.PX_PER_INCH, abs=1)
+    assert embedded["results"]["url"].startswith("data:image/png;base64,")

@@ -74,7 +74,7 @@ REFUSED = {
     "waypoint in an obstacle": (
         {MOTION: {**DRIVE, "points_m": [[2, 10], [8.5, 4.0]]}},
         "experiments.people",
-        "waypoint 2, [8.5, 4], is in a fixed obstacle",
+        "touches a fixed obstacle near [",
     ),
     "waypoint off the map": (
         {MOTION: {**DRIVE, "points_m": [[2, 10], [25, 10]]}},

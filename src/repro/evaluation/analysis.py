@@ -15,7 +15,7 @@ from repro.baselines.names import rank
 from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import read_per_image, read_quantized
-from repro.evaluation.recency import GROUPS, RECENCY
+from repro.evaluation.recency import RECENCY
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
@@ -105,7 +105,7 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> tuple[
     """
     few_weights = weights[:FEWER_DRAWS]
     predictions, of_images = zip(*(_read_run(run, test) for run in runs), strict=True)
-    counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, GROUPS)) for free in predictions])
+    counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, len(RECENCY))) for free in predictions])
     names = of_images[0]
     per_world = {name: np.stack([by_world(each[name]) / 2 for each in of_images]) for name in names}
     measured = Measured(counts.sum(2), per_world)
@@ -133,22 +133,17 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
 def _calibration(counts: np.ndarray) -> pd.DataFrame:
     """Measure the calibration over all pixels, averaged over seeds, and of each recency, from (S, G, 2, 256)."""
     all_pixels = pd.DataFrame([summary(own) for own in counts.sum(1)]).mean().to_frame().T.assign(recency="all")
-    by_name = _by_recency(counts.sum(0))
-    others = [{"recency": name, **summary(own)} for name, own in by_name.items() if own[0].sum()]
+    by_name = zip(RECENCY, counts.sum(0), strict=True)
+    others = [{"recency": name, **summary(own)} for name, own in by_name if own[0].sum()]
     return pd.concat([all_pixels, pd.DataFrame(others)], ignore_index=True)
 
 
 def _reliability(counts: np.ndarray) -> pd.DataFrame:
     """Return the reliability diagram of all pixels and of each recency that has some, from counts (G, 2, 256)."""
-    pooled = {"all": counts.sum(0), **{name: own for name, own in _by_recency(counts).items() if own.sum()}}
+    pooled = {"all": counts.sum(0), **{name: own for name, own in zip(RECENCY, counts, strict=True) if own.sum()}}
     return pd.concat(
         [pd.DataFrame({**vars(reliability(own)), "recency": name}) for name, own in pooled.items()], ignore_index=True
     )
-
-
-def _by_recency(counts: np.ndarray) -> dict[str, np.ndarray]:
-    """Sum the counts of the groups of pixels, (G, 2, 256), over each recency, (2, 256)."""
-    return {name: counts[list(groups)].sum(0) for name, groups in RECENCY.items()}
 
 
 def averages(

@@ -9,7 +9,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repro.evaluation.recency import BINS, RECENCY, age_bin, newest_hits_of_obstacles, obstacle_masks, pixel_groups
+from repro.evaluation.recency import (
+    OCCLUDED,
+    RECENCY,
+    age_group,
+    newest_hits_of_obstacles,
+    obstacle_masks,
+    pixel_groups,
+)
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import brier, entropy, log_loss
@@ -17,7 +24,7 @@ from repro.metrics.counts import best_iou, pooled_scores
 from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.recorded import true_maps
 
-HITS = {**{name: bins for name, bins in RECENCY.items() if max(bins) < BINS}, "never": range(BINS, BINS + 1)}
+HITS = (*RECENCY[:OCCLUDED], "never")  # groups of obstacles
 
 
 @dataclass(frozen=True)
@@ -72,8 +79,7 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
     Returns:
         rows of recency, metric, value, low, high; undefined values (no pixel or no obstacle) have no row.
     """
-    groups_of = {"all": range(counts.shape[1]), **RECENCY}
-    summed = np.stack([counts[:, list(groups)].sum(1) for groups in groups_of.values()], axis=1)
+    summed = np.concatenate([counts.sum(1, keepdims=True), counts], axis=1)
     drawn = np.tensordot(weights.astype(np.float64), summed, axes=1)  # (draws + 1, recency, 2, 256)
     measured = {"pixel_share": drawn.sum((2, 3)) / drawn[:, :1].sum((2, 3)), **measures(drawn)}
     rows = []
@@ -81,7 +87,7 @@ def by_recency(counts: np.ndarray, weights: np.ndarray) -> pd.DataFrame:
         low, high = bounds(values)
         rows += [
             {"recency": recency, "metric": name, "value": values[0, i], "low": low[i], "high": high[i]}
-            for i, recency in enumerate(groups_of)
+            for i, recency in enumerate(("all", *RECENCY))
             if np.isfinite([values[0, i], low[i], high[i]]).all()
         ]
     return pd.DataFrame(rows)
@@ -123,15 +129,15 @@ def by_last_hit(predictions: Sequence[np.ndarray], test: TestSet, weights: np.nd
         have no row where the obstacles of a group are too rare for an interval.
     """
     area = test.masks.sum((1, 2))
-    group = np.where(test.newest > 0, age_bin(test.steps - test.newest + 1), BINS)
+    group = np.where(test.newest > 0, age_group(test.steps - test.newest + 1), HITS.index("never"))
     recall = np.zeros_like(test.newest, dtype=float)
     for free, twin in itertools.product(predictions, (0, 1)):
         for number in np.flatnonzero(area):
             predicted = free[test.recording[twin, number]][test.masks[number]] < 128
             recall[twin, number] += predicted.mean() / len(predictions)
     rows = []
-    for name, bins in HITS.items():
-        chosen = np.isin(group, list(bins)) & (area > 0)
+    for place, name in enumerate(HITS):
+        chosen = (group == place) & (area > 0)
         rows.append({"last_hit": name, "metric": "obstacles", "value": float(chosen.sum())})
         if not chosen.any():
             continue

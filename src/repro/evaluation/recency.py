@@ -13,18 +13,9 @@ from repro.maps.visibility import newest_in_view, newest_visible
 from repro.recordings.format import ShardContent
 from repro.scans import Scans
 
-BIN = 5  # steps per age bin
-BINS = 20  # the last bin includes all older ages
-OCCLUDED, NEVER_IN_VIEW = BINS, BINS + 1
-GROUPS = BINS + 2
-RECENCY = {  # reported time since last seen [steps], and the groups of pixels in it
-    "1-10": range(0, 2),
-    "11-25": range(2, 5),
-    "26-50": range(5, 10),
-    "51-100": range(10, BINS),
-    "occluded": range(OCCLUDED, OCCLUDED + 1),
-    "never in view": range(NEVER_IN_VIEW, NEVER_IN_VIEW + 1),
-}
+LATER = (11, 26, 51)  # first ages of the groups after the first one [steps]
+RECENCY = ("1-10", "11-25", "26-50", "51-100", "occluded", "never in view")  # groups of pixels; the fourth has no end
+OCCLUDED, NEVER_IN_VIEW = 4, 5
 TOUCH_M = 0.02  # largest distance of a hit from its obstacle; ranges are stored as float32
 
 
@@ -37,20 +28,19 @@ def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
         range_max_m: length of a beam without a hit [m].
 
     Returns:
-        the group of each pixel, uint8, (B, H, W): 0 for ages of 1 to 5 steps, 1 for 6 to 10, ..., 19 for 96 and more,
-        20 for occluded, 21 for never in view. `RECENCY` combines the groups for reports.
+        the index in `RECENCY` of the group of each pixel, uint8, (B, H, W).
     """
     windows = scans.tensors()
     half = grid.resolution_m / 2  # the margin makes a hit surface visible
     visible = newest_visible(windows, grid, range_max_m, margin_m=half).numpy()
     in_view = newest_in_view(windows, grid, range_max_m).numpy()
-    group = age_bin(windows.ranges.shape[1] - visible + 1)
+    group = age_group(windows.ranges.shape[1] - visible + 1)
     return np.where(visible > 0, group, np.where(in_view > 0, OCCLUDED, NEVER_IN_VIEW)).astype(np.uint8)
 
 
-def age_bin(age: np.ndarray) -> np.ndarray:
-    """Return the bin of ages in steps, which start at 1: bin 0 for ages 1 to 5, and so on."""
-    return np.minimum((age - 1) // BIN, BINS - 1)
+def age_group(age: np.ndarray) -> np.ndarray:
+    """Return the index in `RECENCY` of the group of ages in steps, which start at 1."""
+    return np.digitize(age, LATER)
 
 
 def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.ndarray:

@@ -1,8 +1,7 @@
 """Calibration: agreement between predicted probabilities and observed frequencies.
 
 All functions take pixel counts by quantized probability, (..., 2, 256) with obstacles first
-(`metrics.counts.count_quantized`). Sources: Murphy (1973) for the decomposition of the Brier score, Guo et al. (2017)
-for the expected calibration error.
+(`metrics.counts.count_quantized`). Source: Guo et al. (2017) for the expected calibration error.
 """
 
 from dataclasses import dataclass
@@ -96,24 +95,11 @@ def _weighted(values: np.ndarray, pixels: np.ndarray) -> float:
     return float(np.average(values, weights=pixels)) if pixels.sum() else float("nan")
 
 
-def decompose_brier(counts: np.ndarray) -> dict[str, float]:
-    """Split the Brier score of (2, 256) into reliability - resolution + uncertainty; one bin per quantized value."""
-    pixels, total = counts.sum(0), counts.sum()
-    observed = counts[1] / np.maximum(pixels, 1)
-    base = counts[1].sum() / total
-    return {
-        "reliability": float((pixels * (PROBABILITY - observed) ** 2).sum() / total),
-        "resolution": float((pixels * (observed - base) ** 2).sum() / total),
-        "uncertainty": float(base * (1 - base)),
-    }
-
-
 def summary(counts: np.ndarray) -> dict[str, float]:
-    """Compute all measures of calibration of (2, 256): Brier score and its parts, log-loss, calibration errors."""
+    """Compute all measures of calibration of (2, 256): Brier score, log-loss, calibration errors."""
     diagram = reliability(counts)
     return {
         "brier": float(brier(counts)),
-        **decompose_brier(counts),
         "log_loss": float(log_loss(counts)),
         "calibration_error": calibration_error(diagram),
         "uncertain_error": uncertain_error(diagram),

@@ -83,7 +83,7 @@ def obstacles(frames: DataFrames) -> Figure | None:
     for ax, own_rows in panels(axes[0], kinds["U-Net"]):
         experiment = own_rows["experiment"].iloc[0]
         by_kind = {label: kind[kind["experiment"] == experiment].set_index("last_hit") for label, kind in kinds.items()}
-        marks(ax, by_kind, list(HITS))
+        marks(ax, by_kind, [*HITS])
         ax.set(ylim=(0, 1), xlabel="time since last hit [steps]")
     axes[0, 0].set_ylabel("recall of an obstacle")
     one_legend(figure, axes[0])

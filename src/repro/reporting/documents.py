@@ -13,7 +13,7 @@ import pandas as pd
 from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.config import NO_DECAY, PROJECTION
 from repro.metrics.names import SUMMARY
-from repro.reporting.claims import count_verdicts, on_paper
+from repro.reporting.claims import Verdict, count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
 from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells, cells_of, number, with_interval
@@ -45,9 +45,9 @@ A claim that a number exceeds a value needs a difference of at least the toleran
 
 
 def claims(frames: DataFrames) -> Cells:
-    """Return one row per claim with its test, our number and the paper's."""
-    rows = []
-    for _, row in frames["claims"].iterrows():
+    """Return one row per claim with its test, our number and the paper's; claims without their runs are left out."""
+    rows, judged = [], frames["claims"]
+    for _, row in judged[(judged["ours"] != Verdict.untested) | judged["reason"].notna()].iterrows():
         ours = with_interval(row["value"], row["low"], row["high"])
         if ours:
             ours += f" ({row['claimed']:.3g} ± {row['tolerance']:.2g})"

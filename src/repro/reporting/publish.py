@@ -150,7 +150,7 @@ def _replace_files(outputs: Outputs, directory: Path) -> None:
             shutil.rmtree(path)
         elif path.is_file() and not is_measured:
             path.unlink()
-    for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html"), *outputs.worlds.glob("*.gif")):
+    for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html")):
         shutil.copyfile(path, directory / path.name)
     if outputs.analysis.is_dir():
         passed_over = shutil.ignore_patterns("*.pdf", "*.tmp", "*.lock", ".*")

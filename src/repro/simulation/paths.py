@@ -82,11 +82,6 @@ def check_path(
                 f"waypoint {number}, [{x:g}, {y:g}], is outside the map of {world.width:g} x {world.height:g} m, "
                 f"or nearer to its border than the robot's radius of {radius_m:g} m"
             )
-        if walls is not None and shapely.distance(walls, shapely.Point(x, y)) < radius_m:
-            raise InputError(
-                f"waypoint {number}, [{x:g}, {y:g}], is in a fixed obstacle, or nearer to one than the robot's radius "
-                f"of {radius_m:g} m"
-            )
     if walls is None:
         return
     if isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple):
