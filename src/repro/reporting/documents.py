@@ -16,7 +16,7 @@ from repro.metrics.names import SUMMARY
 from repro.reporting.claims import Verdict, count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
 from repro.reporting.plots import DataFrames
-from repro.reporting.render import Cells, cells_of, number, with_interval
+from repro.reporting.render import Cells, number, with_interval
 from repro.reporting.results import read_frames, read_published
 from repro.reporting.tables import Table, caption, make_tables, missing
 from repro.runs.keys import CELL
@@ -133,9 +133,12 @@ def arms(frames: DataFrames, caption: str) -> Cells:
 
 def costs(frame: pd.DataFrame, caption: str) -> Cells:
     """Return one row per network and resolution, without columns that are empty everywhere."""
+    frame = frame.dropna(axis="columns", how="all")
     encodings = frame.get("encoding", pd.Series(PROJECTION, frame.index))
     titles = [predictor_title(*names) for names in zip(frame["model"], encodings, strict=True)]
-    return cells_of(frame.dropna(axis="columns", how="all").assign(model=titles), ["model"], COSTS, caption)
+    heads = {column: head for column, (head, _) in COSTS.items() if column in frame}
+    numbers = [frame[column].map(lambda value, column=column: number(value, COSTS[column][1])) for column in heads]
+    return Cells(("Model", *heads.values()), list(zip(titles, *numbers, strict=True)), caption)
 
 
 def _texts(rows: pd.DataFrame) -> pd.Series:

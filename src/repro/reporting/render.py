@@ -1,16 +1,10 @@
-"""One renderer of tables: frames, heads and decimals in; cells as Markdown or, in the page, as HTML out."""
+"""One renderer of tables: cells as Markdown or, in the page, as HTML."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
-
-from repro.metrics.names import HEADINGS
-from repro.reporting.names import TITLES
-
-Columns = Mapping[str, tuple[str, int]]  # head and decimals of each column of numbers
-TEXTS = {**TITLES, **HEADINGS}  # of names in cells
 
 
 @dataclass(frozen=True)
@@ -40,17 +34,6 @@ class Cells:
 
 def _line(cells: Iterable[object]) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
-
-
-def cells_of(frame: pd.DataFrame, names: Sequence[str], numbers: Columns, caption: str = "") -> Cells:
-    """Return some columns of a frame: columns of text, then those columns of numbers that it has."""
-    kept = {column: form for column, form in numbers.items() if column in frame}
-    rows = [
-        [*(TEXTS.get(str(row[name]), str(row[name])) for name in names), *(number(row[c], kept[c][1]) for c in kept)]
-        for row in frame.to_dict("records")
-    ]
-    heads = [*(name.capitalize() for name in names), *(head for head, _ in kept.values())]
-    return Cells(heads, rows, caption, text_columns=len(names))
 
 
 def number(value: Any, digits: int = 3, form: str = "z,") -> str:
