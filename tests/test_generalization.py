@@ -62,24 +62,15 @@ def test_the_figure_has_a_panel_per_change_and_a_line_per_network():
     plt.close(figure)
 
 
-@pytest.fixture(scope="module")
-def changed_recordings(tmp_path_factory):
-    """Return a directory of recordings that the networks of an experiment share."""
-    return tmp_path_factory.mktemp("changed")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("weights", "published", "experiment"),
     [
-        ("workstation-16000/exp4-convgru", "workstation-16000", "4"),
         ("workstation/exp4-unet", "workstation", "4"),
         ("drive-16000/expmixed-convgru", "drive-16000", "mixed"),
     ],
 )
-def test_the_published_rows_are_those_of_the_published_weights(
-    weights, published, experiment, changed_recordings, monkeypatch
-):
+def test_the_published_rows_are_those_of_the_published_weights(weights, published, experiment, tmp_path, monkeypatch):
     worlds = {"maximum range [m]": (generalization.with_range, (15,))}
     worlds["obstacles' speed [times]"] = (generalization.with_speed, (2,))
     monkeypatch.setattr(generalization, "CHANGES", {"scans skipped": (generalization.skipped_scans, (4.0,))})
@@ -88,11 +79,10 @@ def test_the_published_rows_are_those_of_the_published_weights(
     world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
     spec = world_config.world_spec(world_config.read_world(world), experiment)
     predictor = load_predictor(RESULTS / weights)
-    recordings = changed_recordings / experiment
-    tables = [generalization.under_changes(predictor, spec, recordings, 200, workers=2)]
+    tables = [generalization.under_changes(predictor, spec, tmp_path, 200, workers=2)]
     if experiment == "4":
-        record_experiment(recordings / "test", spec, {"test": 500}, workers=2)
-        tables.append(generalization.across_start_headings(predictor, recordings / "test"))
+        record_experiment(tmp_path / "test", spec, {"test": 500}, workers=2)
+        tables.append(generalization.across_start_headings(predictor, tmp_path / "test"))
 
     rows = read_rows(RESULTS / published / "analysis" / "generalization.csv")
     rows = rows[(rows["model"] == weights.rpartition("-")[2]) & (rows["trained"] == experiment)]

@@ -116,16 +116,6 @@ def test_an_experiment_of_ones_own_runs_through_all_tasks(tmp_path):
     assert (tmp_path / "first/figures/data_collection.png").is_file()
 
 
-def test_report_rebuilds_tables_and_figures(study):
-    outputs, _ = study
-    shutil.rmtree(outputs / "tables")
-    status, text = call("task=report", *tiny(outputs))
-    assert status == 0, text[-4000:]
-    assert (outputs / "tables" / "ablation.md").is_file()
-    assert (outputs / "figures" / "data_collection.png").is_file()
-    assert "| Exp. |" not in text  # only paths are printed
-
-
 def test_a_reader_that_goes_away_stops_the_call_with_one_line(tmp_path):
     script = f"{sys.executable} run.py -m exp=3,4 {' '.join(tiny(tmp_path))} | head -1; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=300)

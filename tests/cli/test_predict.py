@@ -10,7 +10,7 @@ import pytest
 import torch
 from conftest import ROOT, cpu_seconds
 
-from repro.cli.inputs import name_of
+from repro.cli.prediction import name_of
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import load_predictor
 from repro.prediction.stream import PredictionStream

@@ -9,15 +9,6 @@ from repro.prediction.ros import OCCUPIED_ABOVE
 
 DEFAULTS = {name: default for name, (default, _) in PARAMETERS.items()}
 WINDOW_S = (0.1, 100)
-# Parameters by their types, as Nav2 (branches jazzy and main) and spatio_temporal_voxel_layer declare them.
-NAV2 = {
-    str: "global_frame robot_base_frame map_topic observation_sources data_type topic",
-    bool: "rolling_window use_maximum track_unknown_space trinary_costmap map_subscribe_transient_local "
-    "subscribe_to_updates footprint_clearing_enabled marking clearing",
-    int: "width height lethal_cost_threshold decay_model combination_method",
-    float: "resolution update_frequency publish_frequency robot_radius inflation_radius cost_scaling_factor "
-    "voxel_decay voxel_size obstacle_range",
-}
 
 
 def create(**values):
@@ -61,20 +52,8 @@ def test_wrong_values_are_refused(name, value, message):
         create(**{name: value})
 
 
-def test_the_parameters_of_nav2_are_those_that_it_declares():
+def test_an_obstacle_for_nav2_is_one_for_map_server():
     content = yaml.safe_load((ROOT / "examples" / "nav2_costmap.yaml").read_text())
     costmap = content["local_costmap"]["local_costmap"]["ros__parameters"]
-    layers = [costmap[name] for name in costmap["plugins"]]
-    values = [(name, value) for part in (costmap, *layers, layers[0]["scan"]) for name, value in part.items()]
-    found = {
-        name: type(value) for name, value in values if name not in ("plugin", "plugins") and type(value) is not dict
-    }
-    assert found == {name: kind for kind, names in NAV2.items() for name in names.split()}
-    assert [layer["plugin"] for layer in layers] == [
-        "spatio_temporal_voxel_layer/SpatioTemporalVoxelLayer",
-        *("nav2_costmap_2d::StaticLayer", "nav2_costmap_2d::InflationLayer"),
-    ]
-    assert costmap["rolling_window"]
-    assert not costmap["track_unknown_space"]
-    assert layers[1]["map_topic"] == "/predicted_map"
     assert costmap["lethal_cost_threshold"] == 100 * OCCUPIED_ABOVE
+    assert "/predicted_map" in [costmap[name].get("map_topic") for name in costmap["plugins"]]

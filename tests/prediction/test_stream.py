@@ -193,13 +193,6 @@ def test_the_last_beam_of_a_full_turn_is_left_out_as_in_a_log(small, tmp_path):
     assert torch.equal(torch.as_tensor(found.free), small.predict(window.scans)[0])
 
 
-def test_the_window_is_that_of_the_training_unless_another_is_chosen(small):
-    trained = dataclasses.replace(small, steps=40, step_s=0.5)
-    usual, chosen = PredictionStream(trained, ANGLES), PredictionStream(trained, ANGLES, steps=10, step_s=0.2)
-    assert (usual.settings.steps, usual.settings.step_s) == (40, 0.5)
-    assert (chosen.settings.steps, chosen.settings.step_s) == (10, 0.2)
-
-
 def test_a_window_of_reversed_beams_or_another_byte_order_is_predicted(predictor):
     """As of a lidar that is mounted upside down, whose arrays are views with negative strides."""
     ranges, poses = LOG.ranges[:STEPS], LOG.poses[:STEPS]
@@ -247,10 +240,3 @@ def test_pixels_that_no_reading_supports_are_unknown(small):
     assert is_supported.any()
     assert (x[is_supported] > -1.6).all()
     assert (np.hypot(x, y)[is_supported] < 6).all()
-
-
-def test_windows_without_information_are_refused(small):
-    with pytest.raises(ValueError, match="a robot that is outside the map"):
-        feed(PredictionStream(small, ANGLES, center=(1000.0, 0.0), steps=STEPS))
-    with pytest.raises(ValueError, match=r"windows are with too few valid readings: .* the fewest have 1\.1%"):
-        feed(PredictionStream(small, ANGLES, center=(25.0, 25.0), steps=STEPS), None, of_beams(slice(45, 46)))

@@ -147,11 +147,10 @@ def test_leftovers_of_a_killed_process_are_deleted(recorded, tmp_path):
     assert run.is_evaluated
 
 
-@pytest.mark.parametrize("moment", ["recordings/exp3/.lock", f"{RUN}/history.csv"])
-def test_an_interrupted_command_resumes(whole, tmp_path, moment):
+def test_an_interrupted_command_resumes(whole, tmp_path):
     outputs = tmp_path / "first"
     process = start(outputs)
-    wait_for(moment, outputs, process)
+    wait_for(f"{RUN}/history.csv", outputs, process)
     os.killpg(process.pid, signal.SIGINT)
     status, text = finish(process)
     assert status == 130, text

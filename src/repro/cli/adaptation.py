@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from repro.cli.jobs import Job
-from repro.cli.prediction import read
+from repro.cli.prediction import name_of, read
 from repro.cli.settings import Prediction
 from repro.learning.adaptation import Labeled, adapt, label
 from repro.learning.held_out import View
@@ -17,18 +17,20 @@ from repro.system.errors import InputError
 from repro.system.files import sha256, write_json
 
 
-def adapt_to_logs(job: Job, paths: list[Path], target: Path) -> None:
-    """Adapt the network of a call to logs.
-
-    Args:
-        job: the call.
-        paths: the logs.
-        target: the directory of the adapted network, which does not exist.
+def adapt_to_logs(job: Job) -> None:
+    """Adapt the network of a call to its logs, and write it to a new directory.
 
     Raises:
-        InputError: a log cannot be used, or the validation loss does not fall.
+        InputError: no log is given, one cannot be used, the directory exists, or the validation loss does not fall.
     """
     settings, runtime, origin = job.call.prediction, job.call.runtime, environment()
+    paths = [Path(log) for log in job.call.adaptation.logs]
+    if not paths:
+        raise InputError("adaptation.logs: is needed with task=adapt, such as adaptation.logs=[a.log,b.bag]")
+    others = f"-and-{len(paths) - 1}-others" if len(paths) > 1 else ""
+    target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(paths[0]) + others)
+    if target.exists():
+        raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
     predictor = load_predictor(settings.weights)
     device = resolve_device(runtime.accelerator)
     with few_threads():

@@ -1,4 +1,4 @@
-"""The paper's figures from the runs of an outputs directory."""
+"""The paper's tables and figures from the runs of an outputs directory."""
 
 import itertools
 

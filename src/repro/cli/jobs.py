@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from repro.cli.call import Call
 from repro.recordings.format import spec_fingerprint
@@ -12,9 +11,6 @@ from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.system.places import project_directory
 from repro.world_config import WorldSpec, world_spec
-
-if TYPE_CHECKING:
-    from repro.cli.study import Study
 
 ROOT = project_directory()
 RESULTS = ROOT / "reproduce" / "results"
@@ -43,14 +39,6 @@ class Job:
     @property
     def run(self) -> Run:
         return self.outputs.run(self.key)
-
-    @property
-    def study(self) -> "Study":
-        from repro.cli.study import Study  # imports pandas
-
-        experiments = self.call.world["experiments"]
-        worlds = {name: spec_fingerprint(world_spec(self.call.world, name)) for name in experiments}
-        return Study(self.outputs, experiments, self.call.seed, worlds)
 
     @property
     def recordings(self) -> Path:

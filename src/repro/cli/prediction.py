@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.cli.inputs import name_of
 from repro.cli.jobs import Job
 from repro.cli.prediction_report import describe, percent, say_left_out, summarize, warn_of
 from repro.cli.settings import Prediction
@@ -26,6 +25,7 @@ from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
 from repro.system.progress import progress
 
+LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # GIF: before 0.4
@@ -61,6 +61,14 @@ def predict_log(job: Job) -> None:
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
     print(target)
+
+
+def name_of(log: Path) -> str:
+    """Return the name of a log without the suffixes of its kind."""
+    name = log.resolve().name
+    while Path(name).suffix in LOG_SUFFIXES:
+        name = Path(name).stem
+    return name.strip(".") or "log"
 
 
 def _check_target(target: Path, *sources: Path) -> None:

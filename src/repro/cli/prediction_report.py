@@ -13,7 +13,6 @@ from repro.prediction.sharpness import sharper_convention
 from repro.prediction.times import WindowSettings
 
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
-MAX_REASONS = 5  # that are printed
 
 
 def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
@@ -72,14 +71,12 @@ def warn_of(table: pd.DataFrame, statistics: Statistics | None) -> None:
 
 
 def say_left_out(left_out: pd.DataFrame) -> None:
-    """Print the kinds of reasons for which windows were left out, which differ in more than numbers, by examples."""
-    kinds = left_out.groupby(left_out["left_out"].astype(str).str.replace(r"\d[\d.,]*", "#", regex=True), sort=False)
-    for _, same in list(kinds)[:MAX_REASONS]:
-        first = same.iloc[0]
-        where = "" if pd.isna(first["window"]) else f"window {first['window']} at {first['stamp']:.2f} s: "
-        print(f"left out: {len(same)} windows or parts, such as {where}{first['left_out']}", flush=True)
+    """Print how many windows were left out, and the first reason."""
     if len(left_out):
-        print(f"left out: {len(left_out)} in all, see the column left_out of windows.csv", flush=True)
+        first = left_out.iloc[0]
+        where = "" if pd.isna(first["window"]) else f"window {first['window']} at {first['stamp']:.2f} s: "
+        print(f"left out: {len(left_out)} windows or parts, such as {where}{first['left_out']}", flush=True)
+        print("  windows.csv has all reasons in its column left_out", flush=True)
 
 
 def percent(share: float) -> str:

@@ -11,8 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from repro.maps.encodings import kind_of
 from repro.networks.onnx_files import TOLERANCE, OnnxNetwork
-from repro.networks.predictor import ONNX, Predictor, load_predictor
-from repro.networks.weights import locate
+from repro.networks.predictor import Predictor, load_predictor
 from repro.system.errors import InputError
 
 DRAWN_ENCODINGS = ("projection", "stack", "series")  # those that assets/encodings.js draws
@@ -38,20 +37,20 @@ def load_demo_network(title: str) -> DemoNetwork:
     """Load a network for the page by the name or the path of its weights, see `load_predictor`.
 
     Raises:
-        InputError: there is no such predictor, it was trained with fixed obstacles, the page cannot draw its encoding,
-            or float16 weights change its output by more than 0.001.
+        InputError: there is no such predictor of torch, it was trained with fixed obstacles, the page cannot draw its
+            encoding, or float16 weights change its output by more than 0.001.
     """
-    path, predictor = locate(title), load_predictor(title)
+    predictor = load_predictor(title)
     if predictor.has_fixed:
-        raise InputError(f"{path} was trained with fixed obstacles, which the demo does not have")
+        raise InputError(f"{title} was trained with fixed obstacles, which the demo does not have")
     if predictor.is_centered:
-        raise InputError(f"{path} takes the robot to be in the middle of the map, which it is not in the demo")
+        raise InputError(f"{title} takes the robot to be in the middle of the map, which it is not in the demo")
     name = predictor.encoding.name
     if kind_of(name) not in DRAWN_ENCODINGS:
         expected = ", ".join(DRAWN_ENCODINGS)
-        raise InputError(f"{path} has the encoding {name}, expected {expected}: the page draws no other")
-    content = with_float16_weights(_onnx_of(path, predictor))
-    _check(content, predictor, path)
+        raise InputError(f"{title} has the encoding {name}, expected {expected}: the page draws no other")
+    content = with_float16_weights(_onnx_of(predictor))
+    _check(content, predictor, title)
     return DemoNetwork(title, predictor, content)
 
 
@@ -77,17 +76,15 @@ def with_float16_weights(content: bytes) -> bytes:
     return model.SerializeToString()
 
 
-def _onnx_of(path: Path, predictor: Predictor) -> bytes:
-    """Return the ONNX file of a predictor, which may have been loaded from one."""
-    if isinstance(predictor.network, OnnxNetwork):
-        return (path if path.is_file() else path / ONNX).read_bytes()
+def _onnx_of(predictor: Predictor) -> bytes:
+    """Return the ONNX file of a predictor of torch."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / ONNX
+        file = Path(folder) / "model.onnx"
         predictor.save_onnx(file)
         return file.read_bytes()
 
 
-def _check(content: bytes, predictor: Predictor, path: Path) -> None:
+def _check(content: bytes, predictor: Predictor, title: str) -> None:
     """Compare with PyTorch on images of random gray values of which most are white."""
     generator = torch.Generator().manual_seed(0)
     shape = (1, predictor.encoding.channels, predictor.grid.size_px, predictor.grid.size_px)
@@ -96,4 +93,4 @@ def _check(content: bytes, predictor: Predictor, path: Path) -> None:
     free = OnnxNetwork(content)(predictor.encoding.to_input(images)).sigmoid()
     error = float((free - predictor.predict_images(images)).abs().max())
     if not error <= TOLERANCE:
-        raise InputError(f"{path}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}")
+        raise InputError(f"{title}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}")

@@ -5,11 +5,10 @@ smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in 
 """
 
 import copy
-from collections.abc import Iterator
 from inspect import signature
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
@@ -26,22 +25,6 @@ OWN_ARCHITECTURES: dict[str, Any] = {
     "convlstm": ConvLSTM,
 }
 SERIES_CHANNELS = 10  # of the input with which the parameters of an own architecture are tried
-
-
-class Network(Protocol):
-    """A network from encoded scans to logits: what a `Predictor` needs of a `torch.nn.Module`."""
-
-    def __call__(self, images: Tensor, /) -> Tensor:
-        """Predict a map of logits, (B, 1, H, W), from the images of a window, (B, C, H, W), in [0, 1]."""
-
-    def eval(self) -> Any:
-        """Leave the training mode."""
-
-    def to(self, device: str, /) -> Any:
-        """Move the network to a device, in place."""
-
-    def parameters(self) -> Iterator[nn.Parameter]:
-        """Yield the weights, none if they are not those of torch."""
 
 
 def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> nn.Module:

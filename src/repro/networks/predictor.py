@@ -24,7 +24,6 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
-from repro.networks.create import Network
 from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
 from repro.networks.weights import locate
 from repro.scans import Scans
@@ -51,7 +50,7 @@ class Predictor:
         is_centered: the network takes the robot to be in the middle of the map.
     """
 
-    network: Network
+    network: nn.Module
     encoding: Encoding
     grid: Grid
     statistics: Statistics | None = None
@@ -183,7 +182,7 @@ class Predictor:
         Raises:
             InputError: it is in ONNX Runtime.
         """
-        if not isinstance(self.network, nn.Module) or not isinstance(self.network, PyTorchModelHubMixin):
+        if not isinstance(self.network, PyTorchModelHubMixin):
             raise InputError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
         return copy.deepcopy(self.network)
 

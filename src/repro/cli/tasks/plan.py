@@ -1,4 +1,4 @@
-"""task=plan: what is recorded, trained, failed, evaluated and missing of the study, and how long the rest takes."""
+"""task=plan: what is recorded, trained, failed, evaluated and missing of the study."""
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
@@ -6,9 +6,14 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Print the status of an outputs directory, and the usual time of the whole study."""
-    from repro.cli.study import describe_outputs
+    from repro.cli.study import Study, describe_outputs
+    from repro.recordings.format import spec_fingerprint
+    from repro.world_config import world_spec
 
-    print(describe_outputs(job.study, job.call.scale.pairs), flush=True)
+    experiments = job.call.world["experiments"]
+    worlds = {name: spec_fingerprint(world_spec(job.call.world, name)) for name in experiments}
+    study = Study(job.outputs, experiments, job.call.seed, worlds)
+    print(describe_outputs(study, job.call.scale.pairs), flush=True)
     print(f"The whole study usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
 
 
