@@ -12,7 +12,7 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.recordings.reader import read_shards
 from repro.recordings.recorded import load_recorded
-from repro.simulation.drift import Drift
+from repro.simulation.obstacle_motions import Drift
 from repro.simulation.recorder import record_experiment
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from repro.simulation.drift import Drift
+from repro.simulation.obstacle_motions import Drift
 from repro.simulation.paths import motion_of, robot_commands
 from repro.world_motions import integrated
 

@@ -7,7 +7,7 @@ from conftest import ROOT
 
 from repro.scans import Scans
 from repro.simulation import recorder
-from repro.simulation.drift import Walk
+from repro.simulation.obstacle_motions import Walk
 from repro.simulation.paths import robot_commands
 from repro.simulation.rooms import sample_rooms
 from repro.simulation.schema import world_errors

@@ -1,10 +1,17 @@
-"""Motions of the moving obstacles, by the name of their `behavior` in a world."""
+"""Motions of the moving obstacles, by the name of their `behavior` in a world, independent of IR-SIM.
 
+Paper: "Simulation Approach". Unstated details: DEVIATIONS D5 and D6.
+"""
+
+import math
 from typing import Any, Protocol
 
 import numpy as np
+import shapely
 
-from repro.simulation.drift import Drift, Walk
+from repro.simulation.shapes import line_strings
+
+_TURNS = 20  # headings tried at a wall before an obstacle stands still for a step
 
 
 class ObstacleMotion(Protocol):
@@ -17,6 +24,136 @@ class ObstacleMotion(Protocol):
 
     def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
         """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
+
+
+class Drift:
+    """Motion in straight lines at constant speed, with turns at random intervals, at the center zone and at walls.
+
+    Paper: obstacles "moved in straight lines at constant speeds, changing directions randomly at specified
+    intervals throughout the run, or whenever they entered the center zone occupied by the robot". A turn at
+    the zone is uniform over the half plane facing away from the center; any other turn is uniform over the circle.
+
+    The paper's worlds have no walls. Where there are some, an obstacle whose next step would touch one turns to a
+    heading in the half plane facing away from it, and stands still for a step where none of 20 headings is free.
+
+    Args:
+        seed: seed of this obstacle's own random stream.
+        speed_m_s: constant speed [m/s].
+        turn_steps: minimum and maximum time steps between two random turns.
+        center_m: center of the zone (x, y) [m].
+        keep_out_m: least distance between the obstacle's origin and the center [m].
+        walls_m: lines of points (x, y) [m] that the obstacle does not touch.
+        radius_m: least distance between the obstacle's origin and a wall [m].
+    """
+
+    def __init__(
+        self,
+        *,
+        seed: int,
+        speed_m_s: float,
+        turn_steps: tuple[int, int],
+        center_m: tuple[float, float],
+        keep_out_m: float,
+        walls_m: list[list[list[float]]] | None = None,
+        radius_m: float = 0.0,
+    ) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.speed_m_s = speed_m_s
+        self.turn_steps = turn_steps
+        self.center_m = center_m
+        self.keep_out_m = keep_out_m
+        self.walls = shapely.multilinestrings(line_strings(walls_m)) if walls_m else None
+        self.radius_m = radius_m
+        self._steps_clear = 0  # further steps that cannot end at a wall
+        self._head(self.rng.uniform(-math.pi, math.pi))
+        self._countdown = self._interval()
+
+    def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
+        """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
+        if self._countdown == 0:
+            self._turn()
+            self._countdown = self._interval()
+        self._countdown -= 1
+        away_x, away_y = x - self.center_m[0], y - self.center_m[1]
+        if self._enters_zone(away_x, away_y, step_time):
+            self._head(math.atan2(away_y, away_x) + self.rng.uniform(-math.pi / 2, math.pi / 2))
+        if self.walls is None or self._is_clear(x, y, step_time):
+            return self.vx, self.vy
+        wall = shapely.get_coordinates(shapely.shortest_line(self.walls, shapely.Point(x, y)))[0]
+        away = math.atan2(y - wall[1], x - wall[0])
+        for _ in range(_TURNS):
+            self._head(away + self.rng.uniform(-math.pi / 2, math.pi / 2))
+            if self._is_clear(x, y, step_time) and not self._enters_zone(away_x, away_y, step_time):
+                return self.vx, self.vy
+        return 0.0, 0.0
+
+    def _turn(self) -> None:
+        """Draw the next heading."""
+        self._head(self.rng.uniform(-math.pi, math.pi))
+
+    def _enters_zone(self, away_x: float, away_y: float, step_time: float) -> bool:
+        next_m = math.hypot(away_x + self.vx * step_time, away_y + self.vy * step_time)
+        return next_m < self.keep_out_m and self.vx * away_x + self.vy * away_y < 0
+
+    def _is_clear(self, x: float, y: float, step_time: float) -> bool:
+        """Check that the next step ends clear of the walls."""
+        if self._steps_clear > 0:
+            self._steps_clear -= 1
+            return True
+        ahead = shapely.Point(x + self.vx * step_time, y + self.vy * step_time)
+        gap_m = float(shapely.distance(self.walls, ahead)) - self.radius_m
+        self._steps_clear = int(gap_m / (self.speed_m_s * step_time) - 1e-6)  # whatever its headings
+        return gap_m >= 0
+
+    def _interval(self) -> int:
+        return int(self.rng.integers(self.turn_steps[0], self.turn_steps[1] + 1))
+
+    def _head(self, heading: float) -> None:
+        self.vx = self.speed_m_s * math.cos(heading)
+        self.vy = self.speed_m_s * math.sin(heading)
+
+
+class Walk(Drift):
+    """The walk of a person: straight ways, of which each ends with a stop or a turn.
+
+    A person begins with a stop as probable as at the end of a way. Walls and zone are those of `Drift`.
+
+    Args:
+        way_steps: least and most time steps of a way.
+        turn_rad: standard deviation of a turn [rad].
+        stop_share: probability of a stop at the end of a way.
+        stop_steps: least and most time steps of a stop.
+        others: those of `Drift`.
+    """
+
+    def __init__(
+        self,
+        *,
+        way_steps: tuple[int, int],
+        turn_rad: float,
+        stop_share: float,
+        stop_steps: tuple[int, int],
+        **others: Any,
+    ) -> None:
+        super().__init__(turn_steps=way_steps, **others)
+        self.turn_rad, self.stop_share, self.stop_steps = turn_rad, stop_share, stop_steps
+        self._stops = self._stop()
+
+    def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
+        """See `Drift.velocity`; 0 during a stop."""
+        if self._stops > 0:
+            self._stops -= 1
+            return 0.0, 0.0
+        return super().velocity(x, y, step_time)
+
+    def _turn(self) -> None:
+        self._head(math.atan2(self.vy, self.vx) + self.rng.normal(0, self.turn_rad))
+        self._stops = self._stop()
+
+    def _stop(self) -> int:
+        """Draw the steps of a stop, 0 for none."""
+        is_stop, steps = self.rng.random() < self.stop_share, self.rng.integers(*self.stop_steps, endpoint=True)
+        return int(steps) if is_stop else 0
 
 
 OBSTACLE_MOTIONS: dict[str, type[ObstacleMotion]] = {
