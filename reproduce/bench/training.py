@@ -22,11 +22,10 @@ from repro.config import Training
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.training import TrainingModule, quiet
-from repro.maps.bits import pack_bits
 from repro.maps.encodings import Encoding, create_encoding
 from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
-from repro.recordings.datasets import Pairs
+from repro.recordings.datasets import Pairs, packed
 from repro.reporting.names import model_title
 from repro.system.devices import clock, resolve_device, resolve_precision
 from repro.system.memory import keep_freed_memory
@@ -125,7 +124,7 @@ def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str,
     encoding = encoding_of(name)
     shape = (pairs, encoding.channels, size_px, size_px)
     images = torch.randint(0, 256, shape, dtype=torch.uint8, device=device)
-    data = Pairs(pack_bits(images) if encoding.is_binary else images, images[:, :1] // 128, encoding)
+    data = Pairs(packed(images, encoding), images[:, :1] // 128, encoding)
     network = network_of(name)
     accelerate(network, device)
     keep_freed_memory()

@@ -21,14 +21,13 @@ from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
 from repro.learning.losses import bce_loss
 from repro.learning.training import TrainingModule, fit, load_best
-from repro.maps.bits import pack_bits
 from repro.maps.statistics import Statistics, summarize
 from repro.networks.convgru import ConvGRU, is_centered
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, last_hits
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings
-from repro.recordings.datasets import Pairs
+from repro.recordings.datasets import Pairs, packed
 from repro.scans import Scans
 from repro.system.errors import InputError
 
@@ -165,8 +164,7 @@ def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor, reach_m:
     encoding, grid = predictor.encoding, predictor.grid
     images, maps = [], []
     for scans, shown in windows:
-        image = encoding.encode(scans.tensors(), grid)
-        images.append(pack_bits(image) if encoding.is_binary else image)
+        images.append(packed(encoding.encode(scans.tensors(), grid), encoding))
         values = np.where(shown.hits, 0, np.where(shown.passed, 1, UNKNOWN))
         values += SEEN * last_hits(scans, grid, reach_m)[1]
         maps.append(torch.from_numpy(values.astype(np.uint8))[None, None])

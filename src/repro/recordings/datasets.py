@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from repro.maps.bits import pack_bits, unpack_bits
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics, summarize
@@ -56,11 +56,21 @@ class Pairs:
         return self.encoding.to_input(self._drawn(self.stored[index])), self.maps[index].float()
 
     def _drawn(self, stored: Tensor) -> Tensor:
-        return unpack_bits(stored, self.maps.shape[-1]) if self.encoding.is_binary else stored
+        if not self.encoding.is_binary:
+            return stored
+        shifts = torch.arange(7, -1, -1, dtype=torch.uint8, device=stored.device)
+        return (stored[..., None] >> shifts).bitwise_and_(1).mul_(255).flatten(-2)[..., : self.maps.shape[-1]]
 
     def __deepcopy__(self, _: dict) -> "Pairs":
         """Return the pairs themselves: they are immutable, so that a copied training module can share them."""
         return self
+
+
+def packed(images: Tensor, encoding: Encoding) -> Tensor:
+    """Return images, uint8, (..., W), as `Pairs` stores them: those of a binary encoding as bits, (..., W / 8)."""
+    if not encoding.is_binary:
+        return images
+    return torch.from_numpy(np.packbits(images.cpu().numpy() > 0, axis=-1)).to(images.device)
 
 
 class Batches:
@@ -143,7 +153,7 @@ def load_pairs(
         drawn = slice(first, first + len(shard.scans))
         images = encoding.encode(shard.scans.tensors(device), grid)
         _check_images(images, encoding, (len(shard.scans), *stored.shape[1:3], grid.size_px))
-        stored[drawn] = pack_bits(images) if encoding.is_binary else images
+        stored[drawn] = packed(images, encoding)
         maps[drawn, 0] = true_maps(shard, grid, device)
         if marks_hidden:
             ends = torch.as_tensor(shard.scans.poses[:, -1], device=device, dtype=torch.float32)
