@@ -43,7 +43,7 @@ def apply(text: str, project: Path) -> list[str]:
     scripts = []
     for language, block in BLOCK.findall(text):
         first, _, body = block.partition("\n")
-        change = re.match(r"# (file|append|replace in): (\S+)", first)
+        change = re.match(r"# (file|replace in): (\S+)", first)
         if language == "bash":
             scripts.append(block)
         elif change:
@@ -51,8 +51,6 @@ def apply(text: str, project: Path) -> list[str]:
             if change[1] == "file":
                 assert not path.exists(), path
                 path.write_text(body)
-            elif change[1] == "append":
-                path.write_text(path.read_text() + "\n" + body)
             else:
                 for old, new in re.findall(r"^<<<<\n(.*?)\n====\n(.*?)\n>>>>", body, re.DOTALL | re.MULTILINE):
                     content = path.read_text()

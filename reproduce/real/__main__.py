@@ -45,7 +45,10 @@ from reproduce.real.measures import MEAN, Measured, count, neighbors, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
 TARGET, KEPT = RESULTS / "robot_logs", RESULTS.parents[1] / "outputs" / "real"
-WEIGHTS = ("rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru", "workstation/exp4-unet")
+WEIGHTS = (
+    *("rooms-16000/exppeople-convgru", "places/exppeople-convgru"),
+    *("drive-16000/expmixed-convgru", "workstation/exp4-unet"),
+)
 SAMPLED_WINDOWS, SAMPLED_PIXELS = 100, 100  # of each log, the latter of each window, to which maps are fitted
 BATCH = 16  # windows that are predicted together
 

@@ -138,16 +138,12 @@ def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_pat
 def test_what_the_published_table_lacks_is_added_once(published, later):
     """A published interval over other seeds is not replaced by that of one seed, and no row has a second copy."""
     tables = {
-        "audit": (["experiment", "model", "encoding", "source", "gain"], ("3", "unet", "projection", "ours", 0.1)),
         "differences": (
             ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"],
             ("3", "networks", "convgru", "all_free", "", "series10", "ssim", 0.2),
         ),
     }
-    old = {
-        "audit": ("3", "unet", "projection", "paper", 0.2),
-        "differences": ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1),
-    }
+    old = {"differences": ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1)}
     for name, (columns, row) in tables.items():
         pd.DataFrame([old[name]], columns=columns).to_csv(published / f"laptop/analysis/{name}.csv", index=False)
         pd.DataFrame([old[name], row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
@@ -155,7 +151,6 @@ def test_what_the_published_table_lacks_is_added_once(published, later):
     intervals = pd.read_csv(analysis / "intervals.csv")
     assert intervals["model"].tolist() == ["unet", "all_free", "convgru"]
     assert intervals["value"].tolist() == [0.5, 0.0, 0.7]
-    assert pd.read_csv(analysis / "audit.csv")["source"].tolist() == ["paper", "ours"]
     assert pd.read_csv(analysis / "differences.csv")["value"].tolist() == [0.1, 0.2]
 
 

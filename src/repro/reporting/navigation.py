@@ -157,6 +157,6 @@ def _draw(points: pd.DataFrame, stem: Path) -> None:
                 look: Any = {"color": COLORS[number % len(COLORS)], "marker": MARKERS[number % 8], "ms": 4, "lw": 1}
                 ax.plot(own["time_s"], own["success"], label=title_of(arm), **look)
             ax.set(title=experiment, xlabel="time to the goals [s]")
-        axes[0, 0].set_ylabel("success without collision")
+        axes[0, 0].set_ylabel("share that reaches the goals")
         one_legend(figure, axes[0], rows=3)
         save(figure, stem)

@@ -35,7 +35,7 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 SIZES = {"size_px": "px", "train_pairs": "training pairs", "test_pairs": "test pairs", "scale": "as scale"}
 IDENTIFYING = (  # columns that identify what a row of the analysis is about, where a table has them
     *("experiment", "comparison", "one", "other", "model", "encoding"),
-    *("seed", "trained", "shift", "tested", "source"),
+    *("seed", "trained", "shift", "tested"),
 )
 Origins = dict[str, Provenance]  # by the path of the run
 
@@ -45,7 +45,7 @@ def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
 
     If the outputs hold every published run, their analysis, figures and report replace the published ones. Else these
     gain the rows of the analysis that they lack, and the figures of the analysis are drawn anew. Weights, animations,
-    costs and results of verification stay. The replacement of the directory is atomic.
+    documents, costs and results of verification stay. The replacement of the directory is atomic.
 
     Args:
         outputs: the outputs directory of one scale, named after the scale or after the property that its runs share; it
@@ -145,16 +145,17 @@ def _trained_alike(key: RunKey) -> str:
 def _replace_files(outputs: Outputs, directory: Path) -> None:
     """Replace analysis, figures and report of a published directory by those of the outputs."""
     for path in directory.iterdir():
-        is_measured = path.stem in ("costs", "verification") or path.suffix == ".gif"
-        if path.name == "analysis":
-            shutil.rmtree(path)
-        elif path.is_file() and not is_measured:
+        is_kept = path.stem in ("costs", "verification", "tables") or path.suffix == ".gif"
+        if path.is_file() and not is_kept:
+            path.unlink()
+    for path in (directory / "analysis").glob("*"):
+        if path.suffix != ".gif":
             path.unlink()
     for path in (*outputs.figures.glob("*.png"), *outputs.path.glob("report.html")):
         shutil.copyfile(path, directory / path.name)
     if outputs.analysis.is_dir():
         passed_over = shutil.ignore_patterns("*.pdf", "*.tmp", "*.lock", ".*")
-        shutil.copytree(outputs.analysis, directory / "analysis", ignore=passed_over)
+        shutil.copytree(outputs.analysis, directory / "analysis", ignore=passed_over, dirs_exist_ok=True)
 
 
 def _add_analysis(source: Path, target: Path) -> None:
