@@ -169,7 +169,7 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
     if len(stamps) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise InputError(f"{path}: {len(stamps)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses), dict(skipped), min(limits))
+    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses, float), dict(skipped), min(limits))
     _check_values(log, path)
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
