@@ -51,6 +51,7 @@ def test_a_lidar_that_stands_needs_no_poses(tmp_path):
     with pytest.raises(ValueError, match=r"lacks poses: .* For a lidar that stands, set prediction.pose=fixed"):
         read(arrays)
     assert read(arrays, pose=pose).poses == pytest.approx(log.poses)
+    assert read(arrays, pose=(1, 2, 3)).poses.dtype == float  # of whole numbers, as those of other logs
 
 
 def test_a_mounting_replaces_that_of_a_bag(tmp_path):

@@ -81,6 +81,11 @@ def test_a_gap_divides_a_log():
     ]
 
 
+def test_a_clock_that_is_set_back_divides_a_log():
+    found = list(cut(log_of(np.concatenate([np.arange(0, 1.05, 0.1), np.arange(-20, -18.95, 0.1)])), WINDOWS, *PLACE))
+    assert [each for each in found if isinstance(each, str)] == ["the time goes back by 21.0 s to -20.00 s"]
+
+
 def test_a_short_log_is_refused():
     with pytest.raises(ValueError, match=r"the log has 0.5 s of scans, a window of 10 steps takes 0.9 s"):
         list(cut(log_of(np.arange(0, 0.55, 0.1)), WINDOWS, *PLACE))
@@ -106,3 +111,11 @@ def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
         assert np.isnan(held_out[1:4]).all()
         assert held_out[[0, 4]] == pytest.approx(window.scans.ranges[-1, [0, 4]])
         assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])
+
+
+def test_refusals_of_windows_spaced_by_distance_count_scans():
+    log, spaced = log_of(np.arange(50.0)), replace(WINDOWS, spacing="distance")
+    with pytest.raises(ValueError, match=r"the log has 50 scans, a window of 10 steps takes 90, a path as long"):
+        log.check_times(replace(spaced, step_s=10.0))
+    with pytest.raises(ValueError, match=r"1000 steps are too many for windows of 10 scans"):
+        log.check_times(replace(spaced, steps=1000, step_s=0.01))

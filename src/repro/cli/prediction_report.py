@@ -24,7 +24,8 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
         reach_m: range of the lidar in training [m], see `Predictor.reach_m`.
     """
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))
-    rate = (len(log) - 1) / (log.stamps[-1] - log.stamps[0])
+    gaps = np.diff(log.stamps)
+    rate = 1 / np.median(gaps[gaps > 0])
     often = f"{rate:.1f} per second" if settings.spacing == "time" else "spaced by distance"
     print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {often}")
     if settings.spacing == "time":

@@ -36,8 +36,11 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self, in_channels: int, frames: int, hidden: int = 48, stride: Literal[2, 4] = 4, centered: bool = False
     ) -> None:
         check_series(in_channels, frames)
-        if hidden < 16 or hidden % 16 or stride not in (2, 4):
-            raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden} and {stride}")
+        are_whole = type(hidden) is int and type(stride) is int
+        if not are_whole or hidden < 16 or hidden % 16 or stride not in (2, 4):
+            raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden!r} and {stride!r}")
+        if type(centered) is not bool:  # any text would be true
+            raise InputError(f"centered must be true or false, got {centered!r}")
         super().__init__()
         self.frames, self.hidden, self.stride, self.centered = frames, hidden, stride, centered
         self.encoder = nn.Sequential(

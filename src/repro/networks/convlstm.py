@@ -9,6 +9,7 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
 from repro.networks.blocks import check_series, conv_block, each_part
+from repro.system.errors import InputError
 
 
 class ConvLSTM(nn.Module, PyTorchModelHubMixin):
@@ -17,14 +18,16 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
     Args:
         in_channels: images per window, a multiple of `frames`; each kind of image has one per part, oldest first.
         frames: parts of the window, K.
-        hidden: channels of the LSTM state.
+        hidden: channels of the LSTM state, a multiple of 16.
 
     Raises:
-        ValueError: see `blocks.check_series`.
+        ValueError: a parameter is not allowed.
     """
 
     def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:
         check_series(in_channels, frames)
+        if type(hidden) is not int or hidden < 16 or hidden % 16:
+            raise InputError(f"hidden must be a multiple of 16, got {hidden!r}")
         super().__init__()
         self.frames = frames
         self.encoder = nn.Sequential(

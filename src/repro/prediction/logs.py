@@ -85,21 +85,23 @@ class ScanLog:
         """
         left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
         skipped = f" (skipped: {left_out})" if left_out else ""
-        gaps, longest_s = np.diff(self.stamps), settings.longest_gap_s
+        gaps, longest_s, is_spaced = np.diff(self.stamps), settings.longest_gap_s, settings.spacing == "distance"
         between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
         if between_s > MAX_BETWEEN_S:
             raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}")
         if between_s > longest_s:
+            if is_spaced:
+                raise InputError(f"{settings.steps} steps are too many for windows of {settings.duration_s:.0f} scans")
             needed = f"steps of {settings.step_s:g} s need one every {longest_s:.3g} s{skipped}"
             raise InputError(f"a scan every {between_s:.2g} s, {needed}: {BY_NUMBER}, or another prediction.step_s")
         parts = parts_of(self.stamps, settings)
         longest = max(float(self.stamps[end - 1] - self.stamps[begin]) for begin, end in parts)
         if not settings.is_filled(0.0, longest):
             without = " without a gap" if len(parts) > 1 else ""
-            raise InputError(
-                f"the log has {longest:.1f} s of scans{without}, a window of {settings.steps} steps takes "
-                f"{settings.duration_s:.1f} s{skipped}"
-            )
+            has, takes = f"{longest:.1f} s of scans{without}", f"{settings.duration_s:.1f} s"
+            if is_spaced:
+                has, takes = f"{len(self)} scans", f"{settings.duration_s:.0f}, a path as long as in training"
+            raise InputError(f"the log has {has}, a window of {settings.steps} steps takes {takes}{skipped}")
 
     def crop(self, fov_rad: float) -> "ScanLog":
         """Return the log with the beams within a field of view around straight ahead; `held_out` has the others.
@@ -169,7 +171,7 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
     if len(stamps) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise InputError(f"{path}: {len(stamps)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses), dict(skipped), min(limits))
+    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses, float), dict(skipped), min(limits))
     _check_values(log, path)
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log

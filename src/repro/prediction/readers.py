@@ -59,7 +59,7 @@ def kind_of(path: Path) -> str:
         return "npz"
     if is_carmen(head) or (head.startswith(GZIP) and is_carmen(_head(path, gzip.open))):
         return "CARMEN"
-    raise InputError(f"{path}: is of no known kind: expected {KINDS}, unpacked; docs/robot.md converts JSON and CSV")
+    raise InputError(f"{path}: is of no known kind: expected {KINDS}, unpacked; docs/robot.md tells how to convert it")
 
 
 def _head(path: Path, opener: Callable[..., Any]) -> bytes:

@@ -60,7 +60,10 @@ def cut(log: ScanLog, settings: WindowSettings, stride_s: float, size_m: float) 
     for begin, end in parts_of(log.stamps, settings):
         stamps = log.stamps[begin:end]
         if begin:
-            yield f"no scans for {stamps[0] - log.stamps[begin - 1]:.1f} s before {stamps[0]:.2f} s"
+            gap_s = float(stamps[0] - log.stamps[begin - 1])
+            is_set_back = gap_s <= 0
+            change = f"the time goes back by {-gap_s:.1f} s to" if is_set_back else f"no scans for {gap_s:.1f} s before"
+            yield f"{change} {stamps[0]:.2f} s"
         ends = ends_of(stamps, settings, stride_s)
         if not len(ends):
             duration = stamps[-1] - stamps[0]
