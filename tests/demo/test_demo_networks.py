@@ -42,7 +42,7 @@ def test_a_saved_network_is_loaded_with_its_encoding_and_grid(tmp_path):
     Predictor(create_network(paper_model("unet")).eval(), PROJECTION, PAGE_GRID).save(tmp_path / "unet")
     loaded = networks.load_demo_network(str(tmp_path / "unet"))
     assert (loaded.title, loaded.predictor.grid) == (str(tmp_path / "unet"), PAGE_GRID)
-    assert loaded.predictor.encoding.parameters == {"decay": True, "oldest_gray": 0.8}
+    assert loaded.predictor.encoding == PROJECTION
 
 
 def world(name):

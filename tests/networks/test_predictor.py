@@ -168,7 +168,7 @@ def test_the_example_of_the_readme_predicts_a_map_for_every_full_window(tmp_path
 
 def test_the_example_with_arrays_runs(tmp_path, monkeypatch):
     example = example_of("docs/robot.md", "replay(")
-    world = re.search(r'replay\("(outputs/[\w/-]+/worlds/exp4-seed17-ccw\.yaml)"\)', example)[1]
+    world = re.search(r'open\("(outputs/[\w/-]+/worlds/exp4-seed17-ccw\.yaml)"\)', example)[1]
     write_world(sample_world(world_spec("4"), 17), tmp_path / world)
     (tmp_path / "reproduce").symlink_to(ROOT / "reproduce")
     monkeypatch.chdir(tmp_path)
