@@ -34,7 +34,7 @@ setup: .venv/ready ## create .venv and install the pinned packages
 	@echo "setting up .venv: about 6 GB, some minutes (PyTorch with CUDA is most of it)"
 	@rm -rf .venv # a link to another environment is replaced, not emptied
 	@if command -v uv > /dev/null; then \
-	    uv venv --quiet --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
+	    uv venv --quiet --seed --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
 	    uv pip install --quiet --compile-bytecode --python $(PY) -r requirements.lock; \
 	    uv pip install --quiet --python $(PY) --no-deps -e .; \
 	else \
