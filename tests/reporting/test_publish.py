@@ -137,16 +137,11 @@ def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_pat
 
 def test_what_the_published_table_lacks_is_added_once(published, later):
     """A published interval over other seeds is not replaced by that of one seed, and no row has a second copy."""
-    tables = {
-        "differences": (
-            ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"],
-            ("3", "networks", "convgru", "all_free", "", "series10", "ssim", 0.2),
-        ),
-    }
-    old = {"differences": ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1)}
-    for name, (columns, row) in tables.items():
-        pd.DataFrame([old[name]], columns=columns).to_csv(published / f"laptop/analysis/{name}.csv", index=False)
-        pd.DataFrame([old[name], row], columns=columns).to_csv(later.analysis / f"{name}.csv", index=False)
+    columns = ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"]
+    old = ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1)
+    row = ("3", "networks", "convgru", "all_free", "", "series10", "ssim", 0.2)
+    pd.DataFrame([old], columns=columns).to_csv(published / "laptop/analysis/differences.csv", index=False)
+    pd.DataFrame([old, row], columns=columns).to_csv(later.analysis / "differences.csv", index=False)
     analysis = publish(later, published) / "analysis"
     intervals = pd.read_csv(analysis / "intervals.csv")
     assert intervals["model"].tolist() == ["unet", "all_free", "convgru"]

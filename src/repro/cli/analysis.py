@@ -50,11 +50,12 @@ def analyze(outputs: Outputs, workers: int) -> None:
 
 def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers: int) -> None:
     """Evaluate all baselines, the slowest first, beside a run of each experiment; those that are done are checked."""
+    specs = {experiment: read_manifest(outputs.recordings(experiment)).world_spec for experiment in sorted(configs)}
     jobs = []
-    for name, experiment in itertools.product(reversed(PREDICTORS), sorted(configs)):
-        config = configs[experiment]
-        if not applies(name, read_manifest(outputs.recordings(experiment)).world_spec):
+    for name, (experiment, spec) in itertools.product(reversed(PREDICTORS), specs.items()):
+        if not applies(name, spec):
             continue
+        config = configs[experiment]
         if outputs.run(config.of_baseline(name).key).is_evaluated:
             evaluate_baseline(outputs, config, name)
         else:
