@@ -32,7 +32,7 @@ class LogScan:
         range_max_m: smallest range that means a miss [m].
         pose: x, y [m] and heading [rad] of the lidar; None where it is unknown.
         problem: why it cannot be used, as its reader knows.
-        source: the message, where it is needed later.
+        header: that of the message, where it is needed later.
     """
 
     stamp: float
@@ -43,7 +43,7 @@ class LogScan:
     range_max_m: float
     pose: tuple[float, float, float] | None
     problem: str | None = None
-    source: Any = None
+    header: Any = None
 
     @property
     def has_valid_range(self) -> bool:

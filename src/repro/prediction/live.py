@@ -1,8 +1,9 @@
 """Maps from ROS messages as they arrive: the same for every version of ROS."""
 
 import threading
-from collections import deque
+from bisect import insort
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,9 @@ MAX_WAITING = 200  # scans that wait for their poses or for the network
 class LiveMapper:
     """Predicts a map for every scan, once poses before and after it are known.
 
-    A scan waits until its pose can be interpolated, as in the prediction from a bag, at most until one arrives that is
-    later by `WAIT_S`, and the first ones for one another, see `Intake`. Several threads may call the methods.
+    Scans wait in the order of their times until their poses can be interpolated, as in the prediction from a bag, at
+    most until one arrives that is later by `WAIT_S`, and the first ones for one another, see `Intake`. Several threads
+    may call the methods.
 
     Args:
         predictor: the network.
@@ -47,7 +49,7 @@ class LiveMapper:
         self.predictor, self.publish, self.warn, self.settings = predictor, publish, warn, settings
         self.transforms = transforms or Transforms(KEEP_S)
         self.scans = LaserScans(warn)
-        self.waiting: deque[tuple[Any, float, float]] = deque()  # scans, their times and those of their middles [s]
+        self.waiting: list[tuple[Any, float, float]] = []  # scans, their times and those of their middles [s], in order
         self.without_transform: set[str] = set()  # frames of scans that nobody places
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.lock = threading.Lock()
@@ -68,9 +70,9 @@ class LiveMapper:
                 self.transforms.forget()
                 self.waiting.clear()
                 self.newest_s = -np.inf
-            self.waiting.append((message, *self.scans.times(message)))
+            insort(self.waiting, (message, *self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:
-                self.waiting.popleft()
+                del self.waiting[0]
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
             self.newest_s = max(self.newest_s, stamp)
             self._predict()
@@ -101,7 +103,7 @@ class LiveMapper:
             if is_late and not is_placed:
                 self.without_transform.add(frame)
                 self.warn(without_transform(frame, self.transforms.base_of(frame)))
-            self._take(*self.waiting.popleft())
+            self._take(*self.waiting.pop(0))
 
     def _take(self, message: Any, stamp: float, middle_s: float) -> None:
         """Take a scan whose pose is known or missing, and predict maps for the scans that can be used now."""
@@ -138,7 +140,7 @@ class LiveMapper:
             self.warn(str(error))
             return
         if predicted is not None:
-            self.publish(scan.source.header, str(self.root), predicted)
+            self.publish(scan.header, str(self.root), predicted)
         elif self.stream.reason and "later" in self.stream.reason:
             self.warn(f"a scan is skipped: {self.stream.reason}")
 

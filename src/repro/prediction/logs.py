@@ -11,7 +11,7 @@ import torch
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
 from repro.prediction.readings import check_heading
-from repro.prediction.times import NOT_LATER, Clock, WindowSettings, parts_of
+from repro.prediction.times import NOT_LATER, OUT_OF_ORDER, Clock, WindowSettings, parts_of
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
@@ -153,25 +153,25 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
             lidar, the ranges are not meters, or the headings are not radians.
     """
     intake, clock = Intake(str(path), settings.range_max_m), Clock(settings)
-    stamps, ranges, poses, limits = list[float](), list[np.ndarray](), list[Pose](), list[float]()
+    kept = list[LogScan]()
     for number, scan in enumerate(_usable(scans, intake)):
-        is_spaced = settings.spacing == "distance"
-        if not is_spaced and clock.why_left_out(scan.stamp):
-            continue
-        assert scan.pose is not None, "the intake leaves out others"
-        stamps.append(float(number) if is_spaced else scan.stamp)
-        ranges.append(scan.ranges)
-        poses.append(scan.pose)
-        limits.append(scan.range_max_m)
-        is_checked = len(stamps) % SCANS_PER_CHECK == 0
-        if is_checked and 1e-9 * sum(each.nbytes for each in ranges) > available_memory_gb():  # copied once
+        if settings.spacing == "distance":
+            kept.append(replace(scan, stamp=float(number)))
+        elif not clock.why_left_out(scan.stamp):
+            if clock.replaces:
+                kept.pop()
+            kept.append(scan)
+        is_checked = len(kept) % SCANS_PER_CHECK == 0
+        if is_checked and 1e-9 * sum(each.ranges.nbytes for each in kept) > available_memory_gb():  # copied once
             raise InputError(f"{path}: its first {number} scans fill the memory: divide the log")
-    _check_order(np.array(stamps), clock.left_out[NOT_LATER], path)
+    stamps = np.array([scan.stamp for scan in kept])
+    _check_order(stamps, clock.left_out[NOT_LATER] + clock.left_out[OUT_OF_ORDER], path)
     skipped = intake.left_out + clock.left_out
-    if len(stamps) < MIN_SCANS:
+    if len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
-        raise InputError(f"{path}: {len(stamps)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
-    log = ScanLog(np.array(stamps), np.stack(ranges), intake.angles, np.array(poses, float), dict(skipped), min(limits))
+        raise InputError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
+    ranges, poses = np.stack([scan.ranges for scan in kept]), np.array([scan.pose for scan in kept], float)
+    log = ScanLog(stamps, ranges, intake.angles, poses, dict(skipped), min(scan.range_max_m for scan in kept))
     _check_values(log, path)
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
@@ -183,12 +183,12 @@ def _usable(scans: Iterable[LogScan], intake: Intake) -> Iterator[LogScan]:
     yield from intake.flush()
 
 
-def _check_order(stamps: np.ndarray, not_later: int, path: Path) -> None:
+def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
     """Refuse times where most scans are not later than the one before, or that go back again and again."""
     backward = int((np.diff(stamps) < 0).sum())
     lost = f"its times are lost, or its scans are not in the order of their times: {BY_NUMBER}"
-    if not_later > MOSTLY * len(stamps):
-        counts = f"{not_later} scans are {NOT_LATER}, {len(stamps)} are later"
+    if unordered > MOSTLY * len(stamps):
+        counts = f"{unordered} scans are {NOT_LATER}, {len(stamps)} are later"
         raise InputError(f"{path}: {counts}: {lost}")
     if backward >= MOSTLY:
         raise InputError(f"{path}: time goes back by more than a window {backward} times: {lost}")

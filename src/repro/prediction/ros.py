@@ -115,7 +115,7 @@ class LaserScans:
             range_max_m=float(message.range_max),
             pose=(placed.x, placed.y, placed.heading) if placed else None,
             problem=problem or contradiction,
-            source=message,
+            header=message.header,
         )
 
     def _angles(self, message: Any) -> tuple[float, float, str | None]:

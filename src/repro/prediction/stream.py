@@ -13,12 +13,13 @@ from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import last_hits
 from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, readings
-from repro.prediction.times import Clock, steps_before, window_of
+from repro.prediction.times import Clock, parts_of, steps_before, window_of
 from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.errors import InputError
 
 REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: that of the training
+EXTRA = 6  # scans: the one before the window, one with a wrong time, and those of the tolerance of half a step
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,8 @@ class PredictionStream:
     predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
 
     The rules are those of a log, see `times.Clock` and `times.steps_before`; the map equals that of
-    `Predictor.predict` for the same window, bit by bit. Scans are kept for the duration of a window, so memory is
-    constant. Several threads may update a stream: one waits for another, and the order is theirs.
+    `Predictor.predict` for the same window, bit by bit. The scans of one window are kept, so memory is constant.
+    Several threads may update a stream: one waits for another, and the order is theirs.
 
     Args:
         predictor: network, encoding and grid.
@@ -115,7 +116,8 @@ class PredictionStream:
         self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
-        self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
+        most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
+        self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock = Clock(self.settings)
         self._lock = threading.Lock()
 
@@ -146,22 +148,21 @@ class PredictionStream:
             return None if self.reason else self._predict()
 
     def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> None:
-        """Keep a scan and drop the scans that no later window needs; `reason` states why a scan is left out."""
+        """Keep a scan, or state in `reason` why it is left out."""
         left_out = self._clock.why_left_out(stamp)
         self.reason = left_out and f"the scan at {stamp:.2f} s is {left_out}"
         if left_out:
             return
-        if self._kept and self.settings.divides(stamp - self._kept[-1][0]):
-            self._kept.clear()
+        if self._clock.replaces:
+            self._kept.pop()
         self._kept.append((stamp, ranges, pose))
-        while len(self._kept) > 1 and self._kept[1][0] <= self._kept[-1][0] - self.settings.duration_s:
-            self._kept.popleft()
 
     def _predict(self) -> StreamMap | None:
         """Predict the map of the window that ends with the newest scan."""
         stamps, ranges, poses = zip(*self._kept, strict=True)
+        begin, _ = parts_of(np.array(stamps), self.settings)[-1]
         try:
-            index = steps_before(np.array(stamps), self.settings)
+            index = begin + steps_before(np.array(stamps[begin:]), self.settings)
         except InputError as error:
             self.reason = str(error)
             return None

@@ -22,6 +22,7 @@ TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
 SPACINGS = ("time", "distance")
 NOT_LATER = "not later than the one before"
 TOO_SOON = "less than half a step after the one before"
+OUT_OF_ORDER = "with a time out of order"
 
 
 @dataclass(frozen=True)
@@ -115,28 +116,37 @@ class Clock:
     """Chooses scans by their times as they arrive.
 
     A scan is left out if it is not later than the one before, or follows it by less than half a step. A gap of more
-    than ten steps, or a time that is earlier by more than a window, begins a new part.
+    than ten steps, or a time that is earlier by more than a window, begins a new part. A wrong time costs one scan: if
+    that of the last kept scan is not between those of the one before and of the next, the next one takes its place.
 
     Args:
         settings: steps of the windows.
 
     Attributes:
         left_out: number of scans that were left out, by reason.
+        replaces: whether the last scan takes the place of the one that was kept before.
     """
 
     def __init__(self, settings: WindowSettings) -> None:
         self.settings = settings
         self.left_out: Counter[str] = Counter()
-        self._last_s = -math.inf
+        self.replaces = False
+        self._last_s, self._before_s = -math.inf, math.inf
 
     def why_left_out(self, stamp: float) -> str | None:
         """Take the time of the next scan [s], and return why it is left out; None if it is kept."""
-        since_s = stamp - self._last_s
+        least_s, since_s = (0.5 - TOLERANCE) * self.settings.step_s, stamp - self._last_s
+        is_between = self._before_s < self._last_s <= stamp
+        self.replaces = not is_between and stamp - self._before_s >= least_s
         is_set_back = since_s < -max(self.settings.duration_s, self.settings.step_s)
-        if not is_set_back and since_s < (0.5 - TOLERANCE) * self.settings.step_s:
+        if self.replaces:
+            self.left_out[OUT_OF_ORDER] += 1
+        elif not is_set_back and since_s < least_s:
             reason = NOT_LATER if since_s <= 0 else TOO_SOON
             self.left_out[reason] += 1
             return reason
+        else:
+            self._before_s = self._last_s
         self._last_s = stamp
         return None
 
