@@ -75,7 +75,14 @@ def read(path: Path, settings: WindowSettings = WINDOWS, **options) -> ScanLog:
 
 
 def bag(
-    path: Path, version: int, *, poses: str, storage=StoragePlugin.MCAP, scans: int = SCANS, compression=()
+    path: Path,
+    version: int,
+    *,
+    poses: str,
+    storage=StoragePlugin.MCAP,
+    scans: int = SCANS,
+    compression=(),
+    is_mounted: bool = True,
 ) -> Path:
     """Write a bag with the writers of rosbags; the lidar is 0.2 m in front of the robot where there are transforms."""
     ros = Ros(version)
@@ -90,9 +97,10 @@ def bag(
                 topics[topic] = writer.add_connection(topic, message.__msgtype__, typestore=ros.store)
             writer.write(topics[topic], round(stamp * 1e9), ros.serialized(message))
 
-        if poses in ("tf", "both"):
-            write("/tf_static", STAMPS[0], ros.transform(STAMPS[0], "base_link", "laser", (0.2, 0, 0)))
-        elif poses == "conflict":
+        if is_mounted:
+            ahead = 0.2 * (poses in ("tf", "both"))
+            write("/tf_static", STAMPS[0], ros.transform(STAMPS[0], "base_link", "laser", (ahead, 0, 0)))
+        if poses == "conflict":
             write("/tf_static", STAMPS[0], ros.transform(STAMPS[0], "base_footprint", "base_link", (0, 0, 0)))
         for step in range(-1, scans + 1):  # poses at other times than the scans, linear in between
             stamp = 100 + 0.1 * step + 0.04

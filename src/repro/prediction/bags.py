@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from repro.prediction.intake import LogScan
 from repro.prediction.logs import ReadOptions
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms
-from repro.prediction.transforms import Transforms, without_transform
+from repro.prediction.transforms import Transforms
 from repro.system.errors import InputError
 
 LOGGER = logging.getLogger(__name__)
@@ -87,8 +87,7 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
     """Read the scans of a bag with the pose of the lidar at the middle of each scan.
 
     The pose is composed of the transforms from the frame of the scan up to the last parent, usually `map` or `odom`,
-    and interpolated in time; odometry stands in where there is no transform. A lidar whose frame has no transform is
-    reported once; see `Transforms.base_of`.
+    and interpolated in time; odometry stands in where there is no transform. The first scan without a pose is reported.
 
     Args:
         path: the file, or the directory of a ROS 2 bag.
@@ -105,8 +104,6 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
         converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
         for _, message, received_s in _messages(bag, path, [topic]):
             frame, times = message.header.frame_id, converter.times(message, received_s)
-            if frame not in poses:
-                converter.warn_once(f"frame {frame}", without_transform(frame, poses.base_of(frame)))
             scan = converter.convert(message, times, poses)
             if scan.pose is None and not scan.problem:
                 converter.warn_once("pose", f"the first scan without a pose: {poses.why_unplaced(frame, times[1])}")

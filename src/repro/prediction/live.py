@@ -14,12 +14,11 @@ from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.prediction.times import WindowSettings
-from repro.prediction.transforms import Transforms, without_transform
+from repro.prediction.transforms import Transforms
 from repro.system.errors import InputError
 
 KEEP_S = 30.0  # age up to which poses are remembered
 WAIT_S = 10.0  # for the poses of a scan; transforms may be late on a busy computer
-WAIT_FOR_FRAME_S = 1.0  # for a transform of the lidar
 MAX_WAITING = 200  # scans that wait for their poses or for the network
 
 
@@ -50,7 +49,6 @@ class LiveMapper:
         self.transforms = transforms or Transforms(KEEP_S)
         self.scans = LaserScans(warn)
         self.waiting: list[tuple[Any, float, float]] = []  # scans, their times and those of their middles [s], in order
-        self.without_transform: set[str] = set()  # frames of scans that nobody places
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.lock = threading.Lock()
         self._begin_again()
@@ -67,13 +65,13 @@ class LiveMapper:
             stamp, window_s = seconds(message.header.stamp), self.settings.steps * self.settings.step_s
             if stamp < self.newest_s - window_s:
                 self.warn("the clock was set back: the window begins again")
-                self.transforms.forget()
                 self.waiting.clear()
                 self.newest_s = -np.inf
             insort(self.waiting, (message, *self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:
-                del self.waiting[0]
-                self.warn(f"a scan is skipped: {MAX_WAITING} others wait for poses or for the network")
+                first, _, middle_s = self.waiting.pop(0)
+                why = self.transforms.why_unplaced(first.header.frame_id, middle_s) or "for the network"
+                self.warn(f"a scan is skipped: {MAX_WAITING} others wait, {why}")
             self.newest_s = max(self.newest_s, stamp)
             self._predict()
 
@@ -95,14 +93,9 @@ class LiveMapper:
             self.scans.warn_once(text, text)
         while self.waiting:
             message, _, middle_s = self.waiting[0]
-            frame = message.header.frame_id
-            is_placed = frame in self.transforms or frame in self.without_transform
-            is_late = self.newest_s > middle_s + (WAIT_S if is_placed else WAIT_FOR_FRAME_S)
-            if not is_late and not (is_placed and self.transforms.has_later(frame, middle_s)):
+            is_late = self.newest_s > middle_s + WAIT_S
+            if not is_late and not self.transforms.has_later(message.header.frame_id, middle_s):
                 return
-            if is_late and not is_placed:
-                self.without_transform.add(frame)
-                self.warn(without_transform(frame, self.transforms.base_of(frame)))
             self._take(*self.waiting.pop(0))
 
     def _take(self, message: Any, stamp: float, middle_s: float) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
@@ -33,14 +33,14 @@ class PlanarPose:
     is_upside_down: bool = False
 
 
-@dataclass
+@dataclass(eq=False)
 class Edge:
     """The poses of one frame in its parent frame, in the order of time; a single pose holds at all times."""
 
     parent: str
-    is_static: bool = False
-    stamps: list[float] = field(default_factory=list)
-    poses: list[RigidTransform] = field(default_factory=list)
+    is_static: bool
+    stamps: list[float]
+    poses: list[RigidTransform]
     moves: bool = False  # whether two of its poses differ
 
     def at(self, stamp: float, *, is_correction: bool = False) -> RigidTransform | None:
@@ -53,7 +53,7 @@ class Edge:
             the pose; None if it is not known.
         """
         if not self.moves:
-            return self.poses[0] if self.poses else None
+            return self.poses[0]
         after = bisect_left(self.stamps, stamp)
         if after == len(self.stamps):
             return self.poses[-1] if is_correction or stamp - self.stamps[-1] <= MAX_BEYOND_S else None
@@ -73,7 +73,7 @@ class Edge:
         If poses are kept for some time only, one that is earlier than the last by more than `DISORDER_S` replaces all
         before it: a wrong time does not hide the poses after it.
         """
-        if keep_s is not None and self.stamps and stamp < self.stamps[-1] - DISORDER_S:
+        if keep_s is not None and stamp < self.stamps[-1] - DISORDER_S:
             self.stamps, self.poses = [], []
         place = bisect_left(self.stamps, stamp)
         neighbor = self.poses[min(place, len(self.poses) - 1)] if self.poses else pose
@@ -83,10 +83,6 @@ class Edge:
         if keep_s is not None and self.stamps[0] < self.stamps[-1] - 2 * keep_s:
             old = bisect_left(self.stamps, self.stamps[-1] - keep_s) - 1
             del self.stamps[:old], self.poses[:old]
-
-    def forget(self) -> None:
-        """Remove all poses."""
-        self.stamps, self.poses, self.moves = [], [], False
 
 
 def _are_near(one: RigidTransform, other: RigidTransform, share: float = 1.0) -> bool:

@@ -36,52 +36,30 @@ class Transforms:
         self.edges: dict[str, Edge] = {}
         self.left_out: dict[str, None] = {}  # messages about poses that cannot be used, in the order of their arrival
 
-    def __contains__(self, frame: str) -> bool:
-        """Return whether a frame is placed: by a transform, a mounting or a pose."""
-        return self.mounting is not None or self.pose is not None or frame.lstrip("/") in self.edges
-
     def add(
         self, child: str, parent: str, stamp: float, position: Vector, quaternion: Vector, *, is_static: bool = False
     ) -> None:
         """Add the pose of a frame in its parent frame at a time [s]: x, y, z [m] and a quaternion x, y, z, w.
 
-        A static pose replaces the one before, and poses that change replace a static one. If the frame has a static
-        parent, too, such as `base_link` in `base_footprint`, that one becomes its child. Poses in another parent
-        than the first are left out otherwise: the tree of frames would change with each of them. See `Edge.insert`.
+        A static pose replaces the one before, and poses that change replace a static one, also one in another parent:
+        odometry of `base_link` that is static in `base_footprint`. Poses in another parent than the first are left out
+        otherwise: the tree of frames would change with each of them. See `Edge.insert`.
         """
         child, parent = child.lstrip("/"), parent.lstrip("/")
         if problem := problem_of(stamp, position, quaternion):
             self.left_out[f"poses of {child} are left out: {problem}"] = None
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
-        edge, given = self.edges.get(child), Edge(parent, is_static, [stamp], [pose])
-        if edge is None or not edge.stamps or (edge.is_static and (is_static or edge.parent == parent)):
-            self.edges[child] = given
-        elif edge.parent != parent and is_static:
-            self._turn_over(child, given)
-        elif edge.parent != parent and edge.is_static and not self.moves(child):
-            self.edges[child] = given
-            self._turn_over(child, edge)
-        elif edge.parent != parent:
+        edge = self.edges.get(child)
+        if edge is None or edge.is_static:
+            self.edges[child] = Edge(parent, is_static, [stamp], [pose])
+        elif not is_static and edge.parent != parent:
             self.left_out[f"poses of {child} in {parent} are left out: it has poses in {edge.parent}"] = None
         elif not is_static:
             edge.insert(stamp, pose, self.keep_s)
 
-    def _turn_over(self, child: str, static: Edge) -> None:
-        """Make the static parent of a frame that moves in another one its child, unless it has a parent itself."""
-        self.edges.setdefault(static.parent, Edge(child, True, static.stamps, [static.poses[0].inv()]))
-
-    def forget(self) -> None:
-        """Remove all poses that are not static; their frames stay, so that scans wait for new ones."""
-        for edge in self.edges.values():
-            if not edge.is_static:
-                edge.forget()
-
     def pose_at(self, frame: str, stamp: float) -> PlanarPose | None:
         """Return the pose of a frame at a time [s], in the chosen frame or in its last parent.
-
-        A frame without a transform, such as that of a lidar whose mounting is not published, is taken to be at the
-        origin of the robot, see `base_of`.
 
         Returns:
             the pose; None if a transform on the way is not known at that time, or if all are static: the poses of the
@@ -112,21 +90,24 @@ class Transforms:
     def _reaches_frame(self, edges: list[Edge]) -> bool:
         return self.frame is None or (bool(edges) and edges[-1].parent == self.frame)
 
-    def why_unplaced(self, frame: str, stamp: float) -> str:
-        """Return why a frame has no pose at a time [s], where `pose_at` returns None."""
-        edges = list(self._chain(frame))
+    def why_unplaced(self, frame: str, stamp: float) -> str | None:
+        """Return why a frame has no pose at a time [s]; None if it has one."""
+        edges, name = list(self._chain(frame)), frame.lstrip("/")
+        if not edges:
+            return f"no transform of {name}: its mounting on the robot, x,y,heading, may be given instead"
         if not self._reaches_frame(edges):
-            above = ", ".join(edge.parent for edge in edges) or "nothing"
-            return f"the frame {self.frame} is not above {frame.lstrip('/')}, but {above}"
+            return f"the frame {self.frame} is not above {name}, but {', '.join(edge.parent for edge in edges)}"
         if all(edge.is_static for edge in edges):
-            moving = [f"{name} in {edge.parent}" for name, edge in self.edges.items() if not edge.is_static]
+            moving = [f"{other} in {edge.parent}" for other, edge in self.edges.items() if not edge.is_static]
             known = f"the poses are of {', '.join(moving)}" if moving else "there are no poses"
-            return f"{self.root(frame)}, above {frame.lstrip('/')}, has no poses; {known}"
-        edge = next(edge for edge in edges if edge.at(stamp) is None)
-        name = next(name for name, other in self.edges.items() if other is edge)
-        span = f"poses from {edge.stamps[0]:.2f} to {edge.stamps[-1]:.2f} s" if edge.stamps else "none yet"
-        needed = f"poses of {name} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
-        return f"it needs {needed}; there are {span}"
+            return f"{edges[-1].parent}, above {name}, has no poses; {known}"
+        for child, edge in self.edges.items():
+            if edge in edges and edge.at(stamp) is None:
+                needed = (
+                    f"poses of {child} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
+                )
+                return f"it needs {needed}; there are poses from {edge.stamps[0]:.2f} to {edge.stamps[-1]:.2f} s"
+        return None
 
     def has_later(self, frame: str, stamp: float) -> bool:
         """Return whether later poses than a time [s] are known up to the odometry, so that `pose_at` can interpolate.
@@ -151,7 +132,7 @@ class Transforms:
         """Return whether the static transforms, where there are some, turn a frame upside down on the robot."""
         total = RigidTransform.identity()
         for edge in self._chain_of(frame.lstrip("/")):
-            if edge.moves or not edge.poses:
+            if edge.moves:
                 break
             total = edge.poses[0] * total
         return in_plane(total).is_upside_down
@@ -160,27 +141,22 @@ class Transforms:
         """Return whether poses that change place a frame."""
         return any(not edge.is_static for edge in self._chain_of(frame.lstrip("/")))
 
-    def base_of(self, frame: str) -> str | None:
-        """Return the frame of the robot, which stands in for a frame without a transform.
-
-        It is one of `BASES` in the namespace of the frame, else one of `BASES` if all have the same namespace, else the
-        only frame that moves; None if there is none, or if several could be meant.
-        """
-        bases = [name for base in BASES for name in self.edges if name.rpartition("/")[2] == base]
-        bases = [name for name in bases if _namespace(name) == _namespace(frame)] or bases
-        if bases:
-            return bases[0] if len({_namespace(name) for name in bases}) == 1 else None
+    def _base_of(self, frame: str) -> str:
+        """Return the frame of the robot of a lidar: one of `BASES` in its namespace, or the only one that moves."""
+        namespace = frame.rpartition("/")[0]
+        for name in (f"{namespace}/{base}".lstrip("/") for base in BASES):
+            if name in self.edges:
+                return name
         moving = [name for name, edge in self.edges.items() if not edge.is_static]
-        return moving[0] if len(moving) == 1 else None
+        return moving[0] if len(moving) == 1 else ""
 
     def _chain(self, frame: str) -> Iterator[Edge]:
-        """Yield the transforms from a frame upward, to the chosen frame; by the mounting or the robot if need be."""
-        name: str | None = frame.lstrip("/")
-        if self.mounting is not None or name not in self.edges:
-            name = self.base_of(frame)
-        if name is None:
-            return
+        """Yield the transforms from a frame up to the chosen one, with the mounting in place of the first ones."""
+        name = frame.lstrip("/")
         if self.mounting is not None:
+            name = self._base_of(name)
+            if not name:
+                return
             x, y, heading = self.mounting
             turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(frame) else 0.0])
             yield Edge(name, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])
@@ -192,14 +168,3 @@ class Transforms:
                 return
             yield self.edges[name]
             name = self.edges[name].parent
-
-
-def without_transform(frame: str, base: str | None) -> str:
-    """Return the message about a lidar whose frame has no transform, given what `Transforms.base_of` returns."""
-    if base is None:
-        return f"no transform of {frame}, and no single frame of the robot such as {BASES[0]}: its scans have no poses"
-    return f"no transform of {frame}: the lidar is taken to be at the origin of the robot, {base}"
-
-
-def _namespace(frame: str) -> str:
-    return frame.lstrip("/").rpartition("/")[0]
