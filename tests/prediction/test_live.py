@@ -161,27 +161,19 @@ def test_a_lidar_that_nobody_places_has_no_maps_and_a_reason():
     assert robot.warnings[0].startswith("a scan is skipped: it is without a pose: no transform of laser")
 
 
-@pytest.mark.parametrize(
-    ("limits", "warning"),
-    [
-        (
-            range(25),
-            "misses show free space up to the maximum range of the lidar, 12 m; the network was trained with 30 m",
-        ),
-        ([20], "the maximum range changes: misses show free space up to the smallest, 12 m"),
-    ],
-)
-def test_misses_of_all_scans_free_the_smallest_maximum_range(limits, warning):
-    """As in a log; a hit of another scan beyond it stays a hit."""
+@pytest.mark.parametrize("first", [0, 20])
+def test_misses_free_the_smallest_maximum_range(first):
+    """The window begins again where it becomes less."""
     predictor = predictor_of(create_encoding("series10", {"frames": 10}))
-    robot = driven(25, {step: scan(step, range_max=12.0) for step in limits}, predictor)
-    assert robot.warnings == [warning]
-    ranges = EXAMPLE["ranges"].copy()
-    for step in limits:
-        ranges[step][ranges[step] >= 12] = np.inf
+    robot = driven(45, {step: scan(step, range_max=12.0) for step in range(first, 30)}, predictor)
+    changes = ["the maximum range changes to 12 m: the window begins again"] * (first > 0)
+    note = "misses show free space up to the maximum range of the lidar, 12 m; the network was trained with 30 m"
+    assert robot.warnings == [*changes, note]
+    assert len(robot.maps) == (45 - STEPS + 1 if not first else 1 + 45 - first - STEPS + 1)
+    ranges = np.where(EXAMPLE["ranges"] < 12, EXAMPLE["ranges"], np.inf)
     free = robot.maps[-1][2].free
-    assert free == pytest.approx(expected(predictor.with_range(12.0), 25, ranges=ranges)[-1].free, abs=1e-5)
-    assert not np.allclose(free, expected(predictor, 25, ranges=ranges)[-1].free, atol=1e-3)
+    assert free == pytest.approx(expected(predictor.with_range(12.0), 45, ranges=ranges)[-1].free, abs=1e-5)
+    assert not np.allclose(free, expected(predictor, 45, ranges=ranges)[-1].free, atol=1e-3)
 
 
 def test_scans_that_cannot_be_used_are_skipped_with_their_reason():

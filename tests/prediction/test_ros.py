@@ -22,7 +22,7 @@ STANDING = Transforms(pose=(1.0, 2.0, 3.0))
 def test_cells_are_row_major_from_the_lower_left_corner():
     """In the words of nav_msgs: row-major order, starting with (0, 0), of which the origin is the pose."""
     free = np.random.default_rng(0).random((40, 40))
-    data, grid = occupancy(free), Grid(40, 20.0)
+    data, grid = occupancy(free, np.zeros((40, 40), bool)), Grid(40, 20.0)
     for x, y in np.random.default_rng(1).uniform(0, 20, (200, 2)):
         index, _ = grid.pixels(torch.tensor([x, y]))
         cell = data[int(y / RESOLUTION_M) * 40 + int(x / RESOLUTION_M)]
@@ -30,14 +30,15 @@ def test_cells_are_row_major_from_the_lower_left_corner():
 
 
 def test_unknown_is_minus_one_and_the_rest_0_to_100():
-    free = np.array([[1.0, 0.0, np.nan], [0.5, 0.31, 0.29]])
-    assert occupancy(free).tolist() == [50, 69, 71, 0, 100, -1]
-    assert occupancy(free).dtype == np.int8
-    unknown = np.array([[True, True, False], [True, False, True]])
-    assert occupancy(free, unknown=unknown).tolist() == [-1, 69, 71, -1, 100, -1], "a predicted obstacle stays"
-    for value in (-0.01, 1.01, np.inf):
+    free = np.array([[1.0, 0.0], [0.5, 0.31]])
+    unknown = np.array([[True, True], [True, False]])
+    assert occupancy(free, ~unknown | unknown).tolist() == [-1, 69, -1, 100], "a predicted obstacle stays"
+    assert occupancy(free, unknown).tolist() == [-1, 69, -1, 100]
+    assert occupancy(free, ~unknown).tolist() == [50, 69, 0, 100]
+    assert occupancy(free, unknown).dtype == np.int8
+    for value in (-0.01, 1.01, np.inf, np.nan):
         with pytest.raises(ValueError, match="expected probabilities from 0 to 1"):
-            occupancy(np.array([[0.5, value]]))
+            occupancy(np.array([[0.5, value]]), np.zeros((1, 2), bool))
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -46,12 +47,12 @@ def test_a_message_survives_its_serialization(version):
     types = dict(ros.types)
     if version == 1:
         types["Header"] = functools.partial(types["Header"], seq=0)  # rospy and rclpy have defaults
-    predicted = StreamMap(np.random.default_rng(0).random((6, 8)), ORIGIN, RESOLUTION_M, 12.25)
+    predicted = StreamMap(np.random.default_rng(0).random((6, 8)), ORIGIN, RESOLUTION_M, 12.25, np.zeros((6, 8), bool))
     stamp = types["Time"](12, 250_000_000)
-    message = grid_message(types, occupancy(predicted.free), predicted, stamp, "odom")
+    message = grid_message(types, occupancy(predicted.free, predicted.unknown), predicted, stamp, "odom")
     deserialize = ros.store.deserialize_ros1 if version == 1 else ros.store.deserialize_cdr
     again = deserialize(ros.serialized(message), "nav_msgs/msg/OccupancyGrid")
-    assert again.data.tolist() == occupancy(predicted.free).tolist()
+    assert again.data.tolist() == occupancy(predicted.free, predicted.unknown).tolist()
     assert (again.info.width, again.info.height, again.info.resolution) == (8, 6, 0.5)
     assert (again.info.origin.position.x, again.info.origin.position.y) == ORIGIN
     assert (again.header.frame_id, again.header.stamp.sec, again.header.stamp.nanosec) == ("odom", 12, 250_000_000)
@@ -96,7 +97,7 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
         ({}, 0.01, None),
         ({"angle_max": 0.51}, 0.01, None),  # the angle after the last beam
         ({"angle_max": math.nan}, 0.01, None),
-        ({"angle_increment": 0.0}, 0.01, None),
+        ({"angle_increment": 0.0}, 0.0, "with angles that contradict one another"),
         ({"ranges": np.full(95, 2.0, np.float32)}, 1 / 94, None),  # of a lidar whose number of readings varies
         ({"angle_increment": 0.0098}, 0.01, None),  # rounded, so that the last beam is a degree off
         ({"angle_increment": 0.0001}, 0.0001, "with angles that contradict one another"),
@@ -107,12 +108,3 @@ def test_the_angles_of_a_scan_are_checked_against_one_another(changes, spacing, 
     scan = LaserScans(lambda _: None).convert(laser_scan(**changes), (5.0, 5.0), STANDING)
     assert (scan.problem, scan.pose) == (problem, (1.0, 2.0, 3.0))
     assert scan.spacing == pytest.approx(spacing)
-
-
-def test_a_missing_minimum_range_or_time_is_replaced_with_a_message():
-    warnings: list[str] = []
-    scans = LaserScans(warnings.append)
-    scan = scans.convert(laser_scan(range_min=math.nan), (5.0, 5.0), STANDING)
-    assert (scan.range_min_m, scan.has_valid_range) == (0.0, True)
-    assert scans.times(laser_scan(0.0), 7.5) == (7.5, 7.5)
-    assert warnings == ["range_min is nan: it is ignored", "scans without a time get that of their arrival"]

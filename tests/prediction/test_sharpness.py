@@ -32,7 +32,6 @@ def test_right_poses_have_no_message():
         (LOG.poses * (1, -1, 1), "with y of the opposite sign"),
         (LOG.poses[:, [1, 0, 2]], "with x and y exchanged:"),
         (LOG.poses * (100, 100, 1), "positions in cm"),
-        (LOG.poses * (1 / 0.3048, 1 / 0.3048, 1), "positions in feet"),
         (LOG.poses * (1000, 1000, 1), "positions in mm"),
         (-LOG.angles, "beams in the reverse order:"),
     ],

@@ -142,7 +142,10 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     write_probabilities(stem.with_suffix(".npz"), predicted)
     write_map(stem, predicted)
     draw(window, predicted.free, grid).savefig(stem.with_suffix(".png"), dpi=120)
-    row: Row = {"obstacle_share": float((predicted.free < 0.5).mean()), "unknown_share": predicted.unknown_share}
+    row: Row = {
+        "obstacle_share": float((predicted.free < 0.5).mean()),
+        "unknown_share": float(predicted.unknown.mean()),
+    }
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
     statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []

@@ -102,11 +102,12 @@ def bag_scans(path: Path, options: ReadOptions) -> Iterator[LogScan]:
             _say_choice(path, f"scans of {topic}", others, "scan_topic")
         poses = _transforms(bag, path, options)
         converter = LaserScans(lambda message: LOGGER.warning("%s: %s", path, message))
-        for _, message, received_s in _messages(bag, path, [topic]):
-            frame, times = message.header.frame_id, converter.times(message, received_s)
+        for _, message in _messages(bag, path, [topic]):
+            times = converter.times(message)
             scan = converter.convert(message, times, poses)
             if scan.pose is None and not scan.problem:
-                converter.warn_once("pose", f"the first scan without a pose: {poses.why_unplaced(frame, times[1])}")
+                why = poses.why_unplaced(message.header.frame_id, times[1])
+                converter.warn_once("pose", f"the first scan without a pose: {why}")
             yield scan
 
 
@@ -124,25 +125,17 @@ def _say_choice(path: Path, chosen: str, facts: list[str], option: str) -> None:
     LOGGER.warning("%s: %s; there are %s: prediction.%s chooses", path, chosen, ", ".join(facts), option)
 
 
-def _first(bag: AnyReader, path: Path, topic: str) -> Any:
-    return next(message for _, message, _ in _messages(bag, path, [topic], only_first=True))
-
-
-def _messages(
-    bag: AnyReader, path: Path, topics: list[str], *, only_first: bool = False
-) -> Iterator[tuple[str, Any, float]]:
-    """Yield the messages of some topics with their topic and the time of their arrival [s].
+def _messages(bag: AnyReader, path: Path, topics: list[str]) -> Iterator[tuple[str, Any]]:
+    """Yield the messages of some topics with their topic.
 
     Raises:
         InputError: fewer than the bag counts can be read; rosbags passes over damaged records.
     """
     connections = [connection for connection in bag.connections if connection.topic in topics]
     read: Counter[str] = Counter()
-    for connection, received, raw in bag.messages(connections) if connections else ():
+    for connection, _, raw in bag.messages(connections) if connections else ():
         read[connection.topic] += 1
-        yield connection.topic, bag.deserialize(raw, connection.msgtype), received * 1e-9
-        if only_first:
-            return
+        yield connection.topic, bag.deserialize(raw, connection.msgtype)
     for topic in topics:
         if read[topic] < bag.topics[topic].msgcount:
             raise InputError(
@@ -157,15 +150,16 @@ def _transforms(bag: AnyReader, path: Path, options: ReadOptions) -> Transforms:
     topics = sorted({connection.topic for connection in bag.connections if connection.msgtype in TRANSFORMS})
     if options.odometry_topic is not None:
         topics = [topic for topic in topics if topic.endswith("tf_static")]
-    for topic, message, received_s in _messages(bag, path, topics):
-        add_transforms(transforms, message, is_static=topic.endswith("tf_static"), received_s=received_s)
+    for topic, message in _messages(bag, path, topics):
+        add_transforms(transforms, message, is_static=topic.endswith("tf_static"))
     has_odometry = any(info.msgtype == ODOMETRY and info.msgcount for info in bag.topics.values())
     if options.odometry_topic is not None or (has_odometry and options.pose is None):
         candidates = _topics(bag, path, ODOMETRY, options.odometry_topic)
         chosen = min(candidates, key=lambda name: not any(word in name for word in FILTERED))
-        if not transforms.moves(_first(bag, path, chosen).child_frame_id):
-            for _, message, received_s in _messages(bag, path, [chosen]):
-                add_odometry(transforms, message, received_s=received_s)
+        _, first = next(_messages(bag, path, [chosen]))
+        if not transforms.moves(first.child_frame_id):
+            for _, message in _messages(bag, path, [chosen]):
+                add_odometry(transforms, message)
             if len(candidates) > 1:
                 _say_choice(path, f"odometry of {chosen}", candidates, "odometry_topic")
     for text in transforms.left_out:

@@ -123,10 +123,9 @@ class LiveMapper:
         try:
             if self.stream is None:
                 self.stream = self._stream(scan)
-            elif scan.range_max_m < self.stream.predictor.reach_m:  # all misses take the smallest, as in `collect`
-                text = f"misses show free space up to the smallest, {scan.range_max_m:.4g} m"
-                self.warn(f"the maximum range changes: {text}")
-                self.stream.limit(scan.range_max_m)
+            elif scan.range_max_m < self.stream.range_max_m:  # up to which misses show free space
+                self.warn(f"the maximum range changes to {scan.range_max_m:.4g} m: the window begins again")
+                self.stream = self._stream(scan)
             assert scan.pose is not None, "the intake leaves out others"
             predicted = self.stream.update(scan.ranges, np.array(scan.pose), scan.stamp)
         except InputError as error:
@@ -140,7 +139,11 @@ class LiveMapper:
     def _stream(self, scan: LogScan) -> PredictionStream:
         if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
             self.warn(message)
-        center, steps, step_s = self.settings.center, self.settings.steps, self.settings.step_s
-        stream = PredictionStream(self.predictor, self.intake.angles, center=center, steps=steps, step_s=step_s)
-        stream.limit(scan.range_max_m)
-        return stream
+        return PredictionStream(
+            self.predictor,
+            self.intake.angles,
+            center=self.settings.center,
+            steps=self.settings.steps,
+            step_s=self.settings.step_s,
+            range_max_m=scan.range_max_m,
+        )

@@ -20,7 +20,6 @@ UNKNOWN = 255  # in a map for map_server
 
 def write_probabilities(path: Path, predicted: StreamMap) -> None:
     """Write a map as npz: `free`, `unknown` (H, W), row 0 at the top, origin [m], resolution [m] and stamp [s]."""
-    assert predicted.unknown is not None, "of predict_map"
     np.savez_compressed(
         path,
         free=predicted.free.astype(np.float32),
@@ -42,7 +41,6 @@ def write_map(stem: Path, predicted: StreamMap) -> None:
     """
     occupied = 1 - predicted.free.astype(float)
     share = ((occupied - FREE_BELOW) / (OCCUPIED_ABOVE - FREE_BELOW)).clip(0, 1)
-    assert predicted.unknown is not None, "of predict_map"
     is_unknown = predicted.unknown & (occupied <= OCCUPIED_ABOVE)
     Image.fromarray(np.where(is_unknown, UNKNOWN, np.rint(100 * share)).astype(np.uint8)).save(stem.with_suffix(".pgm"))
     content = {

@@ -32,24 +32,19 @@ def seconds(stamp: Any) -> float:
     return float(stamp.secs) + 1e-9 * float(stamp.nsecs)  # of rospy
 
 
-def add_transforms(
-    transforms: Transforms, message: Any, *, is_static: bool = False, received_s: float | None = None
-) -> None:
-    """Add the transforms of a TFMessage; `received_s` [s] replaces times of zero."""
+def add_transforms(transforms: Transforms, message: Any, *, is_static: bool = False) -> None:
+    """Add the transforms of a TFMessage."""
     for each in message.transforms:
-        _add(transforms, each, each.transform.translation, each.transform.rotation, received_s, is_static=is_static)
+        _add(transforms, each, each.transform.translation, each.transform.rotation, is_static=is_static)
 
 
-def add_odometry(transforms: Transforms, message: Any, *, received_s: float | None = None) -> None:
-    """Add the pose of an Odometry message; `received_s` [s] replaces a time of zero."""
-    _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation, received_s)
+def add_odometry(transforms: Transforms, message: Any) -> None:
+    """Add the pose of an Odometry message."""
+    _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation)
 
 
-def _add(
-    transforms: Transforms, message: Any, place: Any, turn: Any, received_s: float | None, *, is_static: bool = False
-) -> None:
+def _add(transforms: Transforms, message: Any, place: Any, turn: Any, *, is_static: bool = False) -> None:
     stamp, child, parent = seconds(message.header.stamp), message.child_frame_id, message.header.frame_id
-    stamp = stamp if stamp or received_s is None else received_s
     quaternion = turn.x, turn.y, turn.z, turn.w
     transforms.add(child, parent, stamp, (place.x, place.y, place.z), quaternion, is_static=is_static)
 
@@ -67,16 +62,12 @@ class LaserScans:
         self._last_s = math.nan
         self._warned: set[str] = set()
 
-    def times(self, message: Any, received_s: float | None = None) -> tuple[float, float]:
+    def times(self, message: Any) -> tuple[float, float]:
         """Return the time of a scan and of its middle, at which its pose is taken [s].
 
-        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored. The
-        time of its arrival, `received_s` [s], replaces a stamp of zero.
+        Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored.
         """
         stamp = seconds(message.header.stamp)
-        if not stamp and received_s is not None:
-            self.warn_once("stamp", "scans without a time get that of their arrival")
-            stamp = received_s
         if stamp > self._last_s:
             self._gaps.append(stamp - self._last_s)
         self._last_s = stamp
@@ -101,17 +92,13 @@ class LaserScans:
             self.warn_once("tilt", str(error))
             problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
         first, spacing, contradiction = self._angles(message)
-        range_min_m = float(message.range_min)
-        if math.isnan(range_min_m):
-            self.warn_once("range_min", "range_min is nan: it is ignored")
-            range_min_m = 0.0
         sense = -1 if placed and placed.is_upside_down else 1
         return LogScan(
             stamp=times[0],
             ranges=np.asarray(message.ranges, dtype=np.float32),
             first_angle=sense * first,
             spacing=sense * spacing,
-            range_min_m=range_min_m,
+            range_min_m=float(message.range_min),
             range_max_m=float(message.range_max),
             pose=(placed.x, placed.y, placed.heading) if placed else None,
             problem=problem or contradiction,
@@ -126,8 +113,7 @@ class LaserScans:
             return first, spacing, None
         by_limits = (last - first) / steps
         if not math.isfinite(spacing) or spacing == 0:
-            self.warn_once("increment", f"angle_increment is {spacing}: {by_limits:.4g} follows from the limits")
-            return first, by_limits, None
+            return first, spacing, CONTRADICTION
         if EXTRA_BEAMS[0] <= (last - first) / spacing - steps <= EXTRA_BEAMS[1]:
             return first, spacing, None
         text = (
@@ -147,28 +133,26 @@ class LaserScans:
             self.warn(message)
 
 
-def occupancy(free: np.ndarray, unknown: np.ndarray | None = None) -> np.ndarray:
+def occupancy(free: np.ndarray, unknown: np.ndarray) -> np.ndarray:
     """Convert a map to the data of an OccupancyGrid.
 
     Args:
-        free: probability of free, (H, W), row 0 at the top; NaN is unknown.
+        free: probability of free, (H, W), row 0 at the top.
         unknown: pixels that no reading supports, bool, (H, W): unknown, unless an obstacle is predicted with more than
-            `OCCUPIED_ABOVE`; None for none.
+            `OCCUPIED_ABOVE`.
 
     Returns:
         probability of an obstacle in percent, 0 to 100, or -1 for unknown, int8, (H W,), row-major from the lower left
         corner of the map.
 
     Raises:
-        InputError: a probability is outside [0, 1].
+        InputError: a probability is not within [0, 1].
     """
     occupied = 1 - np.flipud(np.asarray(free, dtype=float)).ravel()
-    is_known = ~np.isnan(occupied)
-    if ((occupied[is_known] < 0) | (occupied[is_known] > 1)).any():
-        raise InputError(f"expected probabilities from 0 to 1, got {np.nanmin(free):.4g} to {np.nanmax(free):.4g}")
-    if unknown is not None:
-        is_known &= ~np.flipud(unknown).ravel() | (occupied > OCCUPIED_ABOVE)
-    return np.where(is_known, np.rint(100 * np.where(is_known, occupied, 0)), UNKNOWN).astype(np.int8)
+    if not ((occupied >= 0) & (occupied <= 1)).all():  # false for NaN
+        raise InputError(f"expected probabilities from 0 to 1, got {np.min(free):.4g} to {np.max(free):.4g}")
+    is_known = ~np.flipud(unknown).ravel() | (occupied > OCCUPIED_ABOVE)
+    return np.where(is_known, np.rint(100 * occupied), UNKNOWN).astype(np.int8)
 
 
 def grid_message(types: dict[str, Any], data: Any, predicted: StreamMap, stamp: Any, frame: str) -> Any:

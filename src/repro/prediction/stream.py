@@ -31,20 +31,14 @@ class StreamMap:
         origin: x, y of the lower left corner of the map in the frame of the poses [m].
         resolution_m: side of a pixel [m].
         stamp: time of the scan at the end of the window [s].
-        unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W); None
-            if that is not known.
+        unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W).
     """
 
     free: np.ndarray
     origin: tuple[float, float]
     resolution_m: float
     stamp: float
-    unknown: np.ndarray | None = None
-
-    @property
-    def unknown_share(self) -> float:
-        """Return the share of the pixels that no reading supports; NaN if that is not known."""
-        return math.nan if self.unknown is None else float(self.unknown.mean())
+    unknown: np.ndarray
 
 
 def predict_map(
@@ -120,11 +114,6 @@ class PredictionStream:
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock = Clock(self.settings)
         self._lock = threading.Lock()
-
-    def limit(self, range_max_m: float) -> None:
-        """Let all misses show free space up to a smaller maximum range only [m], see `Predictor.with_range`."""
-        with self._lock:
-            self.predictor, self.reach_m = self.predictor.with_range(range_max_m), min(self.reach_m, range_max_m)
 
     def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
         """Take a scan and predict the map at its time.
