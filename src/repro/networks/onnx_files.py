@@ -107,18 +107,17 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
         the network and its description.
 
     Raises:
-        ValueError: the file is of another kind, damaged, or not a network from encoded scans to one map.
+        ValueError: the file is of another kind or damaged.
     """
     try:
         content = path.read_bytes()
         model = onnx.load_model_from_string(content)
         description = _description(model)
-        _check_structure(model)
         checksum = description.pop("sha256", None)
         if _checksum(model, description) != checksum:
             raise InputError("it differs from its checksum")
+        _check_tensors(model)
         network = OnnxNetwork(content)
-        _check_output(network, description)
     except Exception as error:  # of protobuf, onnx, ONNX Runtime or ours
         raise InputError(f"{path} cannot be used ({first_line(error)}): export it with task=export") from error
     return network, description
@@ -131,25 +130,11 @@ def _description(model: ModelProto) -> dict[str, Any]:
     return json.loads(properties[DESCRIPTION])
 
 
-def _check_structure(model: ModelProto) -> None:
-    """Refuse weights in other files, which would be read, and another input or output."""
-    graph = model.graph
-    tensors = [*graph.initializer, *(attribute.t for node in graph.node for attribute in node.attribute)]
+def _check_tensors(model: ModelProto) -> None:
+    """Refuse weights in other files, which would be read."""
+    tensors = [*model.graph.initializer, *(attribute.t for node in model.graph.node for attribute in node.attribute)]
     if outside := [tensor.name for tensor in tensors if tensor.data_location == TensorProto.EXTERNAL]:
         raise InputError(f"its weights {outside[0]} are in another file")
-    names = [each.name for each in graph.input], [each.name for each in graph.output]
-    if names != ([INPUT], [OUTPUT]):
-        raise InputError(f"expected the input {INPUT} and the output {OUTPUT}, it has {names[0]} and {names[1]}")
-
-
-def _check_output(network: OnnxNetwork, description: dict[str, Any]) -> None:
-    size, channels = description["grid"]["size_px"], description["channels"]
-    given = network.session.get_inputs()[0]
-    if given.type != "tensor(float)" or len(given.shape) != 4 or given.shape[1:] != [channels, size, size]:
-        raise InputError(f"its input is {given.type} {given.shape}, its metadata say {channels} images of {size} px")
-    logits = network(torch.zeros(1, channels, size, size))
-    if logits.shape != (1, 1, size, size) or not torch.isfinite(logits).all():
-        raise InputError(f"the network must map {channels} images to one map of finite logits")
 
 
 def _difference(network: nn.Module, exported: OnnxNetwork, example: Tensor) -> float:

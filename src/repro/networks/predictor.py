@@ -24,7 +24,7 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
-from repro.networks.torch_files import DESCRIPTION, check_network, read_torch, write_torch
+from repro.networks.torch_files import DESCRIPTION, read_torch, write_torch
 from repro.networks.weights import locate
 from repro.scans import Scans
 from repro.system.devices import few_threads
@@ -32,7 +32,7 @@ from repro.system.errors import InputError
 from repro.system.progress import progress
 
 ONNX = "model.onnx"
-LARGEST_CHECKED_PX = 512  # side of the images with which a loaded network is checked, since a file may claim any
+LARGEST_CHECKED_PX = 512  # side of the images with which a network of torch is checked, since a file may claim any
 
 
 @dataclass(frozen=True)
@@ -217,13 +217,19 @@ def load_predictor(weights: str | Path) -> Predictor:
             encoding, grid = create_encoding(**content["encoding"]), Grid(**content["grid"])
             statistics = Statistics(**content["statistics"]) if "statistics" in content else None
             predictor = Predictor(network, encoding, grid, statistics, **content.get("window", {}))
-            if content.get("channels", encoding.channels) != encoding.channels:  # of an ONNX file
-                raise InputError(f"its encoding has {encoding.channels} images, not {content['channels']}")
-            if "architecture" in content:
-                check_network(network, encoding.channels, min(grid.size_px, LARGEST_CHECKED_PX))
+            size_px = grid.size_px if path.is_file() else min(grid.size_px, LARGEST_CHECKED_PX)
+            _check_logits(network, encoding.channels, size_px)
         except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
             raise InputError(f"{path} cannot be used ({error}): train or export it again") from error
         return predictor
+
+
+@torch.inference_mode()
+def _check_logits(network: nn.Module, channels: int, size_px: int) -> None:
+    """Refuse a network that does not map images of some channels and pixels to one map of finite logits."""
+    logits = network.eval()(torch.zeros(1, channels, size_px, size_px))
+    if logits.shape != (1, 1, size_px, size_px) or not torch.isfinite(logits).all():
+        raise InputError(f"it must map {channels} images of {size_px} px to one map of finite logits")
 
 
 def _onnx_files() -> ModuleType:

@@ -10,11 +10,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import nn
 
-from repro.networks.create import architecture_of, check_interface, load_network
+from repro.networks.create import architecture_of, load_network
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
@@ -64,18 +63,6 @@ def read_torch(directory: Path) -> tuple[nn.Module, dict[str, Any]]:
             return load_network(directory, content["architecture"]), content
     except Exception as error:  # of smp, safetensors or ours: the files are complete, and hold no network
         raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
-
-
-def check_network(network: nn.Module, channels: int, size_px: int) -> None:
-    """Check that a network has finite weights and maps images of some channels and pixels to one map.
-
-    Raises:
-        ValueError: it does not.
-    """
-    broken = [name for name, weights in network.state_dict().items() if not torch.isfinite(weights).all()]
-    if broken:
-        raise InputError(f"{len(broken)} of its weights are not finite, the first is {broken[0]}")
-    check_interface(network.eval(), channels, size_px)
 
 
 def _checksum(content: dict[str, Any], directory: Path) -> str:
