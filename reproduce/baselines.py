@@ -24,6 +24,7 @@ from repro.evaluation.evaluate import evaluate_baseline, read_predictions
 from repro.metrics.paired import paired_differences
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.system.devices import one_thread
 from repro.system.files import write_text
@@ -38,7 +39,7 @@ def differences(job: Job, names: list[str]) -> pd.DataFrame:
     weights = RESULTS / job.call.scale.name / f"exp{job.call.exp}-{NETWORK}"
     if not weights.is_dir():
         return pd.DataFrame()
-    test = load_recorded(job.recordings, "test", grid_of(job.config))
+    test = load_recorded(open_recordings(job.recordings), "test", grid_of(job.config))
     with one_thread():
         network = load_predictor(weights).predict(test.scans)[:, None]
     tables = []

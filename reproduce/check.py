@@ -15,6 +15,7 @@ from repro.evaluation.evaluate import measure
 from repro.maps.grid import Grid
 from repro.metrics.names import METRICS
 from repro.networks.predictor import load_predictor
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.reporting.paper import read_paper
 from repro.simulation.recorder import record_experiment
@@ -45,7 +46,7 @@ def main() -> int:
     print("recording 500 test pairs of experiment 4: a quarter of a minute on two idle cores", flush=True)
     spec = world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), EXPERIMENT)
     record_experiment(recordings, spec, {"train": 2, "val": 2, "test": 500})
-    test = load_recorded(recordings, "test", Grid(128, 50.0))
+    test = load_recorded(open_recordings(recordings), "test", Grid(128, 50.0))
     paper = read_paper().query("experiment == @EXPERIMENT and encoding == 'projection'").set_index("model")[[*METRICS]]
     worst, rows = 0.0, {("unet", "paper"): paper.loc["unet"]}
     for model, (directory, encoding, weights) in PUBLISHED.items():

@@ -26,7 +26,7 @@ from repro.cli import compose, main
 from repro.cli.jobs import Job, resolve
 from repro.metrics.bootstrap import draw_weights, intervals, measured_of, resample
 from repro.networks.predictor import Predictor, load_predictor
-from repro.recordings.reader import check_worlds, read_manifest
+from repro.recordings.reader import Recordings, open_recordings
 from repro.recordings.recorded import Recorded, load_recorded
 from repro.reporting.names import predictor_title
 from repro.reporting.plots import LOOKS, STYLE, one_legend, save
@@ -93,7 +93,7 @@ def turned(test: Recorded, degrees: int) -> Recorded:
     return dataclasses.replace(test, scans=scans, maps=test.maps.rot90(degrees // 90, (-2, -1)))
 
 
-def across_start_headings(predictor: Predictor, recordings: Path) -> pd.DataFrame:
+def across_start_headings(predictor: Predictor, recordings: Recordings) -> pd.DataFrame:
     """Test a network on the test recordings of its experiment, turned by quarters; rows of shift, tested, metric.
 
     The paper's rotations start at one heading and its squares on one side, so the place of a hit tells its age.
@@ -126,7 +126,7 @@ def under_changes(predictor: Predictor, spec: WorldSpec, directory: Path, pairs:
 
     def record(name: str, changed: WorldSpec) -> Recorded:
         record_experiment(directory / name, changed, {"test": pairs}, workers=workers)
-        return load_recorded(directory / name, "test", predictor.grid)
+        return load_recorded(open_recordings(directory / name), "test", predictor.grid)
 
     plain = record("plain", spec)
     arrays = Scans(*(each.numpy() for each in (plain.scans.ranges, plain.scans.angles, plain.scans.poses)))
@@ -175,21 +175,22 @@ def figure_of(table: pd.DataFrame) -> Figure:
 def test_network(job: Job) -> pd.DataFrame:
     """Test the networks of a call on the recordings of one another, and that of its experiment under changes."""
     outputs, key = job.outputs, job.key
-    runs = {name: outputs.run(RunKey(name, key.model, key.encoding, key.seed)) for name in sorted(outputs.recorded())}
+    recorded = {name: open_recordings(path) for name, path in sorted(outputs.recorded().items())}
+    runs = {name: outputs.run(RunKey(name, key.model, key.encoding, key.seed)) for name in recorded}
     for name, run in runs.items():
         if run.is_trained:
-            check_worlds(outputs.recordings(name), run.config().data.worlds)
+            recorded[name].check_worlds(run.config().data.worlds)
     predictors = {name: load_predictor(run.model) for name, run in runs.items() if run.is_trained}
-    own, directory = predictors[key.experiment], outputs.recordings(key.experiment)
-    spec, pairs = read_manifest(directory).world_spec, min(job.call.scale.pairs.test, 100)
+    own, recordings = predictors[key.experiment], recorded[key.experiment]
+    pairs = min(job.call.scale.pairs.test, 100)
     changed = outputs.path / "generalization" / f"exp{key.experiment}"
     parts = [
-        across_start_headings(own, directory),
-        under_changes(own, spec, changed, pairs, workers=job.call.runtime.workers),
+        across_start_headings(own, recordings),
+        under_changes(own, recordings.spec, changed, pairs, workers=job.call.runtime.workers),
     ]
     tables = [pd.concat(parts).assign(trained=key.experiment)]
     for tested in predictors:
-        test = load_recorded(outputs.recordings(tested), "test", own.grid)
+        test = load_recorded(recorded[tested], "test", own.grid)
         for trained, predictor in predictors.items():
             about = {"shift": "experiment", "trained": trained, "tested": tested}
             tables.append(score(predictor, test).assign(**about))

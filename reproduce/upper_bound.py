@@ -25,7 +25,6 @@ from torch import Tensor
 from repro.outlines import padded, placed
 from repro.parallel import count_cores
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
-from repro.recordings.reader import read_manifest, read_shards
 from repro.recordings.recorded import Recorded
 from repro.scans import wrapped
 from repro.simulation.obstacle_motions import obstacle_states
@@ -69,8 +68,8 @@ def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     Raises:
         ValueError: the worlds have other laws than the paper's.
     """
-    assert test.directory, "the privileged predictor needs the true obstacles"
-    spec = read_manifest(test.directory).world_spec
+    assert test.recordings, "the privileged predictor needs the true obstacles"
+    spec = test.recordings.spec
     if not spec.is_like_papers:
         raise InputError(
             "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
@@ -78,7 +77,7 @@ def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
         )
     known = [
         _turned(shard.outlines[shard.world == world], shard.states[shard.world == world])
-        for shard in read_shards(test.directory, "test")
+        for shard in test.recordings.shards("test")
         for world in range(len(shard.scans) // 2)
     ]
     predict = partial(_predict, test, spec, _sampled(json.dumps(spec.raw)))

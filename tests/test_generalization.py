@@ -10,7 +10,7 @@ from reproduce import generalization
 from repro import world_config
 from repro.maps.grid import Grid
 from repro.networks.predictor import load_predictor
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.reporting.results import read_rows
 from repro.simulation.raycasting import scan
@@ -40,7 +40,10 @@ def test_a_wider_view_has_more_beams_and_the_same_worlds():
 def test_turned_recordings_are_those_of_turned_worlds(tmp_path, experiment, degrees):
     """The recorder's ray casting in the turned world gives the same ranges at the turned poses."""
     record_experiment(tmp_path, world_spec(experiment), {"test": 2}, workers=1)
-    plain, (shard,) = load_recorded(tmp_path, "test", Grid(64, 50.0)), read_shards(tmp_path, "test")
+    plain, (shard,) = (
+        load_recorded(open_recordings(tmp_path), "test", Grid(64, 50.0)),
+        open_recordings(tmp_path).shards("test"),
+    )
     test, angle = generalization.turned(plain, degrees), math.radians(degrees)
     cos, sin = round(math.cos(angle)), round(math.sin(angle))
     states = shard.states.astype(float)

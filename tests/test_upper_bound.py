@@ -10,7 +10,7 @@ from scipy.stats import ks_2samp
 from repro.evaluation.recency import newest_hits_of_obstacles
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.simulation.obstacle_motions import Drift
 from repro.simulation.recorder import record_experiment
@@ -34,7 +34,7 @@ def behind(steps):
 def test_set(request, tmp_path_factory):
     directory = tmp_path_factory.mktemp("recordings") / "exp"
     record_experiment(directory, world_spec(request.param), {"train": 2, "val": 2, "test": 60}, workers=1)
-    return load_recorded(directory, "test", Grid(64, 50.0))
+    return load_recorded(open_recordings(directory), "test", Grid(64, 50.0))
 
 
 def test_the_counted_pixels_are_those_of_the_true_map():
@@ -48,7 +48,7 @@ def test_the_counted_pixels_are_those_of_the_true_map():
 
 
 def test_the_newest_hits_are_those_of_the_analysis(recorded):
-    shard = next(read_shards(recorded, "test"))
+    shard = next(open_recordings(recorded).shards("test"))
     expected = newest_hits_of_obstacles(shard)
     ranges, angles, poses = (
         np.asarray(part, dtype=float) for part in (shard.scans.ranges, shard.scans.angles, shard.scans.poses)

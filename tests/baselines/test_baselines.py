@@ -16,6 +16,7 @@ from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.metrics.counts import counts_of, pooled_scores
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans
 
@@ -42,7 +43,7 @@ def disc_ranges(x, y=25.0, radius=2.0):
     "name", [pytest.param(name, marks=pytest.mark.slow if name == "tracker" else ()) for name in PREDICTORS]
 )
 def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
-    val, test = (load_recorded(recorded, split, Grid(32, 50.0)) for split in ("val", "test"))
+    val, test = (load_recorded(open_recordings(recorded), split, Grid(32, 50.0)) for split in ("val", "test"))
     free, tuned = PREDICTORS[name](val, test)
     assert free.shape == test.maps.shape
     assert 0 <= free.min() <= free.max() <= 1
@@ -54,7 +55,7 @@ def test_baselines_predict_every_pixel_of_the_test_set(name, recorded):
 def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
     run = prepared(tmp_path, model="last_seen")
     assert 0.1 < evaluate(run, recorded)["obstacle_iou"] < 1
-    val = load_recorded(recorded, "val", Grid(32, 50.0))
+    val = load_recorded(open_recordings(recorded), "val", Grid(32, 50.0))
     hits, since = newest_hits(val.scans, val.grid) > 0, steps_since_free(val)
     tried = {
         (radius, steps): dilate(hits, radius).masked_fill(since < steps, 1.0)

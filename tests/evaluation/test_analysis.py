@@ -15,7 +15,7 @@ from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
 from repro.metrics.counts import count_quantized, pooled_scores
 from repro.networks.model import NETWORKS
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.simulation.recorder import record_experiment
@@ -26,7 +26,7 @@ GRID = Grid(32, 50.0)
 
 @pytest.fixture(scope="module")
 def test_set(recorded):
-    return load_test_set(recorded, GRID)
+    return load_test_set(open_recordings(recorded), GRID)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_ages_fall_into_groups():
 
 
 def test_pixels_beyond_the_range_of_the_lidar_are_never_in_view(recorded):
-    shard = next(read_shards(recorded, "test"))
+    shard = next(open_recordings(recorded).shards("test"))
     groups = pixel_groups(shard.scans, GRID, 30.0)
     distance = (GRID.centers() - 25).norm(dim=-1).view(32, 32).numpy()
     assert (groups[:, distance > 30] == NEVER_IN_VIEW).all()
@@ -57,7 +57,7 @@ def test_pixels_beyond_the_range_of_the_lidar_are_never_in_view(recorded):
 
 
 def test_hit_obstacles_are_those_of_the_recorder(recorded):
-    shard = next(read_shards(recorded, "test"))
+    shard = next(open_recordings(recorded).shards("test"))
     newest = newest_hits_of_obstacles(shard)
     rank = np.arange(len(shard.world)) - np.searchsorted(shard.world, shard.world)
     for twin in (0, 1):
@@ -71,7 +71,7 @@ def test_hits_of_walls_and_concave_obstacles_are_those_of_the_recorder(noise, tm
     lidar = {key: value for key, value in world["robot"]["sensors"][0].items() if key not in ("noise", "std")} | noise
     spec = world_spec(world | {"robot": world["robot"] | {"sensors": [lidar]}}, "people")
     record_experiment(tmp_path, spec, {"train": 2, "val": 2, "test": 6}, workers=1, verify_every=10**9)
-    shard = next(read_shards(tmp_path, "test"))
+    shard = next(open_recordings(tmp_path).shards("test"))
     newest = newest_hits_of_obstacles(shard, noise.get("std", 0.0))
     rank = np.arange(len(shard.world)) - np.searchsorted(shard.world, shard.world)
     for twin in (0, 1):

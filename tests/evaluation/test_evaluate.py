@@ -10,13 +10,13 @@ from repro.maps.projection import Projection
 from repro.metrics.counts import counts_of, pooled_scores
 from repro.metrics.names import METRICS
 from repro.recordings.datasets import load_pairs
-from repro.recordings.reader import recordings_hash
+from repro.recordings.reader import open_recordings
 from repro.runs.provenance import Status
 
 
 def test_metrics_follow_from_the_stored_predictions(evaluated, recorded):
     kept = torch.as_tensor(read_predictions(evaluated))[:, None]
-    truth = load_pairs(recorded, "test", Grid(32, 50.0), Projection()).maps.float()
+    truth = load_pairs(open_recordings(recorded), "test", Grid(32, 50.0), Projection()).maps.float()
     again = pooled_scores(counts_of(kept, truth).sum(0))
     row = pd.read_csv(evaluated.metrics).iloc[0]
     assert kept.shape == truth.shape == (8, 1, 32, 32)
@@ -52,7 +52,7 @@ def test_what_is_no_prediction_of_the_maps_is_not_measured(free, message):
 def test_provenance_names_the_data(evaluated, recorded):
     origin = evaluated.provenance()
     assert origin.status is Status.evaluated
-    assert origin.fact("recordings") == recordings_hash(recorded)
+    assert origin.fact("recordings") == open_recordings(recorded).hash()
     assert origin.fact("test_pairs") == 8
 
 
@@ -63,7 +63,7 @@ def test_an_untrained_run_is_refused(recorded, tmp_path):
 
 def test_all_free_scores_the_free_share(recorded, tmp_path):
     row = evaluate(prepared(tmp_path, model="all_free"), recorded)
-    free = load_pairs(recorded, "test", Grid(32, 50.0), Projection()).maps.float().mean().item()
+    free = load_pairs(open_recordings(recorded), "test", Grid(32, 50.0), Projection()).maps.float().mean().item()
     assert row["accuracy"] == row["precision"] == pytest.approx(free)
     assert row["recall"] == pytest.approx(1)
     assert row["specificity"] == pytest.approx(0, abs=1e-6)

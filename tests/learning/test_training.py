@@ -13,6 +13,7 @@ from repro.learning.training import train
 from repro.networks.create import OWN_ARCHITECTURES
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import Batches, load_pairs_of_run
+from repro.recordings.reader import open_recordings
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.system.errors import InputError
@@ -72,7 +73,7 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
     assert same_weights(run.path, tmp_path / "whole")
 
     # the saved weights are those with the lowest validation loss
-    val = load_pairs_of_run(recorded, "val", run.config(), "cpu")
+    val = load_pairs_of_run(open_recordings(recorded), "val", run.config(), "cpu")
     network = load_predictor(run.model).network.eval()
     with torch.inference_mode():
         parts = [MapLoss()(network(image), target) for image, target in Batches(val, 8)]

@@ -11,7 +11,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.series import Series, Stack
 from repro.maps.visibility import newest_passed
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.scans import Scans
 from repro.world_config import plain
 
@@ -31,7 +31,7 @@ ALL = [configured(path) for path in CONFIGURED]
 
 @pytest.fixture(scope="module")
 def scans(recorded):
-    return next(read_shards(recorded, "test")).scans.tensors()
+    return next(open_recordings(recorded).shards("test")).scans.tensors()
 
 
 def test_every_encoding_has_a_configuration_and_every_configuration_an_encoding():

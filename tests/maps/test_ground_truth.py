@@ -7,12 +7,12 @@ from shapely.geometry import Polygon
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import areas_of, rasterize
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 
 
 @pytest.fixture(scope="module")
 def shard(recorded):
-    return next(read_shards(recorded, "test"))
+    return next(open_recordings(recorded).shards("test"))
 
 
 def test_the_map_agrees_with_point_in_polygon_at_pixel_centers(shard):

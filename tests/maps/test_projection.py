@@ -6,7 +6,7 @@ import torch
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.scans import Scans
 
 
@@ -29,7 +29,7 @@ def slow_projection(ranges, angles, poses, size_px, decay, oldest_gray):
 
 @pytest.fixture(scope="module")
 def shard(recorded):
-    return next(read_shards(recorded, "test"))
+    return next(open_recordings(recorded).shards("test"))
 
 
 def project(scans, grid, **parameters):

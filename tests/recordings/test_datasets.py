@@ -8,7 +8,7 @@ from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.recordings.datasets import Batches, Pairs, load_pairs
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.scans import Scans
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import simulate
@@ -16,7 +16,7 @@ from repro.simulation.worlds import reverse_direction, sample_world
 
 
 def test_pairs_are_images_and_maps_of_the_split(recorded):
-    pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
+    pairs = load_pairs(open_recordings(recorded), "train", Grid(64, 50.0), Projection())
     assert pairs.images.shape == pairs.maps.shape == (24, 1, 64, 64)
     assert pairs.images.dtype == pairs.maps.dtype == torch.uint8
     assert set(pairs.maps.unique().tolist()) == {0, 1}
@@ -43,12 +43,12 @@ def test_other_images_than_an_encoding_promises_are_refused(recorded, drawn, is_
 
     Own.is_binary = is_binary
     with pytest.raises(ValueError, match=f"the encoding projection {message}"):
-        load_pairs(recorded, "train", Grid(64, 50.0), Own())
+        load_pairs(open_recordings(recorded), "train", Grid(64, 50.0), Own())
 
 
 def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
     """Hits of the last step, drawn black, touch an obstacle of the map at that step."""
-    pairs = load_pairs(recorded, "test", Grid(128, 50.0), Projection())
+    pairs = load_pairs(open_recordings(recorded), "test", Grid(128, 50.0), Projection())
     near = torch.nn.functional.max_pool2d(1 - pairs.maps.float(), 3, stride=1, padding=1)
     newest = pairs.images == 0
     assert newest.any()
@@ -57,9 +57,11 @@ def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
 
 def test_a_series_is_stored_as_bits_and_given_as_drawn(recorded):
     grid, encoding = Grid(36, 50.0), create_encoding("series4", {"frames": 4})  # the last byte of a row has four pixels
-    pairs = load_pairs(recorded, "val", grid, encoding)
+    pairs = load_pairs(open_recordings(recorded), "val", grid, encoding)
     assert pairs.stored.shape == (8, 8, 36, 5)
-    drawn = torch.cat([encoding.encode(shard.scans.tensors(), grid) for shard in read_shards(recorded, "val")])
+    drawn = torch.cat(
+        [encoding.encode(shard.scans.tensors(), grid) for shard in open_recordings(recorded).shards("val")]
+    )
     assert torch.equal(pairs.images, drawn)
     image, target = pairs.batch(torch.tensor([3, 5]))
     assert torch.equal(image, encoding.to_input(drawn[[3, 5]]))
@@ -82,7 +84,7 @@ def test_batches_are_shuffled_by_seed_and_drop_the_incomplete_last_one():
 
 
 def test_flip_augmentation_flips_image_and_map_together(recorded):
-    pairs = load_pairs(recorded, "train", Grid(64, 50.0), Projection())
+    pairs = load_pairs(open_recordings(recorded), "train", Grid(64, 50.0), Projection())
     plain, mirrored = (
         list(Batches(pairs, 8, seed=3, flip_augmentation=flip_augmentation)) for flip_augmentation in (False, True)
     )

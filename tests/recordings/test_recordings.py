@@ -6,7 +6,7 @@ from conftest import damage, world_spec
 
 from repro.recordings import format
 from repro.recordings.format import SPLITS, spec_fingerprint
-from repro.recordings.reader import read_manifest, read_shards, recordings_hash
+from repro.recordings.reader import open_recordings
 from repro.simulation import recorder
 from repro.simulation.recorder import record_experiment, write_shard
 from repro.simulation.simulator import simulate
@@ -31,7 +31,7 @@ def copy(recorded, tmp_path):
 
 
 def test_recordings_are_those_of_the_simulation(recorded):
-    shard = next(read_shards(recorded, "test"))
+    shard = next(open_recordings(recorded).shards("test"))
     assert shard.scans.ranges.shape == (8, 100, 100)
     for number in range(4):
         world = sample_world(world_spec("3"), SPLITS["test"] + number)
@@ -57,11 +57,11 @@ def test_recordings_do_not_depend_on_the_number_of_workers(tmp_path, monkeypatch
 def test_splits_have_disjoint_seeds_and_twins_stay_together(recorded):
     seeds = [
         set(range(entry.first_seed, entry.first_seed + entry.worlds))
-        for entry in read_manifest(recorded).shards.values()
+        for entry in open_recordings(recorded).manifest.shards.values()
     ]
     assert sum(map(len, seeds)) == len(set.union(*seeds))
     for split, count in (("train", 24), ("val", 8), ("test", 8)):
-        for shard in read_shards(recorded, split):
+        for shard in open_recordings(recorded).shards(split):
             assert len(shard.scans) == count
             assert shard.world.max() + 1 == count // 2
 
@@ -78,11 +78,11 @@ def test_recording_again_changes_nothing(copy):
 @pytest.mark.parametrize("how", ["cut", "altered", "missing"])
 def test_a_damaged_shard_is_never_read_and_recorded_again_and_no_other(copy, how, manifest, capsys):
     path, other = copy / "train-0000.npz", copy / "test-0000.npz"
-    before = read_manifest(copy)
+    before = open_recordings(copy).manifest
     content, untouched = path.read_bytes(), other.stat().st_mtime_ns
     damage(path, how)
     with pytest.raises(ValueError, match=r"train-0000\.npz is"):
-        next(read_shards(copy, "train"))
+        next(open_recordings(copy).shards("train"))
     if manifest == "not yet there":
         (copy / "manifest.json").unlink()
     assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1) == before
@@ -96,7 +96,7 @@ def test_a_damaged_manifest_is_named_with_a_fix(copy):
     text = path.read_text()
     damage(path, "cut")
     with pytest.raises(ValueError, match=r"manifest\.json cannot be read .*task=record"):
-        read_manifest(copy)
+        open_recordings(copy)
     path.unlink()
     assert record_experiment(copy, world_spec("3"), {"train": 24, "val": 8, "test": 8}, workers=1)
     assert path.read_text() == text
@@ -118,10 +118,11 @@ def test_recordings_with_more_training_pairs_can_be_used_for_fewer(tmp_path, mon
     kept = (tmp_path / "more" / "manifest.json").read_text()
     assert record_experiment(tmp_path / "more", world_spec("3"), fewer, workers=1).pairs == PAIRS
     assert (tmp_path / "more" / "manifest.json").read_text() == kept
-    assert recordings_hash(tmp_path / "more", fewer) == recordings_hash(tmp_path / "fewer")
-    assert recordings_hash(tmp_path / "more", PAIRS) == recordings_hash(tmp_path / "more")
+    assert open_recordings(tmp_path / "more").hash(fewer) == open_recordings(tmp_path / "fewer").hash()
+    assert open_recordings(tmp_path / "more").hash(PAIRS) == open_recordings(tmp_path / "more").hash()
     taken, whole = (
-        [shard.scans.ranges for shard in read_shards(tmp_path / name, "train", 4)] for name in ("more", "fewer")
+        [shard.scans.ranges for shard in open_recordings(tmp_path / name).shards("train", 4)]
+        for name in ("more", "fewer")
     )
     assert np.array_equal(np.concatenate(taken), np.concatenate(whole))
 
@@ -137,12 +138,12 @@ def test_recordings_of_other_sizes_are_refused(tmp_path, monkeypatch, asked):
     with pytest.raises(ValueError, match=r"has .*'train': 8.* expected the same numbers"):
         record_experiment(tmp_path, world_spec("3"), asked, workers=1)
     with pytest.raises(ValueError, match=r"holds .*'train': 8.* do not cover the requested"):
-        recordings_hash(tmp_path, asked)
+        open_recordings(tmp_path).hash(asked)
 
 
 def test_missing_recordings_name_the_command(tmp_path):
     with pytest.raises(ValueError, match=r"no complete recordings in .*same command with task=record"):
-        recordings_hash(tmp_path / "laptop" / "recordings" / "exp2")
+        open_recordings(tmp_path / "laptop" / "recordings" / "exp2").hash()
 
 
 def test_odd_counts_are_refused(tmp_path):
@@ -174,7 +175,7 @@ def test_a_full_disk_leaves_complete_shards_only(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.iterdir()} == {"train-0000.npz", "train-0001.npz", ".lock"}
     monkeypatch.setattr(np, "savez_compressed", save)
     record_experiment(tmp_path, world_spec("1"), PAIRS, workers=1)
-    assert sum(len(shard.scans) for shard in read_shards(tmp_path, "train")) == 8
+    assert sum(len(shard.scans) for shard in open_recordings(tmp_path).shards("train")) == 8
 
 
 def test_every_second_world_is_compared_with_its_replay(tmp_path, replayed):

@@ -23,7 +23,7 @@ from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, paper_model
 from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.recordings.format import shards_of
-from repro.recordings.reader import recordings_hash
+from repro.recordings.reader import open_recordings
 from repro.simulation.recorder import record_experiment, write_shard
 from repro.simulation.schema import world_errors
 from repro.world_config import read_world, world_spec
@@ -99,18 +99,19 @@ def test_accepted_worlds_can_be_recorded_and_learned_from(keys, data):
             assert "reaches the robot: enlarge clear_radius_m" in stopped
             return
         record_experiment(Path(folder), spec, {"train": 4, "val": 2, "test": 2}, workers=1)
-        assert recordings_hash(Path(folder))
+        assert open_recordings(Path(folder)).hash()
         grid = Grid(32, float(world["world"]["width"]))
         assert 0 <= coverage_of(Path(folder), grid) <= 1
         learn(
-            load_pairs(Path(folder), "train", grid, create_encoding("projection", {})), Training(1e-3, 0, 0, 2, 1, 1e-6)
+            load_pairs(open_recordings(Path(folder)), "train", grid, create_encoding("projection", {})),
+            Training(1e-3, 0, 0, 2, 1, 1e-6),
         )
 
 
 def coverage_of(recordings, grid):
     """Return the coverage of the test maps, 0 where all obstacles are between the centers of the pixels."""
     try:
-        return coverage_and_visibility(recordings, "test", grid)["coverage"]
+        return coverage_and_visibility(open_recordings(recordings), "test", grid)["coverage"]
     except ValueError as error:
         if "no obstacle of test covers the center of a pixel" not in str(error):
             raise

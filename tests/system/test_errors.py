@@ -9,7 +9,7 @@ from joblib import Parallel, delayed
 
 import repro
 from repro.metrics.bootstrap import by_world
-from repro.recordings.reader import read_manifest
+from repro.recordings.reader import open_recordings
 from repro.system.errors import InputError
 
 SOURCE = Path(repro.__file__).parent
@@ -17,7 +17,7 @@ SOURCE = Path(repro.__file__).parent
 
 def test_an_error_in_a_worker_process_stays_one_of_the_input(tmp_path):
     with pytest.raises(InputError, match="no complete recordings"):
-        Parallel(n_jobs=2)(delayed(read_manifest)(tmp_path) for _ in range(2))
+        Parallel(n_jobs=2)(delayed(open_recordings)(tmp_path) for _ in range(2))
 
 
 def test_an_error_of_a_library_is_not_one_of_the_input():

@@ -10,7 +10,7 @@ from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.parallel import process_pool
-from repro.recordings.reader import read_manifest
+from repro.recordings.reader import open_recordings
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
 from repro.reporting.page import images_of, render
@@ -50,7 +50,7 @@ def analyze(outputs: Outputs, workers: int) -> None:
 
 def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers: int) -> None:
     """Evaluate all baselines, the slowest first, beside a run of each experiment; those that are done are checked."""
-    specs = {experiment: read_manifest(outputs.recordings(experiment)).world_spec for experiment in sorted(configs)}
+    specs = {experiment: open_recordings(outputs.recordings(experiment)).spec for experiment in sorted(configs)}
     jobs = []
     for name, (experiment, spec) in itertools.product(reversed(PREDICTORS), specs.items()):
         if not applies(name, spec):

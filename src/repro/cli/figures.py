@@ -4,7 +4,7 @@ import itertools
 
 from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.recordings.format import SPLITS
-from repro.recordings.reader import read_manifest
+from repro.recordings.reader import open_recordings
 from repro.reporting.figures import load_example, write_figures
 from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
@@ -14,7 +14,7 @@ from repro.simulation.worlds import sample_world
 def draw_figures(outputs: Outputs) -> None:
     """Write the figures and print their paths."""
     recorded, keys = outputs.recorded(), outputs.named_runs()[0]
-    worlds = {name: sample_world(read_manifest(path).world_spec, SPLITS["test"]) for name, path in recorded.items()}
+    worlds = {name: sample_world(open_recordings(path).spec, SPLITS["test"]) for name, path in recorded.items()}
     evaluated = [key for key, run in keys.items() if key.model == "unet" and run.is_evaluated]
     shown = {(key.encoding, key.experiment): key for key in lowest_seeds(evaluated)}
     cells = itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds)

@@ -22,6 +22,7 @@ from repro.metrics.counts import count_quantized
 from repro.networks.model import NETWORKS
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of
+from repro.recordings.reader import open_recordings
 from repro.runs.directories import Run
 from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
@@ -52,7 +53,7 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
     for experiment in sorted({experiment for experiment, *_ in cells}):
         own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
         grid = grid_of(next(iter(own_cells.values()))[0].config())
-        test = load_test_set(outputs.recordings(experiment), grid)
+        test = load_test_set(open_recordings(outputs.recordings(experiment)), grid)
         weights = draw_weights(len(test.truth) // 2)
         counted: dict[Cell, Measured] = {}
         for cell, runs in progress(own_cells.items(), f"analysis, exp {experiment}"):

@@ -4,7 +4,6 @@ import itertools
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -21,7 +20,7 @@ from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import brier, entropy, log_loss
 from repro.metrics.counts import best_iou, pooled_scores
-from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.reader import Recordings
 from repro.recordings.recorded import true_maps
 
 HITS = (*RECENCY[:OCCLUDED], "never")  # groups of obstacles
@@ -48,16 +47,16 @@ class TestSet:
     steps: int
 
 
-def load_test_set(recordings: Path, grid: Grid) -> TestSet:
+def load_test_set(recordings: Recordings, grid: Grid) -> TestSet:
     """Read the test recordings of an experiment and label their pixels and obstacles.
 
     Raises:
-        ValueError: a shard is damaged, see `recordings.reader.read_shards`.
+        ValueError: a shard is damaged, see `Recordings.shards`.
     """
-    lidar = read_manifest(recordings).world_spec.lidar
+    lidar = recordings.spec.lidar
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     first = 0
-    for shard in read_shards(recordings, "test"):
+    for shard in recordings.shards("test"):
         parts["truth"].append(true_maps(shard, grid).numpy())
         parts["groups"].append(pixel_groups(shard.scans, grid, lidar.range_max))
         parts["masks"].append(obstacle_masks(shard, grid))

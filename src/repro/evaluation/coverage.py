@@ -1,17 +1,15 @@
 """Statistics of a recorded experiment: map area covered by obstacles, obstacle area that the lidar hits."""
 
-from pathlib import Path
-
 import numpy as np
 
 from repro.evaluation.recency import obstacle_masks
 from repro.maps.grid import Grid
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import Recordings
 from repro.recordings.recorded import true_maps
 from repro.system.errors import InputError
 
 
-def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[str, float]:
+def coverage_and_visibility(recordings: Recordings, split: str, grid: Grid) -> dict[str, float]:
     """Measure coverage and visibility of a split, for comparison with the values that the paper's tables imply.
 
     Args:
@@ -28,7 +26,7 @@ def coverage_and_visibility(recordings: Path, split: str, grid: Grid) -> dict[st
         ValueError: no obstacle of the split covers the center of a pixel.
     """
     covered_px = maps_px = seen_px = all_px = 0.0
-    for shard in read_shards(recordings, split):
+    for shard in recordings.shards(split):
         free = true_maps(shard, grid)[::2]  # a world and its twin share their map
         covered_px += (1 - free).sum().item()
         maps_px += free.numel()

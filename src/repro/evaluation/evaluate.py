@@ -19,7 +19,7 @@ from repro.metrics.counts import counts_of, pooled_scores, quantize
 from repro.metrics.scores import IMAGE_METRICS, checked_probabilities
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of, load_pairs_of_run
-from repro.recordings.reader import check_worlds, recordings_hash
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
@@ -53,14 +53,15 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         facts: dict[str, Any] = {}
         if not config.key.is_baseline:
             check_trained(run)
-        check_worlds(recordings, config.data.worlds)
-        run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
+        opened = open_recordings(recordings)
+        opened.check_worlds(config.data.worlds)
+        run.use_recordings(opened.hash(asdict(config.data.pairs)))
         if config.key.is_baseline:
-            val, recorded = (load_recorded(recordings, split, grid_of(config)) for split in ("val", "test"))
+            val, recorded = (load_recorded(opened, split, grid_of(config)) for split in ("val", "test"))
             maps, (probability, facts) = recorded.maps, PREDICTORS[config.model.name](val, recorded)
         else:
             device = resolve_device(accelerator)
-            pairs = load_pairs_of_run(recordings, "test", config, device)
+            pairs = load_pairs_of_run(opened, "test", config, device)
             maps = pairs.maps
             probability = load_predictor(run.model).to(device).predict_images(pairs.image_batches(32))
         try:
@@ -86,7 +87,7 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
     config, recordings = config.of_baseline(name), outputs.recordings(config.experiment)
     run = outputs.run(config.key)
     if not run.is_evaluated:
-        check_worlds(recordings, config.data.worlds)
+        open_recordings(recordings).check_worlds(config.data.worlds)
         print(f"evaluating {run}", flush=True)
     run.prepare(config)
     evaluate(run, recordings)

@@ -31,13 +31,14 @@ from repro.networks.convgru import is_centered
 from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
-from repro.recordings.reader import check_worlds, read_manifest, recordings_hash
+from repro.recordings.reader import Recordings, open_recordings
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.errors import InputError
 from repro.system.memory import keep_freed_memory
+from repro.world_config import WorldSpec
 
 
 class TrainingModule(L.LightningModule):
@@ -133,12 +134,13 @@ def train(
         config = run.config()
         gc.collect()  # the data of the training before: its trainer and its module refer to each other
         forget_peak_memory()
-        check_worlds(recordings, config.data.worlds)
-        run.use_recordings(recordings_hash(recordings, asdict(config.data.pairs)))
-        statistics = training_statistics(recordings, config)  # refuses worlds without hits before the training
+        opened = open_recordings(recordings)
+        opened.check_worlds(config.data.worlds)
+        run.use_recordings(opened.hash(asdict(config.data.pairs)))
+        statistics = training_statistics(opened, config)  # refuses worlds without hits before the training
         device = resolve_device(accelerator)
         precision = resolve_precision(precision, device)
-        module = _training_module(recordings, config, device)
+        module = _training_module(opened, config, device)
         run.begin_step("trained", Status.training, precision=precision, command=run.command)
         try:
             paused, facts = fit(module, run.path, device, precision, budget)
@@ -149,20 +151,19 @@ def train(
             run.end_step(Status.paused, **facts)
             return run.status
         load_best(module, run.path)
-        checksum = _predictor(module.network, recordings, config, statistics).save(run.model)
+        checksum = _predictor(module.network, opened.spec, config, statistics).save(run.model)
         run.end_step(Status.trained, **facts, weights_sha256=checksum)
         shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
         return run.status
 
 
-def _predictor(network: nn.Module, recordings: Path, config: RunConfig, statistics: Statistics) -> Predictor:
+def _predictor(network: nn.Module, spec: WorldSpec, config: RunConfig, statistics: Statistics) -> Predictor:
     """Return a trained network with what a prediction needs."""
-    spec = read_manifest(recordings).world_spec
     window = (spec.steps, spec.world.step_time, bool(spec.fixed), is_centered(network))
     return Predictor(network, encoding_of(config), grid_of(config), statistics, *window)
 
 
-def _training_module(recordings: Path, config: RunConfig, device: str) -> TrainingModule:
+def _training_module(recordings: Recordings, config: RunConfig, device: str) -> TrainingModule:
     """Load the data and create the network of a run's configuration."""
     assert config.train is not None, "a baseline is not trained"
     assert config.seed is not None, "a baseline is not trained"

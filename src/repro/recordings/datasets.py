@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,7 +13,7 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics, summarize
 from repro.maps.visibility import shown_pixels
-from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.reader import Recordings
 from repro.recordings.recorded import true_maps
 from repro.runs.config import RunConfig
 from repro.system.errors import InputError
@@ -117,7 +116,7 @@ class Batches:
 
 
 def load_pairs(
-    recordings: Path,
+    recordings: Recordings,
     split: str,
     grid: Grid,
     encoding: Encoding,
@@ -129,20 +128,20 @@ def load_pairs(
     """Create the pairs of a split from its recordings.
 
     Args:
-        recordings: directory of a recorded experiment.
+        recordings: a recorded experiment.
         split: train, val or test.
         grid: grid of the images and maps.
         encoding: the encoding that draws the scans.
-        count: number of pairs to cover, from the first; None for all, see `recordings.reader.read_shards`.
+        count: number of pairs to cover, from the first; None for all, see `Recordings.shards`.
         device: device on which the images are drawn and kept.
         marks_hidden: whether the maps mark the pixels that no lidar shows at the last step, see `Pairs`.
 
     Raises:
-        ValueError: a shard fails verification, see `recordings.reader.read_shards`, or the encoding draws other images
+        ValueError: a shard fails verification, see `Recordings.shards`, or the encoding draws other images
             than it should.
     """
-    shards = progress(read_shards(recordings, split, count), f"drawing {split}")
-    room = count or read_manifest(recordings).pairs[split]
+    shards = progress(recordings.shards(split, count), f"drawing {split}")
+    room = count or recordings.manifest.pairs[split]
     width = math.ceil(grid.size_px / 8) if encoding.is_binary else grid.size_px
     stored, maps = (  # filled shard by shard: joining them at the end would take twice the memory
         torch.empty(room, *shape, dtype=torch.uint8, device=device)
@@ -174,17 +173,17 @@ def _check_images(images: Tensor, encoding: Encoding, shape: tuple[int, ...]) ->
 
 
 def load_pairs_of_run(
-    recordings: Path, split: str, config: RunConfig, device: str, *, marks_hidden: bool = False
+    recordings: Recordings, split: str, config: RunConfig, device: str, *, marks_hidden: bool = False
 ) -> Pairs:
     """Create the pairs of a split for the configuration of a run, see `load_pairs`."""
     grid, encoding, count = grid_of(config), encoding_of(config), getattr(config.data.pairs, split)
     return load_pairs(recordings, split, grid, encoding, count=count, device=device, marks_hidden=marks_hidden)
 
 
-def training_statistics(recordings: Path, config: RunConfig) -> Statistics:
+def training_statistics(recordings: Recordings, config: RunConfig) -> Statistics:
     """Compute the statistics of the training scans of a run, of the first `STATISTICS_PAIRS` at most."""
     count = min(config.data.pairs.train, STATISTICS_PAIRS)
-    shards = read_shards(recordings, "train", count)
+    shards = recordings.shards("train", count)
     return summarize((shard.scans.tensors() for shard in shards), grid_of(config))
 
 

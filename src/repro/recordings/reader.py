@@ -11,13 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from repro.recordings.format import (
-    BrokenShard,
-    Shard,
-    ShardContent,
-    holds,
-    read_shard,
-)
+from repro.recordings.format import BrokenShard, Shard, ShardContent, holds, read_shard
 from repro.system.errors import InputError
 from repro.system.files import read_typed, sha256
 from repro.world_config import WorldSpec
@@ -51,7 +45,71 @@ class Manifest:
         return WorldSpec.parse(self.spec)
 
 
-def read_manifest(directory: Path) -> Manifest:
+@dataclass(frozen=True)
+class Recordings:
+    """The complete recordings of an experiment in a directory, see `open_recordings`."""
+
+    directory: Path
+    manifest: Manifest
+
+    @property
+    def spec(self) -> WorldSpec:
+        """What decides the worlds, see `Manifest.world_spec`."""
+        return self.manifest.world_spec
+
+    def check_worlds(self, fingerprint: str) -> None:
+        """Check that they are of the worlds that a run is configured for, see `format.spec_fingerprint`.
+
+        Raises:
+            ValueError: they are of other worlds.
+        """
+        if self.manifest.fingerprint != fingerprint:
+            raise InputError(
+                f"{self.directory} holds recordings of other worlds than the configuration describes: "
+                "use the world and exp they were recorded with, or another recordings= or outputs="
+            )
+
+    def shards(self, split: str, count: int | None = None) -> Iterator[ShardContent]:
+        """Yield the shards of a split in order, each verified against the manifest.
+
+        Args:
+            split: train, val or test.
+            count: number of recordings to cover, from the first, see `format.holds`; None for all.
+
+        Raises:
+            ValueError: a shard is missing, truncated, altered, or of another configuration, or there are too few.
+        """
+        asked = self.manifest.pairs | ({split: count} if count else {})
+        for entry in self._used(asked):
+            if entry.split == split:
+                path = self.directory / entry.name
+                if not path.is_file() or sha256(path) != entry.sha256:
+                    state = "is not what was recorded" if path.is_file() else "is missing"
+                    raise BrokenShard(f"shard {path} {state}: run the same command with task=record to record it again")
+                yield read_shard(path, self.manifest.fingerprint)
+
+    def hash(self, pairs: Mapping[str, int] | None = None) -> str:
+        """Hash the checksums of the shards that hold `pairs`, None for all, for provenance: a SHA-256 in hexadecimal.
+
+        Raises:
+            ValueError: there are no such recordings.
+        """
+        checksums = [entry.sha256 for entry in self._used(pairs or self.manifest.pairs)]
+        return hashlib.sha256("".join(checksums).encode()).hexdigest()
+
+    def _used(self, asked: Mapping[str, int]) -> Iterator[ShardEntry]:
+        """Yield the shards that hold the requested pairs."""
+        pairs = self.manifest.pairs
+        if not holds(pairs, asked):
+            raise InputError(f"{self.directory} holds {pairs} pairs, which do not cover the requested {dict(asked)}")
+        left = dict(asked)
+        for entry in self.manifest.shards.values():
+            if left[entry.split] > 0:
+                left[entry.split] -= 2 * entry.worlds
+                yield entry
+
+
+def open_recordings(directory: Path) -> Recordings:
     """Read the manifest of a recorded experiment.
 
     Raises:
@@ -61,72 +119,4 @@ def read_manifest(directory: Path) -> Manifest:
     if not path.is_file():
         raise InputError(f"no complete recordings in {directory}: run the same command with task=record first")
     fix = f"delete it and run the same command with task=record; the shards in {directory} are kept"
-    return read_typed(Manifest, path, fix)
-
-
-def read_shards(directory: Path, split: str, count: int | None = None) -> Iterator[ShardContent]:
-    """Yield the shards of a split in order, each verified against the manifest.
-
-    Args:
-        directory: directory of a recorded experiment.
-        split: train, val or test.
-        count: number of recordings to cover, from the first, see `format.holds`; None for all.
-
-    Raises:
-        ValueError: a shard is missing, truncated, altered, or of another configuration, or there are too few.
-    """
-    manifest = read_manifest(directory)
-    asked = manifest.pairs | ({split: count} if count else {})
-    for entry in _used(directory, manifest, asked):
-        if entry.split == split:
-            path = directory / entry.name
-            if not path.is_file() or sha256(path) != entry.sha256:
-                state = "is not what was recorded" if path.is_file() else "is missing"
-                raise BrokenShard(f"shard {path} {state}: run the same command with task=record to record it again")
-            yield read_shard(path, manifest.fingerprint)
-
-
-def check_worlds(directory: Path, fingerprint: str) -> None:
-    """Check that recordings are of the worlds that a run is configured for.
-
-    Args:
-        directory: directory of a recorded experiment.
-        fingerprint: see `format.spec_fingerprint`.
-
-    Raises:
-        ValueError: they are of other worlds, or there are no recordings.
-    """
-    if read_manifest(directory).fingerprint != fingerprint:
-        raise InputError(
-            f"{directory} holds recordings of other worlds than the configuration describes: "
-            "use the world and exp they were recorded with, or another recordings= or outputs="
-        )
-
-
-def recordings_hash(directory: Path, pairs: Mapping[str, int] | None = None) -> str:
-    """Hash the checksums of the shards that hold `pairs`, for provenance.
-
-    Args:
-        directory: directory of a recorded experiment.
-        pairs: recordings per split; None for all.
-
-    Returns:
-        a SHA-256 in hexadecimal.
-
-    Raises:
-        ValueError: the directory does not hold these recordings.
-    """
-    manifest = read_manifest(directory)
-    checksums = [entry.sha256 for entry in _used(directory, manifest, pairs or manifest.pairs)]
-    return hashlib.sha256("".join(checksums).encode()).hexdigest()
-
-
-def _used(directory: Path, manifest: Manifest, asked: Mapping[str, int]) -> Iterator[ShardEntry]:
-    """Yield the shards that hold the requested pairs."""
-    if not holds(manifest.pairs, asked):
-        raise InputError(f"{directory} holds {manifest.pairs} pairs, which do not cover the requested {dict(asked)}")
-    left = dict(asked)
-    for entry in manifest.shards.values():
-        if left[entry.split] > 0:
-            left[entry.split] -= 2 * entry.worlds
-            yield entry
+    return Recordings(directory, read_typed(Manifest, path, fix))

@@ -1,7 +1,6 @@
 """True maps of recordings, and a split with them: the input of baselines."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -10,7 +9,7 @@ from torch import Tensor
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.recordings.format import ShardContent
-from repro.recordings.reader import read_manifest, read_shards
+from repro.recordings.reader import Recordings
 from repro.scans import Scans
 
 
@@ -33,7 +32,7 @@ class Recorded:
         grid: grid of the maps.
         range_max_m: maximum range of the lidar [m].
         step_s: duration of a time step [s].
-        directory: where they are stored, with the obstacles that no predictor from scans knows; None if nowhere.
+        recordings: those that they are of, with the obstacles that no predictor from scans knows; None if of none.
     """
 
     scans: Scans
@@ -41,21 +40,21 @@ class Recorded:
     grid: Grid
     range_max_m: float
     step_s: float
-    directory: Path | None = None
+    recordings: Recordings | None = None
 
     def __len__(self) -> int:
         return len(self.scans)
 
 
-def load_recorded(recordings: Path, split: str, grid: Grid) -> Recorded:
+def load_recorded(recordings: Recordings, split: str, grid: Grid) -> Recorded:
     """Read the recordings of a split with their true maps.
 
     Raises:
-        ValueError: a shard fails verification, see `recordings.reader.read_shards`.
+        ValueError: a shard fails verification, see `Recordings.shards`.
     """
-    shards = list(read_shards(recordings, split))
+    shards = list(recordings.shards(split))
     ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
     maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
-    spec = read_manifest(recordings).world_spec
+    spec = recordings.spec
     scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
     return Recorded(scans, maps, grid, spec.lidar.range_max, spec.world.step_time, recordings)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from repro.config import PROJECTION
 from repro.evaluation.evaluate import read_predictions
 from repro.recordings.datasets import encoding_of, grid_of
-from repro.recordings.reader import read_shards
+from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import true_maps
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import ACCENT, STYLE, save, save_or_delete
@@ -58,7 +58,7 @@ def load_example(outputs: Outputs, key: RunKey) -> Example:
         ValueError: the run or its recordings do not exist or cannot be read.
     """
     run = outputs.run(key)
-    config, shard = run.config(), next(read_shards(outputs.recordings(key.experiment), "test"))
+    config, shard = run.config(), next(open_recordings(outputs.recordings(key.experiment)).shards("test"))
     assert config.encoding, "a network has an encoding"
     grid = grid_of(config)
     return Example(

@@ -27,7 +27,7 @@ from repro.recordings.format import (
     shards_of,
     spec_fingerprint,
 )
-from repro.recordings.reader import Manifest, ShardEntry, read_manifest
+from repro.recordings.reader import Manifest, ShardEntry, open_recordings
 from repro.scans import Scans
 from repro.simulation.sensing import sensed
 from repro.simulation.simulator import Recording, check_replay, simulate
@@ -65,7 +65,7 @@ def record_experiment(
     fingerprint = spec_fingerprint(spec)
     directory.mkdir(parents=True, exist_ok=True)
     with _exclusive(directory):  # a second process waits here and then finds the shards complete
-        existing = read_manifest(directory) if (directory / "manifest.json").is_file() else None
+        existing = open_recordings(directory).manifest if (directory / "manifest.json").is_file() else None
         if existing and existing.fingerprint != fingerprint:
             raise InputError(f"{directory} has recordings of other worlds: delete it, or set outputs= or recordings=")
         if existing and not holds(existing.pairs, pairs):

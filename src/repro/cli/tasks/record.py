@@ -19,12 +19,13 @@ def run(job: Job) -> None:
 def _describe(job: Job) -> None:
     from repro.evaluation.coverage import coverage_and_visibility
     from repro.maps.grid import Grid
-    from repro.recordings.reader import recordings_hash
+    from repro.recordings.reader import open_recordings
     from repro.reporting.paper import are_papers, targets
     from repro.reporting.results import read_origins, recordings_of
 
     data, experiment = job.config.data, job.key.experiment
-    found = coverage_and_visibility(job.recordings, "test", Grid(data.size_px, data.size_m))
+    recordings = open_recordings(job.recordings)
+    found = coverage_and_visibility(recordings, "test", Grid(data.size_px, data.size_m))
     target = targets(experiment) if are_papers(data.worlds) else {}
     print(f"exp {experiment}: {sum(job.pairs.values())} recordings in {job.recordings}; of the test maps:")
     print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {target['coverage']:.4f}" if target else ""))
@@ -32,7 +33,7 @@ def _describe(job: Job) -> None:
     print(f"  visibility {found['visibility']:.4f}{bound}")
     published = recordings_of(read_origins(job.reference), experiment) if job.reference.is_dir() else set()
     if published:
-        same = recordings_hash(job.recordings, job.pairs) in published
+        same = recordings.hash(job.pairs) in published
         equal = "equal to" if same else "different in worlds, rounding or number of pairs from"
         print(f"  {equal} the recordings of {job.reference}")
 
