@@ -17,14 +17,13 @@ from repro.reporting.page import images_of, render
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import keys_of, read_results
 from repro.reporting.tables import write_tables
-from repro.runs.config import RunConfig
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
-def analyze(outputs: Outputs, workers: int) -> None:
-    """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
+def evaluate_baselines(outputs: Outputs, workers: int) -> None:
+    """Evaluate all baselines beside the networks, the slowest first; those that are done are checked.
 
     Args:
         outputs: the outputs directory.
@@ -33,23 +32,10 @@ def analyze(outputs: Outputs, workers: int) -> None:
     Raises:
         ValueError: no network has been evaluated, or a run is damaged.
     """
-    results = read_results(outputs)
-    if results.empty or not (results["encoding"] != "").any():
+    keys = [key for key in keys_of(read_results(outputs)) if not key.is_baseline]
+    if not keys:
         raise InputError(f"no network has been evaluated in {outputs.path}: train some first")
-    networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
-    _evaluate_baselines(outputs, {config.experiment: config for config in networks}, workers)
-    results = read_results(outputs)
-    print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs)
-    frames["claims"] = verdicts(frames, results)
-    _write_frames(outputs.analysis, frames)
-    if not frames["claims"].empty:  # empty without a run in the paper's worlds
-        print(f"claims of the paper: {count_verdicts(frames['claims'])}")
-    _write_page(outputs, frames, results)
-
-
-def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers: int) -> None:
-    """Evaluate all baselines, the slowest first, beside a run of each experiment; those that are done are checked."""
+    configs = {key.experiment: outputs.run(key).config() for key in keys}
     specs = {experiment: read_manifest(outputs.recordings(experiment)).world_spec for experiment in sorted(configs)}
     jobs = []
     for name, (experiment, spec) in itertools.product(reversed(PREDICTORS), specs.items()):
@@ -62,6 +48,22 @@ def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers
             jobs.append(joblib.delayed(evaluate_baseline)(outputs, config, name))
     with process_pool(max(1, min(workers, len(jobs)))) as parallel:
         parallel(jobs)
+
+
+def analyze(outputs: Outputs) -> None:
+    """Analyze all runs, write analysis/ and report.html.
+
+    Raises:
+        ValueError: a run is damaged.
+    """
+    results = read_results(outputs)
+    print(f"analyzing {len(results)} runs", flush=True)
+    frames = gather(outputs)
+    frames["claims"] = verdicts(frames, results)
+    _write_frames(outputs.analysis, frames)
+    if not frames["claims"].empty:  # empty without a run in the paper's worlds
+        print(f"claims of the paper: {count_verdicts(frames['claims'])}")
+    _write_page(outputs, frames, results)
 
 
 def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:

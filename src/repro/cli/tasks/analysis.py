@@ -6,9 +6,10 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Write analysis/ and report.html."""
-    from repro.cli.analysis import analyze
+    from repro.cli.analysis import analyze, evaluate_baselines
 
-    analyze(job.outputs, job.call.runtime.workers)
+    evaluate_baselines(job.outputs, job.call.runtime.workers)
+    analyze(job.outputs)
 
 
 TASK = Task(run, once=True)
