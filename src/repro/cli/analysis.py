@@ -9,7 +9,6 @@ import pandas as pd
 from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
-from repro.parallel import process_pool
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
@@ -22,12 +21,12 @@ from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
-def evaluate_baselines(outputs: Outputs, workers: int) -> None:
+def evaluate_baselines(outputs: Outputs, parallel: joblib.Parallel) -> None:
     """Evaluate all baselines beside the networks, the slowest first; those that are done are checked.
 
     Args:
         outputs: the outputs directory.
-        workers: number of processes that tune baselines.
+        parallel: processes that tune baselines.
 
     Raises:
         ValueError: no network has been evaluated, or a run is damaged.
@@ -46,19 +45,18 @@ def evaluate_baselines(outputs: Outputs, workers: int) -> None:
             evaluate_baseline(outputs, config, name)
         else:
             jobs.append(joblib.delayed(evaluate_baseline)(outputs, config, name))
-    with process_pool(max(1, min(workers, len(jobs)))) as parallel:
-        parallel(jobs)
+    parallel(jobs)
 
 
-def analyze(outputs: Outputs) -> None:
-    """Analyze all runs, write analysis/ and report.html.
+def analyze(outputs: Outputs, parallel: joblib.Parallel) -> None:
+    """Analyze all runs, each experiment in one process, and write analysis/ and report.html.
 
     Raises:
         ValueError: a run is damaged.
     """
     results = read_results(outputs)
     print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs)
+    frames = gather(outputs, parallel)
     frames["claims"] = verdicts(frames, results)
     _write_frames(outputs.analysis, frames)
     if not frames["claims"].empty:  # empty without a run in the paper's worlds
