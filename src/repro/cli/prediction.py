@@ -46,13 +46,12 @@ def predict_log(job: Job) -> None:
     print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings)
     describe(log, windows, predictor.reach_m)
-    predictor = predictor.with_range(log.range_max_m)
     target.parent.mkdir(parents=True, exist_ok=True)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target, own) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
-        table = _predict_all(found, predictor, new, min(log.range_max_m, COMPARED_M))
+        table = _predict_all(found, predictor, new, log.range_max_m)
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
@@ -150,7 +149,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
     statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
     row |= statistics | {"outside_training": " ".join(outside)}
-    compared = compare(window, predicted.free, grid, range_max_m)
+    compared = compare(window, predicted.free, grid, min(range_max_m, COMPARED_M))
     if window.following:
         hits, passed = (percent(compared[name]) for name in SHARES)
         line += f"; next scan: {hits} of the hits on obstacles, {passed} of the passed pixels free"

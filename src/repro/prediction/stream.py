@@ -18,7 +18,7 @@ from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.errors import InputError
 
-REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: that of the training
+REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: as in the training
 EXTRA = 6  # scans: the one before the window, one with a wrong time, and those of the tolerance of half a step
 
 
@@ -42,7 +42,7 @@ class StreamMap:
 
 
 def predict_map(
-    predictor: Predictor, window: Scans, origin: tuple[float, float], stamp: float, reach_m: float = REACH_M
+    predictor: Predictor, window: Scans, origin: tuple[float, float], stamp: float, range_max_m: float = math.inf
 ) -> StreamMap:
     """Predict the map of one window, whose poses are on the map.
 
@@ -51,13 +51,14 @@ def predict_map(
         window: ranges (T, N), angles (N,), poses (T, 3).
         origin: x, y of the lower left corner of the map [m].
         stamp: time of the last step [s].
-        reach_m: range up to which a miss shows free space [m]; at most that of the network, where it has one.
+        range_max_m: maximum range of the lidar [m], up to which a miss shows free space, as far as in the training.
 
     Raises:
         InputError: the window cannot be predicted, see `Predictor.predict`.
     """
+    predictor = predictor.with_range(range_max_m)
     free = predictor.predict(window)[0].numpy()
-    _, seen = last_hits(window, predictor.grid, min(reach_m, predictor.reach_m or REACH_M))
+    _, seen = last_hits(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
     return StreamMap(free, origin, predictor.grid.resolution_m, stamp, ~seen)
 
 
@@ -101,8 +102,7 @@ class PredictionStream:
         if self.settings.center == "start":
             raise InputError("center: expected robot or x, y [m], got 'start', which a log has")
         self.range_max_m = math.inf if range_max_m is None else range_max_m
-        self.reach_m = min(self.range_max_m, REACH_M)
-        self.predictor, self.angles = predictor.with_range(self.range_max_m), np.array(angles, dtype=float)
+        self.predictor, self.angles = predictor, np.array(angles, dtype=float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
         check_angles(torch.as_tensor(self.angles))
@@ -157,7 +157,7 @@ class PredictionStream:
             return None
         origin = self.settings.origin(poses[-1], poses[-1], self.predictor.grid.size_m)
         window = on_map(np.stack([ranges[i] for i in index]), self.angles, np.stack([poses[i] for i in index]), origin)
-        return predict_map(self.predictor, window, (float(origin[0]), float(origin[1])), stamps[-1], self.reach_m)
+        return predict_map(self.predictor, window, (float(origin[0]), float(origin[1])), stamps[-1], self.range_max_m)
 
     def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
