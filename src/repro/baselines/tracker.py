@@ -142,7 +142,7 @@ def _is_near(first: Cluster, one: Track, second: Cluster, other: Track) -> bool:
 
 def _fit(cluster: Cluster, prior: Prior) -> Track:
     """Fit a disc and rectangles of several headings to a cluster; return the one that costs least."""
-    hits, edges = (each[:: len(each) // MOST + 1] for each in (cluster.hits, cluster.edges))
+    hits, edges = (np.ascontiguousarray(each[:: len(each) // MOST + 1]) for each in (cluster.hits, cluster.edges))
     mean, time = hits[:, 2].mean(), hits[:, 2] - hits[:, 2].mean()
     behind = hits[:, :2] + prior.radius_m * hits[:, 3:]  # a center for each hit
     velocity = time @ (behind - behind.mean(0)) / (time @ time + 5.0)
