@@ -69,8 +69,8 @@ class PredictionStream:
     predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
 
     The rules are those of a log, see `times.Clock` and `times.steps_before`; the map equals that of
-    `Predictor.predict` for the same window, bit by bit. As many scans are kept as a window can have, so memory is constant.
-    Several threads may update a stream: one waits for another, and the order is theirs.
+    `Predictor.predict` for the same window, bit by bit. As many scans are kept as a window can have, so memory is
+    constant. Several threads may update a stream: one waits for another, and the order is theirs.
 
     Args:
         predictor: network, encoding and grid.
