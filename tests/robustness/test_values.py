@@ -11,12 +11,10 @@ from repro.maps.validity import check_windows
 from repro.networks.predictor import load_predictor
 from repro.prediction.readings import readings
 from repro.scans import Scans
-from repro.simulation.floors import read_floor
 from repro.system.errors import InputError
 from repro.system.files import open_arrays, read_mapping
 
 GRID = repro.Grid(32, 50.0)
-MAP = "image: {}\nresolution: {}\norigin: {}\n"
 
 
 def window(angles: np.ndarray) -> Scans:
@@ -48,9 +46,7 @@ def test_a_file_without_an_end_is_not_read(name, tmp_path):
     path = tmp_path / name
     if name == "pipe":
         os.mkfifo(path)
-    (tmp_path / "map.yaml").write_text(MAP.format(path, 0.05, [0, 0, 0]))
     reads = {
-        "floor_map": lambda: read_floor(tmp_path / "map.yaml"),
         "weights": lambda: load_predictor(path),
         "mapping": lambda: read_mapping(path, "restore it"),
         "arrays": lambda: open_arrays(path).__enter__(),
@@ -58,11 +54,3 @@ def test_a_file_without_an_end_is_not_read(name, tmp_path):
     for read in reads.values():
         with pytest.raises(InputError):
             read()
-
-
-def test_a_floor_of_specks_is_refused_before_it_is_drawn(tmp_path):
-    free = np.random.default_rng(0).random((4000, 4000)) > 0.02
-    (tmp_path / "map.pgm").write_bytes(b"P5\n4000 4000\n255\n" + (254 * free).astype(np.uint8).tobytes())
-    (tmp_path / "map.yaml").write_text(MAP.format("map.pgm", 0.05, [0, 0, 0]))
-    with pytest.raises(InputError, match=r"at most 1000 polygons, got .* or more: remove specks"):
-        read_floor(tmp_path / "map.yaml")

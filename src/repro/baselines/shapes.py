@@ -36,11 +36,16 @@ def fit(
         for which in range(count):
             moved = state.copy()
             moved[which] += 1e-5
-            slope[:, which] = (_residuals(moved, is_disc, hits, edges, prior) - residuals) / 1e-5
+            changed = _residuals(moved, is_disc, hits, edges, prior)
+            for index in range(len(changed)):  # loops, since the compiler takes seconds for operations on slices
+                slope[index, which] = (changed[index] - residuals[index]) / 1e-5
         normal = slope.T @ slope
-        step = np.linalg.solve(normal + np.diag(damping * np.diag(normal) + 1e-9), slope.T @ residuals)
+        for which in range(count):
+            normal[which, which] += damping * normal[which, which] + 1e-9
+        step = np.linalg.solve(normal, slope.T @ residuals)
         moved = state.copy()
-        moved[:count] -= step
+        for which in range(count):
+            moved[which] -= step[which]
         new = _residuals(moved, is_disc, hits, edges, prior)
         if (new**2).sum() < cost:
             state, residuals, cost, damping = moved, new, (new**2).sum(), 0.3 * damping

@@ -6,6 +6,7 @@ hits to the outline, that of the lines of sight just past them to the silhouette
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -51,6 +52,11 @@ class Cluster:
 
     hits: np.ndarray
     edges: np.ndarray
+
+    @cached_property
+    def mean_s(self) -> np.floating:
+        """The mean time of the hits [s]."""
+        return self.hits[:, 2].mean()
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,14 +135,14 @@ def _edges(scans: Scans, step: np.ndarray, beam: np.ndarray, time: np.ndarray) -
 
 def _is_near(first: Cluster, one: Track, second: Cluster, other: Track) -> bool:
     """Return whether two tracks overlap halfway between the mean times of their hits."""
-    when = (first.hits[:, 2].mean() + second.hits[:, 2].mean()) / 2
+    when = (first.mean_s + second.mean_s) / 2
     apart = one.state[:2] - other.state[:2] + when * (one.state[2:4] - other.state[2:4])
     return bool(np.hypot(*apart) < one.state[4] + other.state[4])
 
 
 def _fit(cluster: Cluster, prior: Prior) -> Track:
     """Fit a disc and rectangles of several headings to a cluster; return the one that costs least."""
-    hits, edges = (each[:: len(each) // MOST + 1] for each in (cluster.hits, cluster.edges))
+    hits, edges = (np.ascontiguousarray(each[:: len(each) // MOST + 1]) for each in (cluster.hits, cluster.edges))
     mean, time = hits[:, 2].mean(), hits[:, 2] - hits[:, 2].mean()
     behind = hits[:, :2] + prior.radius_m * hits[:, 3:]  # a center for each hit
     velocity = time @ (behind - behind.mean(0)) / (time @ time + 5.0)

@@ -9,7 +9,6 @@ import pandas as pd
 from repro.baselines.registry import PREDICTORS, applies
 from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
-from repro.parallel import process_pool
 from repro.recordings.reader import read_manifest
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.claims import count_verdicts
@@ -17,39 +16,25 @@ from repro.reporting.page import images_of, render
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import keys_of, read_results
 from repro.reporting.tables import write_tables
-from repro.runs.config import RunConfig
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.files import write_text
 
 
-def analyze(outputs: Outputs, workers: int) -> None:
-    """Evaluate the baselines, analyze all runs, write analysis/ and report.html.
+def evaluate_baselines(outputs: Outputs, parallel: joblib.Parallel) -> None:
+    """Evaluate all baselines beside the networks, the slowest first; those that are done are checked.
 
     Args:
         outputs: the outputs directory.
-        workers: number of processes that tune baselines.
+        parallel: processes that tune baselines.
 
     Raises:
         ValueError: no network has been evaluated, or a run is damaged.
     """
-    results = read_results(outputs)
-    if results.empty or not (results["encoding"] != "").any():
+    keys = [key for key in keys_of(read_results(outputs)) if not key.is_baseline]
+    if not keys:
         raise InputError(f"no network has been evaluated in {outputs.path}: train some first")
-    networks = [outputs.run(key).config() for key in keys_of(results) if not key.is_baseline]
-    _evaluate_baselines(outputs, {config.experiment: config for config in networks}, workers)
-    results = read_results(outputs)
-    print(f"analyzing {len(results)} runs", flush=True)
-    frames = gather(outputs)
-    frames["claims"] = verdicts(frames, results)
-    _write_frames(outputs.analysis, frames)
-    if not frames["claims"].empty:  # empty without a run in the paper's worlds
-        print(f"claims of the paper: {count_verdicts(frames['claims'])}")
-    _write_page(outputs, frames, results)
-
-
-def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers: int) -> None:
-    """Evaluate all baselines, the slowest first, beside a run of each experiment; those that are done are checked."""
+    configs = {key.experiment: outputs.run(key).config() for key in keys}
     specs = {experiment: read_manifest(outputs.recordings(experiment)).world_spec for experiment in sorted(configs)}
     jobs = []
     for name, (experiment, spec) in itertools.product(reversed(PREDICTORS), specs.items()):
@@ -60,8 +45,23 @@ def _evaluate_baselines(outputs: Outputs, configs: dict[str, RunConfig], workers
             evaluate_baseline(outputs, config, name)
         else:
             jobs.append(joblib.delayed(evaluate_baseline)(outputs, config, name))
-    with process_pool(max(1, min(workers, len(jobs)))) as parallel:
-        parallel(jobs)
+    parallel(jobs)
+
+
+def analyze(outputs: Outputs, parallel: joblib.Parallel) -> None:
+    """Analyze all runs, each experiment in one process, and write analysis/ and report.html.
+
+    Raises:
+        ValueError: a run is damaged.
+    """
+    results = read_results(outputs)
+    print(f"analyzing {len(results)} runs", flush=True)
+    frames = gather(outputs, parallel)
+    frames["claims"] = verdicts(frames, results)
+    _write_frames(outputs.analysis, frames)
+    if not frames["claims"].empty:  # empty without a run in the paper's worlds
+        print(f"claims of the paper: {count_verdicts(frames['claims'])}")
+    _write_page(outputs, frames, results)
 
 
 def _write_frames(directory: Path, frames: dict[str, pd.DataFrame]) -> None:

@@ -69,7 +69,6 @@ class Call:
     runtime: Runtime
     format: Literal["torch", "onnx"]
     scans: Source | None
-    floor_map: Source | None
     prediction: Prediction
     adaptation: Adaptation
     navigation: Navigation

@@ -4,10 +4,13 @@ For every cell (experiment, model, encoding with or without decay) and all of it
 recency and by obstacle, calibration, cost. Recordings and run directories in, frames out.
 """
 
+import itertools
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 import pandas as pd
 
@@ -20,8 +23,8 @@ from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals,
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
 from repro.networks.model import NETWORKS
-from repro.networks.predictor import load_predictor
-from repro.recordings.datasets import grid_of
+from repro.networks.torch_files import count_parameters
+from repro.recordings.datasets import encoding_of, grid_of
 from repro.runs.directories import Run
 from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
@@ -35,11 +38,12 @@ Cell = tuple[str, str, str]  # experiment, model, encoding
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 
 
-def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
+def gather(outputs: Outputs, parallel: joblib.Parallel | None = None) -> dict[str, pd.DataFrame]:
     """Gather the analysis of all evaluated runs below an outputs directory.
 
     Args:
         outputs: an outputs directory with its runs and recordings.
+        parallel: processes, of which each takes an experiment at a time; None computes in this process.
 
     Returns:
         the tables of `ANALYZED`, each a tidy frame; empty if no run is evaluated.
@@ -47,23 +51,32 @@ def gather(outputs: Outputs) -> dict[str, pd.DataFrame]:
     Raises:
         ValueError: a recording or a run is damaged.
     """
+    by_experiment: dict[str, dict[Cell, list[Run]]] = defaultdict(dict)
+    for cell, runs in _cells(outputs).items():
+        by_experiment[cell[0]][cell] = runs
+    jobs = [
+        joblib.delayed(_measure)(outputs.recordings(name), by_experiment[name], name) for name in sorted(by_experiment)
+    ]
     tables: dict[str, list[pd.DataFrame]] = defaultdict(list)
-    cells = _cells(outputs)
-    for experiment in sorted({experiment for experiment, *_ in cells}):
-        own_cells = {cell: runs for cell, runs in cells.items() if cell[0] == experiment}
-        grid = grid_of(next(iter(own_cells.values()))[0].config())
-        test = load_test_set(outputs.recordings(experiment), grid)
-        weights = draw_weights(len(test.truth) // 2)
-        counted: dict[Cell, Measured] = {}
-        for cell, runs in progress(own_cells.items(), f"analysis, exp {experiment}"):
-            counted[cell], frames = _measure_cell(runs, test, weights)
-            for name, frame in frames.items():
-                tables[name].append(_identified(frame, _columns(cell)))
-        seeds = {cell: [run.config().seed for run in runs] for cell, runs in own_cells.items()}
-        for cell, table, common in averages(counted, seeds, weights):
-            rows = pd.DataFrame(intervals(table)).assign(seeds=common)
-            tables["intervals"].append(_identified(rows, _columns(cell)))
-    return {name: pd.concat(frames, ignore_index=True) for name, frames in tables.items() if frames}
+    for name, frame in itertools.chain.from_iterable((parallel or joblib.Parallel(1))(jobs)):
+        tables[name].append(frame)
+    return {name: pd.concat(frames, ignore_index=True) for name, frames in tables.items()}
+
+
+def _measure(recordings: Path, cells: dict[Cell, list[Run]], experiment: str) -> list[tuple[str, pd.DataFrame]]:
+    """Return the frames of the cells of an experiment by the names of their tables, of which one may have several."""
+    test = load_test_set(recordings, grid_of(next(iter(cells.values()))[0].config()))
+    weights = draw_weights(len(test.truth) // 2)
+    counted: dict[Cell, Measured] = {}
+    found = []
+    for cell, runs in progress(cells.items(), f"analysis, exp {experiment}"):
+        counted[cell], frames = _measure_cell(runs, test, weights)
+        found += [(name, _identified(frame, _columns(cell))) for name, frame in frames.items()]
+    seeds = {cell: [run.config().seed for run in runs] for cell, runs in cells.items()}
+    for cell, table, common in averages(counted, seeds, weights):
+        rows = pd.DataFrame(intervals(table)).assign(seeds=common)
+        found.append(("intervals", _identified(rows, _columns(cell))))
+    return found
 
 
 def _identified(rows: pd.DataFrame, columns: dict[str, Any]) -> pd.DataFrame:
@@ -123,11 +136,10 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> tuple[
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
     """Return the cost of a cell: network parameters and input channels, mean time and peak memory of a training."""
-    predictor = load_predictor(runs[0].model)
     names = ("training_seconds", "peak_memory_gb")
     facts = pd.DataFrame([{name: run.provenance().fact(name) for name in names} for run in runs], dtype=float)
-    parameters = sum(each.numel() for each in predictor.network.parameters())
-    return pd.DataFrame([{"parameters": parameters, "channels": predictor.encoding.channels, **facts.mean()}])
+    parameters, channels = count_parameters(runs[0].model), encoding_of(runs[0].config()).channels
+    return pd.DataFrame([{"parameters": parameters, "channels": channels, **facts.mean()}])
 
 
 def _calibration(counts: np.ndarray) -> pd.DataFrame:

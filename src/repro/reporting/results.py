@@ -77,7 +77,7 @@ def conflicts(rows: pd.DataFrame) -> str:
 
 def keys_of(rows: pd.DataFrame) -> list[RunKey]:
     """Return the key of each row of a tidy table."""
-    columns = (rows[name] for name in KEY)
+    columns = (rows.get(name, ()) for name in KEY)  # none without runs
     return [RunKey(e, m, n, None if pd.isna(seed) else int(seed)) for e, m, n, seed in zip(*columns, strict=True)]
 
 

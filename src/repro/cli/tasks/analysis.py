@@ -6,9 +6,12 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Write analysis/ and report.html."""
-    from repro.cli.analysis import analyze
+    from repro.cli.analysis import analyze, evaluate_baselines
+    from repro.parallel import process_pool
 
-    analyze(job.outputs, job.call.runtime.workers)
+    with process_pool(job.call.runtime.workers) as parallel:
+        evaluate_baselines(job.outputs, parallel)
+        analyze(job.outputs, parallel)
 
 
 TASK = Task(run, once=True)

@@ -1,7 +1,6 @@
-"""task=world: one world and its twin as plain IR-SIM YAML, with a figure; or a world that has a floor.
+"""task=world: one world and its twin as plain IR-SIM YAML, with a figure.
 
-With `floor_map`, the floor of a map of map_server becomes a file of conf/world. No network is trained on the worlds of
-this task, see `recordings.format.SHOWN_SEED`.
+No network is trained on the worlds of this task, see `recordings.format.SHOWN_SEED`.
 """
 
 from repro.cli.jobs import Job
@@ -9,12 +8,7 @@ from repro.cli.tasks import Task
 
 
 def run(job: Job) -> None:
-    """Write the world of the seed, its twin and the figure, or the world that has the floor of a map."""
-    if job.call.floor_map:
-        from repro.cli.floors import write_floor
-
-        write_floor(job.call.floor_map)
-        return
+    """Write the world of the seed, its twin and the figure."""
     from repro.recordings.format import SHOWN_SEED
     from repro.reporting.figures import write_world_figure
     from repro.simulation.worlds import reverse_direction, sample_world, write_world
@@ -30,4 +24,4 @@ def run(job: Job) -> None:
     print(figure)
 
 
-TASK = Task(run, names_scale=False, own=("floor_map",))
+TASK = Task(run, names_scale=False)
