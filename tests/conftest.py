@@ -6,7 +6,9 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -14,6 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import pandas as pd
 import pytest
 from hydra._internal.utils import get_args_parser
+from preloaded import preloaded_python
 
 from repro import world_config
 from repro.baselines.names import BASELINES
@@ -62,9 +65,16 @@ def refuse(*arguments: str) -> list[str]:
     return [str(reason) for reason in refused.value.args]
 
 
-def run_py(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+@pytest.fixture(scope="session")
+def python(tmp_path_factory) -> Iterator[Path]:
+    """Return a Python that starts with the large libraries imported, for tests of something else than its start."""
+    with preloaded_python(tmp_path_factory.mktemp("bin")) as path:
+        yield path
+
+
+def run_py(*arguments: str, python: Path | str = sys.executable, **environment: str) -> CompletedProcess[str]:
     """Run run.py in a new process."""
-    command, env = [sys.executable, "run.py", *arguments], os.environ | environment
+    command, env = [python, "run.py", *arguments], os.environ | environment
     return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, timeout=500)
 
 

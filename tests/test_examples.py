@@ -14,14 +14,11 @@ DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 HEADLESS = {name: value for name, value in os.environ.items() if name not in DISPLAYS}
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "examples/irsim_live.py", *arguments]
-    return subprocess.run(command, cwd=ROOT, env=HEADLESS, capture_output=True, text=True, timeout=600)
-
-
-def test_a_robot_in_irsim_is_shown_with_its_predicted_map(tmp_path):
+def test_a_robot_in_irsim_is_shown_with_its_predicted_map(tmp_path, python):
     path = tmp_path / "live.gif"
-    done = run("--exp", "4", "--seed", "1", "--steps", "112", "--every", "10", "--save", str(path))
+    options = ["--exp", "4", "--seed", "1", "--steps", "112", "--every", "10", "--save", path]
+    command = [python, "examples/irsim_live.py", *options]
+    done = subprocess.run(command, cwd=ROOT, env=HEADLESS, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     with Image.open(path) as image:
         frames = []

@@ -121,8 +121,7 @@ def test_whatever_is_fitted_is_from_other_logs():
         assert np.array_equal(probability, again.probability[name])
 
 
-@pytest.mark.parametrize("group", range(3))
-def test_a_map_that_knows_nothing_is_at_chance(group):
+def test_a_map_that_knows_nothing_is_at_chance():
     """The tolerance of one pixel gives a noisy map no advantage."""
     rng = np.random.default_rng(0)
     counts = np.zeros((3, 2, 256), dtype=int)
@@ -133,7 +132,7 @@ def test_a_map_that_knows_nothing_is_at_chance(group):
         pixels = np.flatnonzero(clear.hits | clear.passed)
         levels = rng.integers(0, 256, 64 * 64)[measures.neighbors(pixels, 64)]
         counts += measures.count(levels, groups, pixels)
-    assert measures.auroc(counts)[group] == pytest.approx(0.5, abs=0.03)
+    assert measures.auroc(counts) == pytest.approx([0.5] * 3, abs=0.03)
 
 
 def test_a_hit_beside_an_obstacle_counts_as_found():

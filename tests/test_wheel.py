@@ -33,10 +33,10 @@ def site(tmp_path_factory) -> Path:
     return directory / "site"
 
 
-def call(site: Path, folder: Path, code: str, *arguments: str) -> str:
+def call(python: Path, site: Path, folder: Path, code: str, *arguments: str) -> str:
     """Run Python in a folder with the unpacked wheel; return what it prints."""
     done = subprocess.run(
-        [sys.executable, "-c", f"import sys, repro; assert {str(site)!r} in repro.__file__; {code}", *arguments],
+        [python, "-c", f"import sys, repro; assert {str(site)!r} in repro.__file__; {code}", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(site)},
         capture_output=True,
@@ -50,19 +50,19 @@ def call(site: Path, folder: Path, code: str, *arguments: str) -> str:
 MAIN = "from repro.cli.main import main; sys.exit(main())"
 
 
-def test_networks_are_loaded_by_name(site, tmp_path):
+def test_networks_are_loaded_by_name(python, site, tmp_path):
     names = ["buildings", "rooms", "drive", "exp1", "exp2", "exp3", "exp4"]
     code = "[print(repro.load_predictor(name).grid.size_px) for name in sys.argv[1:]]"
-    assert call(site, tmp_path, code, *names).split() == ["128"] * len(names)
+    assert call(python, site, tmp_path, code, *names).split() == ["128"] * len(names)
 
 
-def test_a_log_is_predicted(site, tmp_path):
+def test_a_log_is_predicted(python, site, tmp_path):
     shutil.copyfile(ROOT / "examples" / "rooms.npz", tmp_path / "rooms.npz")
-    call(site, tmp_path, MAIN, "task=predict", "scans=rooms.npz")
+    call(python, site, tmp_path, MAIN, "task=predict", "scans=rooms.npz")
     assert list(tmp_path.glob("outputs/**/*.png"))
 
 
-def test_a_sweep_trains_and_tabulates(site, tmp_path):
-    text = call(site, tmp_path, MAIN, *SWEEP.split(), "scale.max_epochs=1")
+def test_a_sweep_trains_and_tabulates(python, site, tmp_path):
+    text = call(python, site, tmp_path, MAIN, *SWEEP.split(), "scale.max_epochs=1")
     assert "| 4 | U-Net |" in text
     assert (tmp_path / "outputs/first/runs/exp4/unet/projection-no-decay/seed0/metrics.csv").is_file()

@@ -105,14 +105,6 @@ def test_validation_imports_no_heavy_library():
 
 
 @pytest.mark.slow
-def test_training_without_recordings_names_the_command_that_records(tmp_path):
-    done = run_py("task=train", "scale=first", f"outputs={tmp_path / 'first'}")
-    assert done.returncode == 1
-    assert "Traceback" not in done.stderr
-    assert "run the same command with task=record first" in done.stderr
-
-
-@pytest.mark.slow
 def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
     outputs = tmp_path / "Ä"  # which the terminal cannot show
     done = run_py("task=world", "exp=3", "seed=17", f'outputs="{outputs}"', PYTHONIOENCODING="ascii")

@@ -36,6 +36,9 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     (broken.path.parent / "seed0-old").mkdir()
     fake_run(tmp_path, "3", "upernet", 0.9, worlds="others")
     fake_run(tmp_path, "3", "tracker", 0.9)
+    waiting = outputs.run(RunKey("5", "unet", PROJECTION, 0)).path
+    waiting.mkdir(parents=True)
+    (waiting / "run.log").touch()  # it waits for its recordings
     directory = outputs.recordings("3")
     directory.mkdir(parents=True)
     (directory / "train-0000.npz").touch()
@@ -50,6 +53,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
         "| 5 | 0 of 208 |",
         "| runs/exp3/unet/projection/seed0 | evaluated |",
         "| runs/exp3/fpn/projection/seed0 | missing |",
+        "| runs/exp5/unet/projection/seed0 | missing |",
         "| runs/exp3/fpn/projection/seed1 | paused |",
         "| runs/exp3/upernet/projection/seed0 | of another world |",
         "| baselines/exp3/tracker | evaluated |",
@@ -75,10 +79,3 @@ def test_a_training_that_no_process_runs_is_stopped(tmp_path):
 )
 def test_durations_are_readable(seconds, text):
     assert duration(seconds) == text
-
-
-def test_a_run_that_waits_for_its_recordings_is_missing(tmp_path):
-    run = Outputs(tmp_path).run(RunKey("3", "unet", PROJECTION, 0))
-    run.path.mkdir(parents=True)
-    (run.path / "run.log").touch()
-    assert "24 missing" in describe_outputs(Study(Outputs(tmp_path), EXPERIMENTS, 0, {}), PAIRS)

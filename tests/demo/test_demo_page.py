@@ -1,10 +1,7 @@
 """The page in headless Chromium: it predicts, follows the user, asks no network, and fits any width."""
 
-import subprocess
-import sys
-
 import pytest
-from conftest import ROOT
+from conftest import run_py
 
 from repro.demo.runtime import cached_archive
 
@@ -14,12 +11,11 @@ TIMEOUT_MS = 120_000
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
+def page(tmp_path_factory, python):
     if not cached_archive().is_file():
         pytest.skip(f"{cached_archive()} is missing: python run.py task=demo downloads it")
     outputs = tmp_path_factory.mktemp("demo")
-    command = [sys.executable, "run.py", "task=demo", f"outputs={outputs}"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=500)
+    done = run_py("task=demo", f"outputs={outputs}", python=python)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [path.name for path in outputs.glob("*.*")] == ["demo.html"]
     return outputs / "demo.html"

@@ -55,18 +55,23 @@ def run_of(outputs: Path, experiment: str = "3", model: str = "fpn") -> Path:
     return Outputs(outputs).run(RunKey(experiment, model, PROJECTION, 0)).path
 
 
-SMALL = ("config.yaml", "provenance.json", "metrics.csv")
-TEXT = ("cut", "a list", "missing")
+SMALL, TEXT = ("config.yaml", "provenance.json"), ("cut", "a list")
 
 
-@pytest.mark.parametrize(("name", "how"), [*zip(SMALL, TEXT, strict=True), (SMALL[2], TEXT[0])])
+EVALUATED = [(name, how) for name in ("metrics.csv", "predictions.npz") for how in ("cut", "missing")]
+
+
+@pytest.mark.parametrize(("name", "how"), [*zip(SMALL, TEXT, strict=True), *EVALUATED])
 def test_a_damaged_run_is_named(copy, name, how):
-    damage(run_of(copy) / name, how)
-    problem = "is not what was evaluated" if name == "metrics.csv" and how != "missing" else "cannot be read ("
-    assert f"{run_of(copy) / name} {problem}" in call(copy, "report")
+    run = run_of(copy, model="unet")  # whose predictions the figures show
+    damage(run / name, how)
+    message = call(copy, "report")
+    is_other = (name, how) in EVALUATED and how == "cut"
+    assert f"{run / name} {'is not what was evaluated' if is_other else 'cannot be read ('}" in message
+    assert ("task=evaluate" in message) == ((name, how) in EVALUATED)
 
 
-@pytest.mark.parametrize(("name", "how"), [*zip(SMALL[:2], TEXT[:2], strict=True)])
+@pytest.mark.parametrize(("name", "how"), [*zip(SMALL, TEXT, strict=True)])
 def test_a_damaged_run_is_not_overwritten(copy, name, how):
     """It may hold hours of work: the file is named, with what to do."""
     weights = (run_of(copy) / "model" / "model.safetensors").read_bytes()
@@ -95,14 +100,6 @@ def test_a_run_of_which_a_file_is_damaged_or_missing_is_not_done(copy, name, how
     problem = "is missing" if how == "missing" else f"is not what was {'trained' if 'model' in name else 'evaluated'}"
     for task in ("all", "evaluate"):
         assert f"{run_of(copy) / name} {problem}: delete" in call(copy, task, "exp=3", "model=fpn")
-
-
-@pytest.mark.parametrize("how", ["cut", "missing"])
-def test_damaged_predictions_are_named(copy, how):
-    damage(run_of(copy, model="unet") / "predictions.npz", how)
-    message = call(copy, "report")
-    assert f"predictions.npz {'cannot be read (' if how == 'missing' else 'is not what was evaluated'}" in message
-    assert "task=evaluate" in message
 
 
 def test_a_training_refuses_damaged_shards(copy):

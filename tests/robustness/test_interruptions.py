@@ -1,6 +1,5 @@
 """Kills, Ctrl-C, damaged checkpoints, a full disk, concurrent processes: nothing correct is lost."""
 
-import errno
 import functools
 import os
 import random
@@ -13,8 +12,9 @@ import uuid
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, TINY, damage, prepared, spent_budget
+from conftest import ROOT, TINY, damage, prepared, read_calls, spent_budget
 
+from repro.cli.main import perform
 from repro.evaluation.evaluate import evaluate
 from repro.learning.training import train
 from repro.runs.provenance import Status
@@ -28,10 +28,10 @@ ROUNDS = int(os.environ.get("REPRO_ROUNDS", "1"))
 RUN = Path("runs/exp3/fpn/projection/seed0")
 
 
-def start(outputs, *overrides):
+def start(outputs, *overrides, python=sys.executable):
     given = {override.partition("=")[0] for override in overrides}
     kept = (override for override in SMALL if override.partition("=")[0] not in given)
-    command = [sys.executable, "run.py", *kept, f"outputs={outputs}", *overrides]
+    command = [python, "run.py", *kept, f"outputs={outputs}", *overrides]
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     # Ctrl-C must reach it also where these tests run in the background, whose children would ignore it
     accept = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
@@ -50,10 +50,10 @@ def wait_for(pattern, outputs, process, seconds=120):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole(tmp_path_factory, python):
     """Return the outputs of a study that was not interrupted."""
     outputs = tmp_path_factory.mktemp("whole") / "first"
-    status, text = finish(start(outputs))
+    status, text = finish(start(outputs, python=python))
     assert status == 0, text
     return outputs
 
@@ -64,49 +64,43 @@ def check_same(outputs, whole):
         assert (outputs / RUN / name).read_bytes() == (whole / RUN / name).read_bytes(), name
 
 
-def start_code(code):
-    """Start code that prints "ready" after its imports, and wait for that."""
+def start_code(python, code):
+    """Start code that prints its process after its imports; return it and what tells when it has ended."""
     output = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, start_new_session=True, **output)
-    assert process.stdout
-    assert process.stdout.readline() == b"ready\n"
-    return process
+    process = subprocess.Popen([python, "-c", code], cwd=ROOT, **output)
+    return int(process.stdout.readline()), process
 
 
-def seconds_of(code):
+def seconds_of(python, code):
     """Measure how long code takes after its imports [s]."""
-    process = start_code(code)
+    _, process = start_code(python, code)
     began = time.monotonic()
     process.communicate(timeout=300)
     assert process.returncode == 0
     return time.monotonic() - began
 
 
-def kill(process):
-    """Kill a process and its children."""
-    os.killpg(process.pid, signal.SIGKILL)
+def kill_at_random(python, code, rng, longest_s):
+    """Start code and kill it at a random time after its imports, unless it has ended."""
+    number, process = start_code(python, code)
+    time.sleep(rng.uniform(0, longest_s))
+    if process.poll() is None:
+        os.kill(number, signal.SIGKILL)
     process.communicate()
 
 
-def kill_at_random(code, rng, longest_s):
-    """Start code and kill it at a random time after its imports."""
-    process = start_code(code)
-    time.sleep(rng.uniform(0, longest_s))
-    kill(process)
-
-
-def test_a_killed_recording_ends_with_the_same_bytes(tmp_path):
+def test_a_killed_recording_ends_with_the_same_bytes(tmp_path, python):
     code = (
-        "from pathlib import Path; from repro.world_config import read_world, world_spec\n"
+        "import os; from pathlib import Path; from repro.world_config import read_world, world_spec\n"
         "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
-        "print('ready', flush=True); format.SHARD_WORLDS = 2\n"
+        "print(os.getpid(), flush=True); format.SHARD_WORLDS = 2\n"
         "spec = world_spec(read_world(Path('conf/world/paper.yaml')), '4')\n"
         "record_experiment(Path({!r}), spec, {{'train': 40, 'val': 4, 'test': 4}}, workers=1)\n"
     )
-    rng, seconds = random.Random(0), seconds_of(code.format(str(tmp_path / "whole")))
+    rng, seconds = random.Random(0), seconds_of(python, code.format(str(tmp_path / "whole")))
     for _ in range(KILLS):
-        kill_at_random(code.format(str(tmp_path / "killed")), rng, seconds)
-    subprocess.run([sys.executable, "-c", code.format(str(tmp_path / "killed"))], cwd=ROOT, check=True, timeout=120)
+        kill_at_random(python, code.format(str(tmp_path / "killed")), rng, seconds)
+    subprocess.run([python, "-c", code.format(str(tmp_path / "killed"))], cwd=ROOT, check=True, timeout=120)
     whole, killed = (
         {path.name: path.read_bytes() for path in (tmp_path / name).iterdir() if path.name != ".lock"}
         for name in ("whole", "killed")
@@ -114,19 +108,21 @@ def test_a_killed_recording_ends_with_the_same_bytes(tmp_path):
     assert killed == whole
 
 
-def test_a_killed_training_ends_with_the_same_bytes(recorded, tmp_path):
+def test_a_killed_training_ends_with_the_same_bytes(recorded, tmp_path, python):
     code = (
-        "from pathlib import Path; from repro.learning.training import train; from repro.runs.directories import Run\n"
-        f"print('ready', flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
+        "import os; from pathlib import Path\n"
+        "from repro.learning.training import train; from repro.runs.directories import Run\n"
+        f"print(os.getpid(), flush=True); train(Run(Path({{!r}})), Path({str(recorded)!r}), accelerator='cpu')\n"
     )
     whole, killed = (prepared(tmp_path / name, max_epochs=6, patience=50) for name in ("whole", "killed"))
-    rng, seconds = random.Random(0), seconds_of(code.format(str(whole.path)))
-    begun = start_code(code.format(str(killed.path)))
+    rng, seconds = random.Random(0), seconds_of(python, code.format(str(whole.path)))
+    number, begun = start_code(python, code.format(str(killed.path)))
     wait_for("history.csv", killed.path, begun)
-    kill(begun)
+    os.kill(number, signal.SIGKILL)
+    begun.communicate()
     assert not killed.is_trained
     for _ in range(KILLS):
-        kill_at_random(code.format(str(killed.path)), rng, seconds)
+        kill_at_random(python, code.format(str(killed.path)), rng, seconds)
     assert train(killed, recorded, accelerator="cpu") is Status.trained
     weights = [(run.model / "model.safetensors").read_bytes() for run in (whole, killed)]
     assert weights[0] == weights[1]
@@ -147,7 +143,7 @@ def test_leftovers_of_a_killed_process_are_deleted(recorded, tmp_path):
     assert run.is_evaluated
 
 
-def test_an_interrupted_command_resumes(whole, tmp_path):
+def test_an_interrupted_command_resumes(whole, tmp_path, python):
     outputs = tmp_path / "first"
     process = start(outputs)
     wait_for(f"{RUN}/history.csv", outputs, process)
@@ -156,7 +152,7 @@ def test_an_interrupted_command_resumes(whole, tmp_path):
     assert status == 130, text
     assert text.rstrip().endswith("\ninterrupted: the same command resumes"), text
     assert "Traceback" not in text
-    status, text = finish(start(outputs))
+    status, text = finish(start(outputs, python=python))
     assert status == 0, text
     assert (outputs / RUN / "metrics.csv").read_text() == (whole / RUN / "metrics.csv").read_text()
 
@@ -177,9 +173,9 @@ def test_a_terminated_sweep_ends_its_workers(tmp_path):
 
 @pytest.mark.parametrize("round_", range(ROUNDS))
 @pytest.mark.parametrize("count", [2] if ROUNDS == 1 else [2, 4])
-def test_concurrent_processes_do_the_work_once(whole, tmp_path, count, round_):
+def test_concurrent_processes_do_the_work_once(whole, tmp_path, python, count, round_):
     outputs = tmp_path / "first"
-    processes = [start(outputs) for _ in range(count)]
+    processes = [start(outputs, python=python) for _ in range(count)]
     texts = [finish(process) for process in processes]
     assert [status for status, _ in texts] == [0] * count, texts
     assert sum("epoch 3 of 3" in text for _, text in texts) == 1
@@ -215,29 +211,6 @@ def test_damaged_checkpoints_are_skipped_and_the_weights_are_the_same(paused, re
     assert (run.model / "model.safetensors").read_bytes() == weights
 
 
-def test_a_full_disk_while_a_checkpoint_is_written_loses_nothing(paused, recorded, tmp_path, monkeypatch):
-    path, weights = paused
-    shutil.copytree(path, tmp_path / "run")
-    run = prepared(tmp_path / "run", max_epochs=4)
-    before = (tmp_path / "run/checkpoints/last.ckpt").read_bytes()
-    write = Path.write_bytes
-
-    def full(self, content):
-        if "last.ckpt" in self.name:
-            write(self, bytes(content)[:1000])
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return write(self, content)
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OSError, match=r"No space left on device: .*last\.ckpt'"):
-        train(run, recorded, accelerator="cpu")
-    monkeypatch.undo()
-    assert (tmp_path / "run/checkpoints/last.ckpt").read_bytes() == before
-    assert not list((tmp_path / "run").rglob("*.tmp"))
-    assert train(run, recorded, accelerator="cpu") is Status.trained
-    assert (run.model / "model.safetensors").read_bytes() == weights
-
-
 @pytest.fixture
 def small_disk(tmp_path):
     disk = tmp_path / "disk"
@@ -249,37 +222,29 @@ def small_disk(tmp_path):
     subprocess.run(["umount", "-l", str(disk)], check=True)
 
 
-def test_a_full_disk_is_reported_with_a_fix(small_disk, whole):
+def test_a_read_only_or_full_disk_is_reported_with_a_fix(small_disk, whole, python):
     outputs = small_disk / "first"
-    status, text = finish(start(outputs))
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    status, text = finish(start(outputs, python=python))
+    assert status == 1, text
+    assert "Read-only file system" in text
+    assert "choose a directory that can be written with outputs=" in text
+    assert "Traceback" not in text
+    subprocess.run(["mount", "-o", "remount,rw", str(small_disk)], check=True)
+    status, text = finish(start(outputs, python=python))
     assert status == 1, text
     assert "No space left on device: free some space" in text
     assert "Traceback" not in text
     for shard in outputs.glob("recordings/exp3/*.npz"):
         assert shard.read_bytes() == (whole / "recordings/exp3" / shard.name).read_bytes()
     subprocess.run(["mount", "-o", "remount,size=600m", str(small_disk)], check=True)
-    status, text = finish(start(outputs))
+    status, text = finish(start(outputs, python=python))
     assert status == 0, text
     check_same(outputs, whole)
 
 
-def test_outputs_that_cannot_be_written_are_reported_with_a_fix(small_disk):
-    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
-    status, text = finish(start(small_disk / "first"))
-    assert status == 1, text
-    assert "Read-only file system" in text
-    assert "choose a directory that can be written with outputs=" in text
-    assert "Traceback" not in text
-
-
-def test_an_internal_error_shows_its_traceback(tmp_path):
-    code = (
-        "import runpy, repro.simulation.recorder as recorder\n"
-        "recorder.record_experiment = lambda *_, **__: 1 / 0\n"
-        f"runpy.run_path({str(ROOT / 'run.py')!r}, run_name='__main__')\n"
-    )
-    command = [sys.executable, "-c", code, *SMALL, "task=record", f"outputs={tmp_path / 'out'}"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert "Traceback" in done.stderr
-    assert "ZeroDivisionError" in done.stderr
+def test_an_internal_error_shows_its_traceback(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("repro.simulation.recorder.record_experiment", lambda *_, **__: 1 / 0)
+    (call,) = read_calls(*SMALL, "task=record", f"outputs={tmp_path / 'out'}")
+    assert perform(call) == "ZeroDivisionError: division by zero"
+    assert "Traceback" in capsys.readouterr().err

@@ -1,5 +1,4 @@
 import subprocess
-import sys
 
 import pytest
 import torch
@@ -40,9 +39,9 @@ print(before, with_block, peak_memory_gb())
 
 
 @pytest.mark.slow
-def test_peak_memory_is_measured_since_its_reset():
+def test_peak_memory_is_measured_since_its_reset(python):
     """Measure in a new process, because one with free resident memory shows no new peak."""
-    done = subprocess.run([sys.executable, "-c", PEAK], capture_output=True, text=True, check=True, timeout=120)
+    done = subprocess.run([python, "-c", PEAK], capture_output=True, text=True, check=True, timeout=120)
     before, with_block, after = map(float, done.stdout.split())
     assert with_block > before + 0.09
     assert after < with_block - 0.05

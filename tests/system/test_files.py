@@ -113,18 +113,14 @@ def test_a_lock_lets_in_one_process_at_a_time_with_and_without_flock(tmp_path, w
     assert (tmp_path / "count").read_text() == "60"
 
 
-@pytest.mark.parametrize("name", ["a.json", "a.yaml"])
-@pytest.mark.parametrize("content", [None, "", "[1]", "{", "7", "\x00"])
-def test_an_unreadable_mapping_is_named_with_a_fix(tmp_path, name, content):
+WRONG = dict.fromkeys(("a.json", "a.yaml"), (None, "", "[1]", "{", "7", "\x00"))
+WRONG["t.csv"] = (None, "", "a,b\n", "a,c\n1,2\n", "a,b\n1\n")
+
+
+@pytest.mark.parametrize(("name", "content"), [(name, each) for name, contents in WRONG.items() for each in contents])
+def test_an_unreadable_mapping_or_table_is_named_with_a_fix(tmp_path, name, content):
     if content is not None:
         (tmp_path / name).write_text(content)
+    read = (lambda path, fix: read_table(path, ("a", "b"), fix)) if name == "t.csv" else read_mapping
     with pytest.raises(ValueError, match=rf"{name} cannot be read \(.*\): do this"):
-        read_mapping(tmp_path / name, "do this")
-
-
-@pytest.mark.parametrize("content", [None, "", "a,b\n", "a,c\n1,2\n", "a,b\n1\n"])
-def test_an_unreadable_table_is_named_with_a_fix(tmp_path, content):
-    if content is not None:
-        (tmp_path / "t.csv").write_text(content)
-    with pytest.raises(ValueError, match=r"t\.csv cannot be read \(.*\): do this"):
-        read_table(tmp_path / "t.csv", ("a", "b"), "do this")
+        read(tmp_path / name, "do this")
