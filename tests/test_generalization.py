@@ -84,7 +84,7 @@ def test_published_rows_are_those_of_published_weights(weights, published, exper
     tables = [generalization.under_changes(predictor, spec, tmp_path, 200, workers=1)]
     if experiment == "4":
         record_experiment(tmp_path / "test", spec, {"test": 500}, workers=1)
-        tables.append(generalization.across_start_headings(predictor, tmp_path / "test"))
+        tables.append(generalization.across_start_headings(predictor, open_recordings(tmp_path / "test")))
 
     rows = read_rows(RESULTS / published / "analysis" / "generalization.csv")
     rows = rows[(rows["model"] == weights.rpartition("-")[2]) & (rows["trained"] == experiment)]
