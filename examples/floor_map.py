@@ -80,7 +80,7 @@ def _free_cells(path: Path, content: MapFile) -> np.ndarray:
             if image.mode not in ("1", "L", "P", "RGB") or image.has_transparency_data:
                 raise InputError(f"it has Pillow's mode {image.mode}, convert it to 8 bits without transparency")
             gray = np.asarray(image.convert("L"))
-    except (OSError, ValueError, SyntaxError) as error:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InputError(f"{path} cannot be read as PNG, PGM or BMP: {error}") from error
     occupied = (gray if content.negate else 255 - gray) / 255
     return (occupied < content.free_thresh) & ~((gray == UNKNOWN) & (content.mode == "trinary"))
@@ -115,7 +115,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__), formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("map", type=Path, help="the YAML of the map")
     source = parser.parse_args().map
-    name = re.sub(r"[^A-Za-z0-9_-]", "_", source.stem)
+    name = re.sub(r"^(?=\d)|[^A-Za-z0-9_-]", "_", source.stem)  # not a number
     target = conf_directory() / "world" / f"{name}.yaml"
     try:
         if target.exists():

@@ -14,7 +14,8 @@ from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
 from repro.metrics.counts import count_quantized, pooled_scores
-from repro.networks.model import NETWORKS
+from repro.networks.create import create_network
+from repro.networks.model import NETWORKS, paper_model
 from repro.recordings.reader import open_recordings
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
@@ -113,6 +114,9 @@ def test_frames_are_gathered_from_all_evaluated_runs(frames):
     assert (rows["value"] <= rows["high"] + 1e-9).all()
     assert rows.loc[("unet", "accuracy"), "seeds"] == 2
     assert (frames["cost"]["channels"] == 1).all()
+    for row in frames["cost"].itertuples():
+        network = create_network(paper_model(row.model))
+        assert row.parameters == sum(each.numel() for each in network.parameters())
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ def test_a_lidar_whose_mounting_is_not_known_is_refused(tmp_path, caplog):
     path = bag(tmp_path / "log.bag", 1, poses="odometry", is_mounted=False)
     with pytest.raises(ValueError, match=r"0 scans can be used \(30 without a pose\)"):
         read(path)
-    assert caplog.text.count("no transform of laser: its mounting on the robot, x,y,heading, may be given") == 1
+    assert caplog.text.count("no transform of laser: set prediction.mounting, of a node mounting, to x,y,heading") == 1
     expect(read(path, mounting=(0.0, 0.0, 0.0)), atol=2e-3)
 
 

@@ -92,6 +92,15 @@ def test_a_wrong_time_costs_one_scan(places, wrong_by):
     assert kept(wrong.tolist()) == pytest.approx(np.delete(right, places))
 
 
+@pytest.mark.parametrize("wrong_by", [-1000.0, 999.0])
+@pytest.mark.parametrize("place", range(20, 40))
+def test_a_wrong_time_of_a_fast_lidar_divides_no_window(place, wrong_by):
+    stamps = 1000 + np.arange(200) / 50
+    stamps[place] += wrong_by
+    found = np.array(kept(stamps.tolist()))
+    assert parts_of(found, WINDOWS) == [(0, len(found))]
+
+
 def test_scans_at_half_a_step_are_kept_at_the_times_of_today():
     """Float64 resolves 2e-7 s there, so that the time between two scans is below 0.05 s half of the time."""
     stamps = (1.7e9 + 0.05 * np.arange(50)).tolist()

@@ -156,7 +156,7 @@ def test_a_pose_is_final_once_a_later_one_is_known():
 
 def test_why_a_frame_has_no_pose():
     transforms = Transforms()
-    assert transforms.why_unplaced("/laser", 1.0).startswith("no transform of laser: its mounting on the robot")
+    assert transforms.why_unplaced("/laser", 1.0).startswith("no transform of laser: set prediction.mounting")
     transforms.add("laser", "base", 0.0, (0, 0, 0), is_static=True)
     assert transforms.why_unplaced("/laser", 1.0) == "base, above laser, has no poses; there are no poses"
     transforms.add("base_link", "odom", 0.0, (0, 0, 0))

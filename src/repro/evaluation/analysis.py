@@ -22,6 +22,7 @@ from repro.evaluation.recency import RECENCY
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
+from repro.networks.create import OWN_ARCHITECTURES, create_network
 from repro.networks.model import NETWORKS
 from repro.networks.torch_files import count_parameters
 from repro.recordings.datasets import encoding_of, grid_of
@@ -128,7 +129,7 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> tuple[
         "recency": by_recency(counts.sum(0), few_weights),
         "obstacles": by_last_hit(predictions, test, few_weights),
     }
-    if runs[0].model.is_dir():
+    if not runs[0].config().key.is_baseline:
         frames["cost"] = _cost(runs)
         frames["calibration"] = _calibration(counts.sum(1))
         frames["reliability"] = _reliability(counts.sum((0, 1)))
@@ -137,10 +138,16 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> tuple[
 
 def _cost(runs: list[Run]) -> pd.DataFrame:
     """Return the cost of a cell: network parameters and input channels, mean time and peak memory of a training."""
-    names = ("training_seconds", "peak_memory_gb")
+    runs[0].check_files()
+    names, config = ("training_seconds", "peak_memory_gb"), runs[0].config()
     facts = pd.DataFrame([{name: run.provenance().fact(name) for name in names} for run in runs], dtype=float)
-    parameters, channels = count_parameters(runs[0].model), encoding_of(runs[0].config()).channels
-    return pd.DataFrame([{"parameters": parameters, "channels": channels, **facts.mean()}])
+    encoding = encoding_of(config)
+    if config.model.kind in OWN_ARCHITECTURES:
+        network = create_network(config.model, encoding.channels, encoding.frames)
+        parameters = sum(each.numel() for each in network.parameters())
+    else:
+        parameters = count_parameters(runs[0].model)
+    return pd.DataFrame([{"parameters": parameters, "channels": encoding.channels, **facts.mean()}])
 
 
 def _calibration(counts: np.ndarray) -> pd.DataFrame:

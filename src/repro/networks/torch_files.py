@@ -69,7 +69,7 @@ def read_torch(directory: Path) -> tuple[nn.Module, dict[str, Any]]:
 
 
 def count_parameters(directory: Path) -> int:
-    """Return the number of parameters of a saved network, which its file states, without those of batch statistics."""
+    """Return the number of parameters of a saved network of smp, which its file states beside batch statistics."""
     with safe_open(directory / WEIGHTS, "pt") as file:
         trained = [name for name in file.keys() if name.rpartition(".")[2] not in STATISTICS]  # noqa: SIM118  no mapping
         return sum(math.prod(file.get_slice(name).get_shape()) for name in trained)

@@ -50,6 +50,7 @@ class LiveMapper:
         self.scans = LaserScans(warn)
         self.waiting: list[tuple[Any, float, float]] = []  # scans, their times and those of their middles [s], in order
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
+        self.is_early = False  # whether the last scan was earlier than another one by more than a window
         self.lock = threading.Lock()
         self._begin_again()
 
@@ -60,13 +61,17 @@ class LiveMapper:
         self.root: str | None = None  # frame of the poses in the stream
 
     def add_scan(self, message: Any) -> None:
-        """Take a LaserScan; if it is earlier than another one by more than a window, the clock was set back."""
+        """Take a LaserScan; if two in a row are earlier than another by more than a window, the clock was set back."""
         with self.lock:
             stamp, window_s = seconds(message.header.stamp), self.settings.steps * self.settings.step_s
-            if stamp < self.newest_s - window_s:
-                self.warn("the clock was set back: the window begins again")
-                self.waiting.clear()
-                self.newest_s = -np.inf
+            was_early, self.is_early = self.is_early, stamp < self.newest_s - window_s
+            if self.is_early and not was_early:
+                self.warn(f"a scan is skipped: its time, {stamp:.2f} s, is earlier by more than a window")
+                return
+            if self.is_early:
+                self.warn("the clock was set back: scans of later times are skipped")
+                self.waiting = [each for each in self.waiting if each[1] <= stamp]
+                self.newest_s, self.is_early = -np.inf, False
             insort(self.waiting, (message, *self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:
                 first, _, middle_s = self.waiting.pop(0)

@@ -136,12 +136,12 @@ class Clock:
     def why_left_out(self, stamp: float) -> str | None:
         """Take the time of the next scan [s], and return why it is left out; None if it is kept."""
         least_s, since_s = (0.5 - TOLERANCE) * self.settings.step_s, stamp - self._last_s
-        is_between = self._before_s < self._last_s <= stamp
-        self.replaces = not is_between and stamp - self._before_s >= least_s
+        is_wrong = not self._before_s < self._last_s <= stamp  # the last time, or this one
+        self.replaces = is_wrong and stamp - self._before_s >= least_s
         is_set_back = since_s < -max(self.settings.duration_s, self.settings.step_s)
         if self.replaces:
             self.left_out[OUT_OF_ORDER] += 1
-        elif not is_set_back and since_s < least_s:
+        elif (since_s < least_s and not is_set_back) or (is_wrong and 0 <= stamp - self._before_s < least_s):
             reason = NOT_LATER if since_s <= 0 else TOO_SOON
             self.left_out[reason] += 1
             return reason

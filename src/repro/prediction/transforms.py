@@ -93,8 +93,11 @@ class Transforms:
     def why_unplaced(self, frame: str, stamp: float) -> str | None:
         """Return why a frame has no pose at a time [s]; None if it has one."""
         edges, name = list(self._chain(frame)), frame.lstrip("/")
+        if not edges and self.mounting is None:
+            return f"no transform of {name}: set prediction.mounting, of a node mounting, to x,y,heading on the robot"
         if not edges:
-            return f"no transform of {name}: its mounting on the robot, x,y,heading, may be given instead"
+            moving = [other for other, edge in self.edges.items() if not edge.is_static]
+            return f"no frame of the robot: expected {' or '.join(BASES)}, or one that moves, got {moving}"
         if not self._reaches_frame(edges):
             return f"the frame {self.frame} is not above {name}, but {', '.join(edge.parent for edge in edges)}"
         if all(edge.is_static for edge in edges):
@@ -141,22 +144,23 @@ class Transforms:
         """Return whether poses that change place a frame."""
         return any(not edge.is_static for edge in self._chain_of(frame.lstrip("/")))
 
-    def _base_of(self, frame: str) -> str:
+    def _base_of(self, frame: str) -> str | None:
         """Return the frame of the robot of a lidar: one of `BASES` in its namespace, or the only one that moves."""
         namespace = frame.rpartition("/")[0]
         for name in (f"{namespace}/{base}".lstrip("/") for base in BASES):
             if name in self.edges:
                 return name
         moving = [name for name, edge in self.edges.items() if not edge.is_static]
-        return moving[0] if len(moving) == 1 else ""
+        return moving[0] if len(moving) == 1 else None
 
     def _chain(self, frame: str) -> Iterator[Edge]:
         """Yield the transforms from a frame up to the chosen one, with the mounting in place of the first ones."""
-        name = frame.lstrip("/")
+        name: str | None = frame.lstrip("/")
         if self.mounting is not None:
-            name = self._base_of(name)
-            if not name:
-                return
+            name = self._base_of(frame.lstrip("/"))
+        if name is None:
+            return
+        if self.mounting is not None:
             x, y, heading = self.mounting
             turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(frame) else 0.0])
             yield Edge(name, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])

@@ -107,6 +107,8 @@ class Recordings:
             if left[entry.split] > 0:
                 left[entry.split] -= 2 * entry.worlds
                 yield entry
+        if any(count > 0 for count in left.values()):
+            raise BrokenShard(f"the manifest in {self.directory} lacks shards: delete it and record again")
 
 
 def open_recordings(directory: Path) -> Recordings:
