@@ -27,6 +27,8 @@ from repro.system.files import check_regular, read_typed, write_text
 from repro.system.places import conf_directory
 from repro.world_obstacles import MAX_FIXED, MAX_VERTICES
 
+MAX_CELLS = 10_000  # along one side of a map
+Position = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # [m]; float64 resolves a millimeter there
 UNKNOWN = 205  # gray of an unknown cell from map_saver, which Nav2's default free_thresh would take for free
 
 
@@ -36,9 +38,9 @@ class MapFile:
 
     image: str
     resolution: Annotated[float, Field(gt=0, le=100)]  # side of a cell [m]
-    origin: tuple[Finite, Finite, Finite]  # lower left corner x, y [m], heading [rad]
+    origin: tuple[Position, Position, Finite]  # lower left corner x, y [m], heading [rad]
     negate: Literal[0, 1] = 0
-    free_thresh: float = 0.25
+    free_thresh: Annotated[float, Field(gt=0, le=1)] = 0.25
     mode: Literal["trinary", "scale"] = "trinary"
 
 
@@ -63,9 +65,9 @@ def floor_of(path: Path) -> tuple[list[np.ndarray], float, tuple[float, float]]:
     side = max(floor.shape)
     solid = np.ones((side, side), dtype=bool)  # row 0 at the bottom
     solid[: floor.shape[0], : floor.shape[1]] = ~floor[::-1]
-    specks = ndimage.label(solid)[1]
-    pieces = list(_pieces(_outline(solid))) if specks <= MAX_FIXED else []
-    if (count := max(specks, len(pieces))) > MAX_FIXED:
+    least = _fewest_polygons(solid)
+    pieces = list(_pieces(_outline(solid))) if least <= MAX_FIXED else []
+    if (count := max(least, len(pieces))) > MAX_FIXED:
         raise InputError(f"{path}: expected at most {MAX_FIXED} polygons, got {count} or more: remove specks of noise")
     outlines = [np.asarray(piece.exterior.coords)[:-1] * content.resolution for piece in pieces]
     width = side * content.resolution
@@ -77,6 +79,8 @@ def _free_cells(path: Path, content: MapFile) -> np.ndarray:
     try:
         check_regular(path)
         with Image.open(path, formats=("PNG", "PPM", "BMP")) as image:  # others may start programs
+            if max(image.size) > MAX_CELLS:
+                raise InputError(f"{image.size} cells, expected at most {MAX_CELLS} along a side")
             if image.mode not in ("1", "L", "P", "RGB") or image.has_transparency_data:
                 raise InputError(f"it has Pillow's mode {image.mode}, convert it to 8 bits without transparency")
             gray = np.asarray(image.convert("L"))
@@ -84,6 +88,12 @@ def _free_cells(path: Path, content: MapFile) -> np.ndarray:
         raise InputError(f"{path} cannot be read as PNG, PGM or BMP: {error}") from error
     occupied = (gray if content.negate else 255 - gray) / 255
     return (occupied < content.free_thresh) & ~((gray == UNKNOWN) & (content.mode == "trinary"))
+
+
+def _fewest_polygons(solid: np.ndarray) -> int:
+    """Return a lower bound of the polygons that cover cells (H, W), by connected areas and by corners."""
+    corners = solid[1:, 1:] ^ solid[1:, :-1] ^ solid[:-1, 1:] ^ solid[:-1, :-1]
+    return max(ndimage.label(solid)[1], int(corners.sum()) // MAX_VERTICES)
 
 
 def _outline(solid: np.ndarray) -> shapely.Geometry:
@@ -104,9 +114,11 @@ def _pieces(area: shapely.Geometry) -> Iterator[shapely.Polygon]:
             yield part
             continue
         left, bottom, right, top = part.bounds
-        across, up = (right - left > top - bottom), (right - left <= top - bottom)
-        middle = ((left + right) // 2, (bottom + top) // 2)
-        low = shapely.box(left, bottom, middle[0] if across else right, middle[1] if up else top)
+        if right - left > top - bottom:
+            right = (left + right) // 2
+        else:
+            top = (bottom + top) // 2
+        low = shapely.box(left, bottom, right, top)
         yield from _pieces(part.intersection(low))
         yield from _pieces(part.difference(low))
 

@@ -95,6 +95,10 @@ def test_the_world_of_a_floor_can_be_recorded(tmp_path, monkeypatch, capsys):
         ({"image": "deep.png"}, "it has Pillow's mode I;16, convert it to 8 bits"),
         ({"origin": [0.0, 0.0, 0.1]}, r"expected an origin with heading 0, got 0.1"),
         ({"origin": [0.0, float("nan"), 0.0]}, "origin.1: Input should be a finite number"),
+        ({"origin": [1e8, 0.0, 0.0]}, "origin.0: Input should be less than or equal to"),
+        ({"free_thresh": 2.0}, "free_thresh: Input should be less than or equal to 1"),
+        ({"resolution": 0}, "resolution: Input should be greater than 0"),
+        ({"image": "long.png"}, "cells, expected at most 10000 along a side"),
         ({"mode": "raw"}, "mode: Input should be 'trinary' or 'scale'"),
         ({"negate": 1}, "expected a map with free cells, got none"),
         ({"image": "specks.png"}, "expected at most 1000 polygons, got .* or more: remove specks of noise"),
@@ -104,6 +108,7 @@ def test_a_map_that_cannot_be_converted_is_refused(tmp_path, keys, message):
     path = write(tmp_path, np.full((10, 10), FREE, dtype=np.uint8), **keys)
     Image.new("L", (10, 10), FREE).save(tmp_path / "drawing.eps")  # Pillow reads it with Ghostscript
     Image.fromarray(np.full((10, 10), 60_000, np.uint16)).save(tmp_path / "deep.png")  # all cells would be white
+    Image.new("L", (10_001, 1), FREE).save(tmp_path / "long.png")
     specks = np.random.default_rng(0).random((400, 400)) < 0.05
     Image.fromarray(np.where(specks, OCCUPIED, FREE).astype(np.uint8)).save(tmp_path / "specks.png")
     with pytest.raises(ValueError, match=message):

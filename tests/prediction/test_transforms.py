@@ -168,6 +168,15 @@ def test_why_a_frame_has_no_pose():
     assert transforms.why_unplaced("laser", 0.2) is None
 
 
+def test_a_rare_correction_is_no_reason_for_a_missing_pose():
+    transforms = Transforms()
+    transforms.add("laser", "base_link", 0.0, (0, 0, 0), is_static=True)
+    moving([0.0, 0.5], [0.0, 1.0], "odom", "map", transforms)  # its first poses arrive before those of the odometry
+    moving([5.0, 5.5], [0.0, 1.0], "base_link", "odom", transforms)
+    assert transforms.why_unplaced("laser", 5.2) is None
+    assert "it needs poses of base_link in odom" in str(transforms.why_unplaced("laser", 8.0))
+
+
 def test_a_pose_is_missing_only_where_the_frame_moved_in_a_gap():
     """Odometry that is silent while the robot stands, for 5 s, and then loses 5 s of its way."""
     transforms = moving([0, 1, 6, 7, 12], [0, 1, 1, 2, 9])

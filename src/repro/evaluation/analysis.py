@@ -4,6 +4,7 @@ For every cell (experiment, model, encoding with or without decay) and all of it
 recency and by obstacle, calibration, cost. Recordings and run directories in, frames out.
 """
 
+import dataclasses
 import itertools
 from collections import defaultdict
 from collections.abc import Iterator
@@ -22,9 +23,8 @@ from repro.evaluation.recency import RECENCY
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
-from repro.networks.create import OWN_ARCHITECTURES, create_network
+from repro.networks.create import create_network
 from repro.networks.model import NETWORKS
-from repro.networks.torch_files import count_parameters
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import open_recordings
 from repro.runs.directories import Run
@@ -141,12 +141,9 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
     runs[0].check_files()
     names, config = ("training_seconds", "peak_memory_gb"), runs[0].config()
     facts = pd.DataFrame([{name: run.provenance().fact(name) for name in names} for run in runs], dtype=float)
-    encoding = encoding_of(config)
-    if config.model.kind in OWN_ARCHITECTURES:
-        network = create_network(config.model, encoding.channels, encoding.frames)
-        parameters = sum(each.numel() for each in network.parameters())
-    else:
-        parameters = count_parameters(runs[0].model)
+    encoding, untrained = encoding_of(config), dataclasses.replace(config.model, encoder_weights=None)
+    network = create_network(untrained, encoding.channels, encoding.frames)
+    parameters = sum(each.numel() for each in network.parameters())
     return pd.DataFrame([{"parameters": parameters, "channels": encoding.channels, **facts.mean()}])
 
 

@@ -226,7 +226,9 @@ def load_predictor(weights: str | Path) -> Predictor:
 
 @torch.inference_mode()
 def _check_logits(network: nn.Module, channels: int, size_px: int) -> None:
-    """Refuse a network that does not map images of some channels and pixels to one map of finite logits."""
+    """Refuse weights that are not finite, and a network that does not map images to one map of finite logits."""
+    if not all(torch.isfinite(weights).all() for weights in network.state_dict().values()):
+        raise InputError("some of its weights are not finite")
     logits = network.eval()(torch.zeros(1, channels, size_px, size_px))
     if logits.shape != (1, 1, size_px, size_px) or not torch.isfinite(logits).all():
         raise InputError(f"it must map {channels} images of {size_px} px to one map of finite logits")

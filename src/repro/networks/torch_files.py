@@ -7,12 +7,10 @@ import contextlib
 import hashlib
 import io
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 from huggingface_hub import PyTorchModelHubMixin
-from safetensors import safe_open
 from torch import nn
 
 from repro.networks.create import architecture_of, load_network
@@ -20,7 +18,6 @@ from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
 DESCRIPTION, NETWORK, WEIGHTS, CARD = "predictor.json", "config.json", "model.safetensors", "README.md"
-STATISTICS = ("running_mean", "running_var", "num_batches_tracked")  # of batch normalization
 OWN_FILES = (DESCRIPTION, NETWORK, WEIGHTS, CARD)
 
 
@@ -66,13 +63,6 @@ def read_torch(directory: Path) -> tuple[nn.Module, dict[str, Any]]:
             return load_network(directory, content["architecture"]), content
     except Exception as error:  # of smp, safetensors or ours: the files are complete, and hold no network
         raise InputError(f"{directory} cannot be used ({error}): train or export it again") from error
-
-
-def count_parameters(directory: Path) -> int:
-    """Return the number of parameters of a saved network of smp, which its file states beside batch statistics."""
-    with safe_open(directory / WEIGHTS, "pt") as file:
-        trained = [name for name in file.keys() if name.rpartition(".")[2] not in STATISTICS]  # noqa: SIM118  no mapping
-        return sum(math.prod(file.get_slice(name).get_shape()) for name in trained)
 
 
 def _checksum(content: dict[str, Any], directory: Path) -> str:

@@ -70,14 +70,12 @@ class Transforms:
         """
         if self.pose is not None:
             return PlanarPose(*self.pose, is_upside_down=self._is_upside_down(frame))
-        edges, total, has_odometry = list(self._chain(frame)), RigidTransform.identity(), False
+        edges, total = list(self._chain(frame)), RigidTransform.identity()
         if all(edge.is_static for edge in edges) or not self._reaches_frame(edges):
             return None
-        for edge in edges:
-            pose = edge.at(stamp, is_correction=has_odometry)
+        for _, pose in _poses(edges, stamp):
             if pose is None:
                 return None
-            has_odometry = has_odometry or edge.moves
             total = pose * total
         tilt = math.acos(min(abs(total.rotation.as_matrix()[2, 2]), 1.0))
         if tilt > MAX_TILT:
@@ -104,13 +102,12 @@ class Transforms:
             moving = [f"{other} in {edge.parent}" for other, edge in self.edges.items() if not edge.is_static]
             known = f"the poses are of {', '.join(moving)}" if moving else "there are no poses"
             return f"{edges[-1].parent}, above {name}, has no poses; {known}"
-        for child, edge in self.edges.items():
-            if edge in edges and edge.at(stamp) is None:
-                needed = (
-                    f"poses of {child} in {edge.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
-                )
-                return f"it needs {needed}; there are poses from {edge.stamps[0]:.2f} to {edge.stamps[-1]:.2f} s"
-        return None
+        missing = next((edge for edge, pose in _poses(edges, stamp) if pose is None), None)
+        if missing is None:
+            return None
+        child = next(other for other, edge in self.edges.items() if edge is missing)
+        needed = f"poses of {child} in {missing.parent} before and after {stamp:.2f} s, at most {MAX_GAP_S:g} s apart"
+        return f"it needs {needed}; there are poses from {missing.stamps[0]:.2f} to {missing.stamps[-1]:.2f} s"
 
     def has_later(self, frame: str, stamp: float) -> bool:
         """Return whether later poses than a time [s] are known up to the odometry, so that `pose_at` can interpolate.
@@ -155,15 +152,15 @@ class Transforms:
 
     def _chain(self, frame: str) -> Iterator[Edge]:
         """Yield the transforms from a frame up to the chosen one, with the mounting in place of the first ones."""
-        name: str | None = frame.lstrip("/")
+        name = frame.lstrip("/")
         if self.mounting is not None:
-            name = self._base_of(frame.lstrip("/"))
-        if name is None:
-            return
-        if self.mounting is not None:
+            base = self._base_of(name)
+            if base is None:
+                return
             x, y, heading = self.mounting
-            turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(frame) else 0.0])
-            yield Edge(name, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])
+            turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(name) else 0.0])
+            yield Edge(base, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])
+            name = base
         yield from self._chain_of(name)
 
     def _chain_of(self, name: str) -> Iterator[Edge]:
@@ -172,3 +169,11 @@ class Transforms:
                 return
             yield self.edges[name]
             name = self.edges[name].parent
+
+
+def _poses(edges: list[Edge], stamp: float) -> Iterator[tuple[Edge, RigidTransform | None]]:
+    """Yield transforms from a frame upward with their poses at a time [s]; those above the odometry are corrections."""
+    has_odometry = False
+    for edge in edges:
+        yield edge, edge.at(stamp, is_correction=has_odometry)
+        has_odometry = has_odometry or edge.moves
