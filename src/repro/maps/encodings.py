@@ -15,7 +15,7 @@ from torch import Tensor
 from repro.fields import config_errors_of
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.maps.series import Series, Stack
+from repro.maps.series import Recent, Series, Stack
 from repro.scans import Scans
 from repro.system.errors import InputError
 
@@ -57,6 +57,7 @@ ENCODINGS: dict[str, type[Encoding]] = {  # by their names, without the number o
     "projection": Projection,
     "stack": Stack,
     "series": Series,
+    "recent": Recent,
 }
 
 

@@ -19,7 +19,7 @@ from repro.runs.config import RunConfig
 from repro.system.errors import InputError
 from repro.system.progress import progress
 
-HIDDEN = 2  # added to the pixels of a map that no lidar shows
+HIDDEN = 2  # added to the pixels of a map that standing obstacles hide from every lidar
 STATISTICS_PAIRS = 4000  # more change the quantiles little
 
 
@@ -30,7 +30,7 @@ class Pairs:
     Args:
         stored: encoded scans, uint8, (M, C, H, W); those of a binary encoding as bits, (M, C, H, W / 8).
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle; if the training asks for
-            them, pixels that a lidar of 360 degrees does not show at the last step have 2 more.
+            them, pixels that standing obstacles hide from a lidar of 360 degrees at the last step have 2 more.
         encoding: the encoding that drew the images.
     """
 
@@ -134,7 +134,7 @@ def load_pairs(
         encoding: the encoding that draws the scans.
         count: number of pairs to cover, from the first; None for all, see `Recordings.shards`.
         device: device on which the images are drawn and kept.
-        marks_hidden: whether the maps mark the pixels that no lidar shows at the last step, see `Pairs`.
+        marks_hidden: whether the maps mark the pixels that standing obstacles hide at the last step, see `Pairs`.
 
     Raises:
         ValueError: a shard fails verification, see `Recordings.shards`, or the encoding draws other images
@@ -156,7 +156,8 @@ def load_pairs(
         maps[drawn, 0] = true_maps(shard, grid, device)
         if marks_hidden:
             ends = torch.as_tensor(shard.scans.poses[:, -1], device=device, dtype=torch.float32)
-            maps[drawn, 0] += HIDDEN * ~shown_pixels(maps[drawn, 0], ends, grid)
+            standing = true_maps(shard, grid, device, only_standing=True)
+            maps[drawn, 0] += HIDDEN * ~shown_pixels(standing, ends, grid)
         first = drawn.stop
     return Pairs(stored, maps, encoding)
 

@@ -13,10 +13,20 @@ from repro.recordings.reader import Recordings
 from repro.scans import Scans
 
 
-def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
-    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
+def true_maps(
+    shard: ShardContent, grid: Grid, device: torch.device | str = "cpu", *, only_standing: bool = False
+) -> Tensor:
+    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free.
+
+    Args:
+        shard: the recordings.
+        grid: grid of the maps.
+        device: device on which they are drawn.
+        only_standing: leave out obstacles that move during the recording.
+    """
+    kept = ~(np.ptp(shard.states, axis=1) > 0).any(-1) if only_standing else np.ones(len(shard.states), bool)
     outlines, states, owner = (
-        torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
+        torch.as_tensor(array[kept], device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
     )
     maps = rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid)
     return maps.repeat_interleave(2, dim=0)  # a world and its twin share their map
