@@ -1,6 +1,5 @@
 import pytest
 
-from repro.networks import weights
 from repro.networks.predictor import load_predictor
 from repro.networks.weights import locate
 
@@ -33,7 +32,7 @@ def test_a_repository_of_the_hub_is_downloaded_without_code(tmp_path, monkeypatc
         return str(locate("exp4"))
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(weights, "snapshot_download", download)
+    monkeypatch.setattr("huggingface_hub.snapshot_download", download)
     assert load_predictor("owner/name").grid.size_m == 50
     assert asked == [("owner/name", ["*.json", "*.safetensors", "*.onnx"])]
 
@@ -43,6 +42,6 @@ def test_a_repository_that_cannot_be_had_is_named(tmp_path, monkeypatch):
         raise OSError("no route to host")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(weights, "snapshot_download", download)
+    monkeypatch.setattr("huggingface_hub.snapshot_download", download)
     with pytest.raises(ValueError, match=r"^owner/name: no such path, and not to be had from the Hub \(no route to h"):
         load_predictor("owner/name")

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
@@ -201,5 +200,5 @@ def _check_values(log: ScanLog, path: Path) -> None:
     if len(finite) and np.median(finite) > MAX_MEDIAN_M:
         raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
-    if jumps(torch.as_tensor(log.poses[:, 2])):
+    if jumps(log.poses[:, 2]):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")

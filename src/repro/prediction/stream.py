@@ -6,7 +6,6 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
@@ -57,7 +56,7 @@ def predict_map(
         InputError: the window cannot be predicted, see `Predictor.predict`.
     """
     predictor = predictor.with_range(range_max_m)
-    free = predictor.predict(window)[0].numpy()
+    free = predictor.predict(window)[0]
     _, seen = last_hits(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
     return StreamMap(free, origin, predictor.grid.resolution_m, stamp, ~seen)
 
@@ -105,8 +104,8 @@ class PredictionStream:
         self.predictor, self.angles = predictor, np.array(angles, dtype=float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
-        check_angles(torch.as_tensor(self.angles))
-        beam_spacing(torch.as_tensor(self.angles))  # refuses beams that are not evenly spaced
+        check_angles(self.angles)
+        beam_spacing(self.angles)  # refuses beams that are not evenly spaced
         self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
