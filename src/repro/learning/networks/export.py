@@ -64,7 +64,7 @@ def _content(model: onnx.ModelProto, description: dict[str, Any], card: str) -> 
     """Return the file of a model, without what the export says of its source, and with its checksum."""
     for part in (model, model.graph, *model.graph.node, *model.graph.value_info):
         del part.metadata_props[:]
-    text = json.dumps(description | {"sha256": NO_CHECKSUM}, sort_keys=True)
+    text = json.dumps(description | {"sha256": NO_CHECKSUM})
     onnx.helper.set_model_props(model, {DESCRIPTION: text, CARD: card})
     content = model.SerializeToString(deterministic=True)
     return content.replace(NO_CHECKSUM.encode(), checksum_of(content).encode(), 1)
