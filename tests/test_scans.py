@@ -19,10 +19,13 @@ RANGES, ANGLES, POSES = (getattr(window(), name) for name in ("ranges", "angles"
     ("arrays", "message"),
     [
         *(([*map(np.zeros, shapes)], ".*".join(map(re.escape, map(str, shapes)))) for shapes in SHAPES),
-        ((np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES), "ranges: expected a plain array, got a masked one"),
+        (
+            (np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES),
+            "ranges: expected a plain array of real numbers, got a masked one",
+        ),
         ((RANGES.astype(str), ANGLES, POSES), "ranges: expected real numbers"),
         ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
-        ((RANGES, ANGLES, POSES.tolist()), "poses: expected an array, got list"),
+        ((RANGES, ANGLES, [[0.0, 0.0, 0.0], [1.0]]), "poses: expected an array of real numbers, got list"),
         ((RANGES > 0, ANGLES, POSES), "ranges: expected real numbers, got bool"),
         ((RANGES, ANGLES, POSES.astype("m8[s]")), r"poses: expected real numbers, got timedelta64\[s\]"),
     ],

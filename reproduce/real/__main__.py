@@ -36,7 +36,8 @@ from repro.networks.predictor import Predictor
 from repro.runs.devices import one_thread
 from repro.runs.provenance import environment
 from repro.scans import Scans
-from repro.system.files import open_arrays, sha256, write_json, write_text
+from repro.system.arrays import open_arrays
+from repro.system.files import sha256, write_json, write_text
 from reproduce.real import logs
 from reproduce.real.adapted import adapted, adapted_to, labels_of
 from reproduce.real.evidence import CENTER, evidence_at, join

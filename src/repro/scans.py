@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from repro.system.arrays import real
 from repro.system.errors import InputError
 
 
@@ -30,7 +31,7 @@ class Scans:
 
     def __post_init__(self) -> None:
         for name in ("ranges", "angles", "poses"):
-            check_real(name, getattr(self, name))
+            object.__setattr__(self, name, real(name, getattr(self, name)))
         ranges, angles, poses = self.ranges.shape, self.angles.shape, self.poses.shape
         agree = (
             len(ranges) in (2, 3)
@@ -99,17 +100,3 @@ class Scans:
 def wrapped(angles: Any) -> Any:
     """Return the same angles in [-pi, pi) [rad]."""
     return (angles + np.pi) % (2 * np.pi) - np.pi
-
-
-def check_real(name: str, array: Any) -> None:
-    """Check that something is a plain array of real numbers.
-
-    Raises:
-        InputError: it is not; the message begins with its name.
-    """
-    if not isinstance(array, np.ndarray):
-        raise InputError(f"{name}: expected an array, got {type(array).__name__}")
-    if isinstance(array, np.ma.MaskedArray):
-        raise InputError(f"{name}: expected a plain array, got a masked one: set invalid ranges to NaN, misses to inf")
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{name}: expected real numbers, got {array.dtype}")

@@ -26,8 +26,9 @@ from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.runs.tables import read_table
+from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
-from repro.system.files import open_arrays, replacing, sha256, write_text
+from repro.system.files import replacing, sha256, write_text
 
 FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
 
