@@ -21,7 +21,7 @@ RANGES, ANGLES, POSES = (getattr(window(), name) for name in ("ranges", "angles"
         *(([*map(np.zeros, shapes)], ".*".join(map(re.escape, map(str, shapes)))) for shapes in SHAPES),
         (
             (np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES),
-            "ranges: expected a plain array of real numbers, got a masked one",
+            "ranges: expected a plain array .*, got a masked one",
         ),
         ((RANGES.astype(str), ANGLES, POSES), "ranges: expected real numbers"),
         ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
