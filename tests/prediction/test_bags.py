@@ -95,7 +95,7 @@ def test_a_database_whose_last_messages_are_in_its_log_is_refused_until_it_has_t
     expect(read(killed), atol=2e-3)
 
 
-def robots(path: Path, namespaces=("/robot1", "/robot2"), clock=(0.0,), kind="odometry", other=()) -> Path:
+def robots(path: Path, namespaces=("/robot1", "/robot2"), clock=(0.0,), kind="odometry", other=(), rear=None) -> Path:
     """Write a ROS 2 bag of robots with equal frames, of which the second drives elsewhere, or of runs of one."""
     ros = Ros(2)
     with Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -108,6 +108,8 @@ def robots(path: Path, namespaces=("/robot1", "/robot2"), clock=(0.0,), kind="od
 
         for number, name in enumerate(namespaces):
             write(f"{name}/tf_static", 0, ros.transform(0, "base_link", "laser", (0.0, 0, 0)))
+            if rear is not None:
+                write(f"{name}/tf_static", 0, ros.transform(0, "base_link", "rear", (0.0, 0, rear)))
             for run, start in enumerate(clock):
                 for step in range(SCANS):
                     place = POSES[step] + np.array([7.0 * number + 3 * run, 0, 0])
@@ -118,7 +120,9 @@ def robots(path: Path, namespaces=("/robot1", "/robot2"), clock=(0.0,), kind="od
                         write(f"{name}/tf", ns, ros.transform(stamp, "odom", "base_link", place))
                     else:
                         write(f"{name}/{kind}", ns, ros.stamped(kind, stamp, place))
-                    write(f"{name}/scan", ns, ros.scan(stamp, ANGLES, RANGES[step], range_max=81.0))
+                    scan = ros.scan(stamp, ANGLES, RANGES[step], range_max=81.0)
+                    scan.header.frame_id = "laser" if rear is None or step % 2 else "rear"
+                    write(f"{name}/scan", ns, scan)
         for topic, message in other:
             write(topic, 0, message)
     return path
@@ -145,6 +149,13 @@ def test_a_bag_in_which_the_clock_was_set_back_has_two_runs(kind, tmp_path, capl
     assert "the clock was set back 1 times" in caplog.text
 
 
+def test_two_lidars_may_share_a_topic(tmp_path, caplog):
+    log = read(robots(tmp_path / "log", ("",), rear=3.0))
+    turned = POSES[:, 2] + np.where(np.arange(SCANS) % 2, 0.0, 3.0)
+    assert np.exp(1j * log.poses[:, 2]) == pytest.approx(np.exp(1j * turned), abs=1e-4)
+    assert "/scan has scans of several lidars, rear, laser" in caplog.text
+
+
 @pytest.mark.parametrize("kind", ["PoseStamped", "PoseWithCovarianceStamped"])
 def test_stamped_poses_stand_in_where_nothing_else_moves(kind, tmp_path):
     assert read(robots(tmp_path / "log", ("",), kind=kind)).poses == pytest.approx(POSES, abs=1e-5)
@@ -167,7 +178,7 @@ def test_scans_and_poses_may_be_in_two_bags(tmp_path):
     with pytest.raises(ValueError, match=r"no messages of sensor_msgs/msg/LaserScan; .* name both: scans="):
         read(parts[1])
     expect(read_log(parts[0], WINDOWS, others=[parts[1]]), atol=2e-3)
-    with pytest.raises(ValueError, match="log.npz: expected the files of one log, all of the kind bag"):
+    with pytest.raises(ValueError, match=r"log\.npz: expected the files of one log, all of the kind bag"):
         read_log(parts[0], WINDOWS, others=[npz(tmp_path / "log.npz")])
 
 

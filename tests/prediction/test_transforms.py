@@ -107,7 +107,9 @@ def test_another_static_pose_of_a_frame_is_named():
     for place in (0.2, 0.2001, 0.5):
         assert not transforms.left_out
         transforms.add("laser", "base", 0.0, (place, 0.0, 0.0), is_static=True)
-    assert list(transforms.left_out)[0].startswith("laser has several static poses, in base and base: the last holds")
+    assert next(iter(transforms.left_out)).startswith(
+        "laser has several static poses, in base and base: the last holds"
+    )
 
 
 def test_poses_in_a_second_parent_are_left_out():

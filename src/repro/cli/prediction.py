@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from repro.cli.prediction_report import describe, percent, say_left_out, summari
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import SHARES, compare
 from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import draw, write_map, write_probabilities
@@ -42,7 +44,7 @@ def predict_log(job: Job) -> None:
     path, *others = paths = [Path(name) for name in job.call.scans]
     target = target_of(job)
     _check_target(target, *paths, Path(settings.weights))
-    predictor = load_predictor(settings.weights)
+    predictor = load(settings.weights)
     print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings, others)
     describe(log, windows, predictor.reach_m)
@@ -65,6 +67,19 @@ def predict_log(job: Job) -> None:
 def target_of(job: Job) -> Path:
     """Return the directory of the maps of a call."""
     return job.outputs.path / "predictions" / name_of(*map(Path, job.call.scans or ()))
+
+
+def load(weights: str) -> Predictor:
+    """Load the network of a prediction, from weights of torch where there is no ONNX file.
+
+    Raises:
+        InputError: there are no such weights, or they are of torch, and the study is not installed.
+    """
+    if onnx_file(locate(weights)) or not find_spec("torch"):
+        return load_predictor(weights)
+    from repro.learning.networks.trained import load_trained  # takes seconds
+
+    return load_trained(weights)
 
 
 def name_of(log: Path, *others: Path) -> str:
@@ -166,7 +181,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
         "unknown_share": float(predicted.unknown.mean()),
     }
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
-    statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
+    statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
     row |= statistics | {"outside_training": " ".join(outside)}
     compared = compare(window, predicted.free, grid, min(range_max_m, COMPARED_M))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
@@ -178,7 +177,7 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
     log = ScanLog(
         stamps, ranges, intake.angles, poses, dict(skipped), intake.range_max_m, None, (*intake.notes.values(),)
     )
-    _check_values(log, path)
+    _check_values(log, path, frames={getattr(scan.header, "frame_id", None) for scan in kept})
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
 
@@ -200,12 +199,12 @@ def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
         raise UnusableTimes(f"{path}: time goes back by more than a window {backward} times: {lost}")
 
 
-def _check_values(log: ScanLog, path: Path) -> None:
-    """Refuse a log without ranges in meters and headings in radians."""
+def _check_values(log: ScanLog, path: Path, frames: set[str | None]) -> None:
+    """Refuse a log without ranges in meters and headings in radians; those of several lidars on one topic jump."""
     sample = log.ranges[:: max(1, len(log) // 1000)]
     finite = sample[np.isfinite(sample)]
     if len(finite) and np.median(finite) > MAX_MEDIAN_M:
         raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
-    if jumps(torch.as_tensor(log.poses[:, 2])):
+    if len(frames) == 1 and jumps(log.poses[:, 2]):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")
