@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from repro.maps.validity import FULL_TURN
-from repro.prediction.readings import beams_of_turn, readings
+from repro.prediction.readings import beams_of_turn, is_in_meters, readings
 from repro.system.errors import InputError
 
 LOGGER = logging.getLogger(__name__)
@@ -158,6 +158,8 @@ class Intake:
                 self._leave_out(OTHER_BEAMS[1] if has_as_many else f"{OTHER_BEAMS[0]} than {len(first.ranges)}")
             elif not scan.has_valid_range:
                 self._leave_out("without a valid maximum range")
+            elif not is_in_meters(scan.ranges):
+                self._leave_out("with ranges that are not in meters")
             elif np.isnan(ranges := resampled.valid_ranges()).all():
                 self._leave_out("without a valid reading")
             else:

@@ -5,7 +5,7 @@ from numbers import Real
 
 import numpy as np
 
-from repro.maps.validity import MAX_HEADING, RADIANS
+from repro.maps.validity import MAX_HEADING, MAX_MEDIAN_M, RADIANS
 from repro.system.errors import InputError
 
 MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
@@ -42,6 +42,16 @@ def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.n
     ranges = np.ma.filled(np.ma.asarray(ranges).astype(np.float32), np.nan)
     is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
     return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)
+
+
+def is_in_meters(ranges: np.ndarray) -> bool:
+    """Return whether the ranges of a scan, as its driver gives them, can be meters; its largest may stand for a miss.
+
+    Beyond the maximum range, those in millimeters would be misses, and the place would look empty.
+    """
+    finite = np.ma.compressed(np.ma.masked_invalid(ranges))
+    measured = finite[finite < finite.max()] if len(finite) else finite
+    return not (len(measured) and np.median(measured) > MAX_MEDIAN_M)
 
 
 def note_on_range(range_max_m: float, reach_m: float) -> str | None:

@@ -11,8 +11,8 @@ import torch
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.agreement import last_hits
-from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, readings
+from repro.prediction.movers import moving_pixels, parts_of_window, stands
+from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
 from repro.prediction.windows import on_map
 from repro.scans import Scans
@@ -32,6 +32,10 @@ class StreamMap:
         resolution_m: side of a pixel [m].
         stamp: time of the scan at the end of the window [s].
         unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W).
+        moving: pixels of hits in the window on something that moves, bool, (H, W), see `movers`; what moves is missing
+            from the map where it is after it has left the view.
+        hits: x, y of the hits of the scan at the end of the window in the frame of the poses [m], (K, 2).
+        pose: x, y [m] and heading [rad] of the lidar at the end of the window.
     """
 
     free: np.ndarray
@@ -39,6 +43,9 @@ class StreamMap:
     resolution_m: float
     stamp: float
     unknown: np.ndarray
+    moving: np.ndarray
+    hits: np.ndarray
+    pose: tuple[float, float, float]
 
 
 def predict_map(
@@ -58,8 +65,13 @@ def predict_map(
     """
     predictor = predictor.with_range(range_max_m)
     free = predictor.predict(window)[0].numpy()
-    _, seen = last_hits(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
-    return StreamMap(free, origin, predictor.grid.resolution_m, stamp, ~seen)
+    hits, passed = parts_of_window(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
+    unknown, moving = ~(hits | passed).any(0), moving_pixels(hits, passed, is_still=stands(window.poses))
+    points, is_hit = Scans(window.ranges[-1:], window.angles, window.poses[-1:]).points()
+    x, y, heading = map(float, window.poses[-1])
+    pose = (x + origin[0], y + origin[1], heading)
+    resolution_m = predictor.grid.resolution_m
+    return StreamMap(free, origin, resolution_m, stamp, unknown, moving, points[is_hit] + np.array(origin), pose)
 
 
 class PredictionStream:
@@ -162,6 +174,8 @@ class PredictionStream:
     def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
         check_stamp(stamp, self.settings.step_s)
+        if not is_in_meters(ranges):
+            raise InputError("ranges: expected meters, inf for a miss, and most of these are beyond 300")
         ranges, pose = readings(ranges, 0.0, self.range_max_m), np.array(pose, dtype=float)
         if ranges.shape != (self.beams,) or pose.shape != (3,):
             raise InputError(f"expected ranges ({self.beams},) and a pose (3,), got {ranges.shape} and {pose.shape}")
