@@ -200,9 +200,9 @@ def test_an_empty_place_has_maps_and_what_moves_is_named_once():
     robot = driven(40, empty)
     assert robot.warnings == []
     assert len(robot.maps) == 40 - STEPS + 1
-    ranges = {step: np.full(91, 20.0, np.float32) for step in range(40)}
-    for step in ranges:
-        ranges[step][2 * step : 2 * step + 8] = 8.0  # of someone who walks across the view
+    ranges = {step: np.full(91, 20.0, np.float32) for step in range(22)}
+    for step, values in ranges.items():
+        values[4 * step : 4 * step + 6] = 8.0  # of someone who walks across the view
     robot = Robot(replace(PREDICTOR, grid=Grid(128, 50.0)), is_mounted=False)
     for step, values in ranges.items():
         robot.mapper.add_odometry(ROS.odometry(time_of(step), POSES[0], "laser"))

@@ -163,7 +163,7 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small):
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
         (
             {"ranges": 1000 * LOG.ranges[15]},
-            "ranges: expected meters, inf for a miss, and most of these are beyond 300",
+            "expected meters, inf for a miss, and most of these are beyond 300",
         ),
         ({"pose": np.array([0, np.nan, 0])}, "finite pose"),
         ({"pose": np.array([25, 25, 90.0])}, "headings look like degrees, the largest is 90: expected radians"),

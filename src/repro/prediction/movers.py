@@ -2,7 +2,7 @@
 
 A hit is of something that moves if beams had passed over its pixel and those beside it before, and nothing had been
 hit there, or if they did so afterwards: it came, or it left. Wrong poses and fine structures make such hits, too, but
-in few scans. What moves makes them again and again.
+alone and in few scans. What moves makes them side by side, again and again.
 """
 
 import numpy as np
@@ -14,7 +14,8 @@ from repro.scans import Scans
 
 MOVERS = "something moves: the map may miss it in the view, and does not tell where it is after it has left the view"
 PARTS = 20  # of a window, of different scans; something that walks at 1 m/s moves by two pixels in half a second
-MIN_SHARE, MIN_PARTS, MIN_PIXELS = 0.3, 2, 2  # of the parts, and their moving pixels, so that something moves
+LAG = 2  # parts, in which something that walks slowly leaves the pixels around a hit
+MIN_SHARE, MIN_PARTS = 0.4, 2  # of the parts, with moving pixels, so that something moves
 STILL_M, STILL_RAD = 0.01, 0.005  # changes of the pose of a lidar that stands
 BESIDE = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))  # the pixel itself, and the four that share a side with it
 AROUND = (*BESIDE, (1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -51,11 +52,14 @@ def moving_pixels(hits: np.ndarray, passed: np.ndarray, *, is_still: bool) -> np
     hit = hits[:, rows, columns]  # (K, pixels)
     free = np.all(_shifted(passed, rows, columns, BESIDE[:1] if is_still else BESIDE), axis=0)
     near = np.any(_shifted(hits, rows, columns, AROUND), axis=0)
-    moves = _came(hit, free, near) | _came(hit[::-1], free[::-1], near[::-1])[::-1]
-    moving = np.zeros_like(hits[0])
-    if (moves.sum(1) >= MIN_PIXELS).sum() >= max(MIN_PARTS, MIN_SHARE * len(hits)):
-        moving[rows, columns] = moves.any(0)
-    return moving
+    moving = np.zeros_like(hits)
+    moving[:, rows, columns] = _came(hit, free, near) | _came(hit[::-1], free[::-1], near[::-1])[::-1]
+    # a wall that is hit here and there, at a flat angle, has single ones
+    moves = moving[:, rows, columns] & np.any(_shifted(moving, rows, columns, AROUND[1:]), axis=0)
+    found = np.zeros_like(hits[0])
+    if moves.any(1).sum() >= max(MIN_PARTS, MIN_SHARE * len(hits)):
+        found[rows, columns] = moves.any(0)
+    return found
 
 
 def stands(poses: np.ndarray) -> bool:
@@ -70,8 +74,8 @@ def _shifted(pixels: np.ndarray, rows: np.ndarray, columns: np.ndarray, shifts: 
 
 
 def _came(hit: np.ndarray, free: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Return the hits where an earlier part was free and none had a hit near, bool, (K, pixels)."""
+    """Return the hits where a part was free and none had a hit near, `LAG` parts or more before, bool, (K, pixels)."""
     came = np.zeros_like(hit)
-    was_free, was_hit = (np.maximum.accumulate(seen, axis=0)[:-1] for seen in (free, near))
-    came[1:] = hit[1:] & was_free & ~was_hit
+    was_free, was_hit = (np.maximum.accumulate(seen, axis=0)[:-LAG] for seen in (free, near))
+    came[LAG:] = hit[LAG:] & was_free & ~was_hit
     return came
