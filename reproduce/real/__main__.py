@@ -33,8 +33,9 @@ from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor, load_predictor
 from repro.runs.provenance import environment
 from repro.scans import Scans
+from repro.system.arrays import open_arrays
 from repro.system.devices import one_thread
-from repro.system.files import open_arrays, sha256, write_json, write_text
+from repro.system.files import sha256, write_json, write_text
 from reproduce.real import logs
 from reproduce.real.adapted import adapted, adapted_to, labels_of
 from reproduce.real.evidence import CENTER, evidence_at, join

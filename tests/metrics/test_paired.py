@@ -38,6 +38,8 @@ def test_a_prediction_does_not_differ_from_itself_and_arrays_will_do():
 @pytest.mark.parametrize(
     ("one", "maps", "message"),
     [
+        (with_errors(0.1, 1), MAPS * 255, "maps: expected 0 and 1"),
+        (with_errors(0.1, 1), MAPS * 0.5, "maps: expected 0 and 1"),
         (with_errors(0.1, 1)[:38], MAPS, r"one: expected probabilities .* got \(38, 1, 16, 16\)"),
         (MAPS[:, 0], MAPS[:, 0], r"maps: expected the shape \(M, 1, H, W\) with an even M, got \(40, 16, 16\)"),
         (MAPS[:3], MAPS[:3], r"maps: expected .* an even M, got \(3, 1, 16, 16\)"),

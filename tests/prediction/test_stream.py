@@ -17,7 +17,7 @@ from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
-from repro.prediction.stream import EXTRA, PredictionStream
+from repro.prediction.stream import EXTRA, PredictionStream, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
 from repro.scans import Scans
@@ -158,14 +158,23 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ranges": np.ones(7)}, r"expected ranges \(91,\) and a pose \(3,\), got \(7,\)"),
+        ({"ranges": np.ones(7)}, r"ranges: expected the shape \(91,\), got \(7,\)"),
+        ({"ranges": np.ones(91, bool)}, r"ranges \[m\]: expected floating-point numbers, got bool"),
+        ({"ranges": np.full(91, 3)}, r"ranges \[m\]: expected floating-point numbers, got int64"),
+        ({"ranges": np.full(91, 3).astype("m8[s]")}, r"expected floating-point numbers, got timedelta64\[s\]"),
+        ({"ranges": np.full(91, "3.0")}, "expected floating-point numbers, got <U3"),
+        ({"ranges": np.full(91, 3 + 0j)}, "expected floating-point numbers, got complex128"),
+        ({"pose": np.array([True, False, True])}, "pose: expected real numbers, got bool"),
+        ({"pose": np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])}, "pose: expected a plain array .*, got a masked one"),
+        ({"pose": np.ones(2)}, r"pose: expected the shape \(3,\), got \(2,\)"),
+        ({"pose": [1e17, 25.0, 0.0]}, r"pose: expected a finite one within 1e\+07 m"),
         ({"ranges": np.full(91, np.nan)}, "no valid reading"),
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
         (
             {"ranges": 1000 * LOG.ranges[15]},
             "expected meters, inf for a miss, and most of these are beyond 300",
         ),
-        ({"pose": np.array([0, np.nan, 0])}, "finite pose"),
+        ({"pose": np.array([0, np.nan, 0])}, "pose: expected a finite one"),
         ({"pose": np.array([25, 25, 90.0])}, "headings look like degrees, the largest is 90: expected radians"),
         ({"stamp": float("nan")}, "expected finite seconds, got nan"),
         ({"stamp": "1.5"}, "expected finite seconds, got '1.5'"),
@@ -181,6 +190,13 @@ def test_a_scan_that_cannot_be_is_refused_and_left_out(small, change, message):
     with pytest.raises(ValueError, match=message):
         stream.update(**scan | change)
     assert np.array_equal(stream.update(**scan).free, feed(undisturbed, np.arange(0, 1.55, 0.1))[-1].free)
+
+
+@pytest.mark.parametrize("origin", [None, "ab", (1.0,), (np.nan, 0.0), (True, False)])
+def test_a_map_has_an_origin(small, origin):
+    window = Scans(LOG.ranges[:STEPS], ANGLES, LOG.poses[:STEPS])
+    with pytest.raises(ValueError, match="origin"):
+        predict_map(small, window, origin, 1.0)
 
 
 @pytest.mark.parametrize(

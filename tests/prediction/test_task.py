@@ -14,6 +14,7 @@ import torch
 from conftest import ROOT
 
 from repro.cli import prediction
+from repro.cli.settings import Prediction
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.create import create_network
@@ -33,8 +34,8 @@ def run(tmp_path, monkeypatch):
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot"}
         settings |= dict.fromkeys(("pose", "mounting", "frame"), None) | {"spacing": "time"}
-        settings |= {"fov_deg": None, "range_max_m": None, "scan_topic": None, "odometry_topic": None}
-        chosen = SimpleNamespace(**settings | changes)
+        settings |= {"fov_deg": None, "range_max_m": None, "misses": "free", "scan_topic": None, "odometry_topic": None}
+        chosen = Prediction(**settings | changes)
         job = SimpleNamespace(
             call=SimpleNamespace(prediction=chosen, scans=str(scans)), outputs=SimpleNamespace(path=tmp_path)
         )

@@ -11,8 +11,9 @@ from repro.maps.validity import check_windows
 from repro.networks.predictor import load_predictor
 from repro.prediction.readings import readings
 from repro.scans import Scans
+from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
-from repro.system.files import open_arrays, read_mapping
+from repro.system.files import read_mapping
 
 GRID = repro.Grid(32, 50.0)
 

@@ -101,7 +101,8 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
     if settings.spacing == "distance" and settings.step_s is not None:
         raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
-    windows = window_of(predictor, center, settings.steps, settings.step_s, settings.range_max_m)
+    others = {"center": center, "range_max_m": settings.range_max_m, "misses": settings.misses}
+    windows = window_of(predictor, settings.steps, settings.step_s, **others)
     if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")

@@ -35,6 +35,8 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
     invalid = np.isnan(log.ranges).mean()
     if invalid:
         print(f"invalid: {invalid:.1%} of the readings (NaN, zero, below the minimum): neither a hit nor free space")
+    for note in log.notes:
+        print(f"warning: {note}", flush=True)
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
     notes = note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), sharper_convention(log, settings)
@@ -111,4 +113,4 @@ def summarize(table: pd.DataFrame) -> None:
     print(f"{len(table)} windows, mean{compared(means) or ': no other scan to compare with'}")
     count = int((table["moving_pixels"] > 0).sum())
     if count:
-        print(f"warning: {MOVERS} ({count} of {len(table)} windows; orange in the figures, see docs/robot.md#limits)")
+        print(f"warning: {MOVERS} ({count} of {len(table)} windows; orange in the figures, see docs/robot.md#what-moves)")

@@ -25,9 +25,10 @@ from repro.runs.config import RunConfig
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
+from repro.system.arrays import open_arrays
 from repro.system.devices import resolve_device
 from repro.system.errors import InputError
-from repro.system.files import open_arrays, read_table, replacing, sha256, write_text
+from repro.system.files import read_table, replacing, sha256, write_text
 
 FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
 

@@ -27,6 +27,8 @@ def paired_differences(one: Tensor | np.ndarray, other: Tensor | np.ndarray, map
     """
     if maps.ndim != 4 or maps.shape[1] != 1 or len(maps) % 2 or not len(maps):
         raise InputError(f"maps: expected the shape (M, 1, H, W) with an even M, got {tuple(maps.shape)}")
+    if not bool(((maps == 0) | (maps == 1)).all()):
+        raise InputError("maps: expected 0 and 1, which is free, got other values")
     weights = draw_weights(len(maps) // 2)
     return differences(*(resample(_measured(*each, maps), weights) for each in (("one", one), ("other", other))))
 

@@ -13,7 +13,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 import yaml
 from filelock import FileLock, Timeout
 from pydantic import TypeAdapter, ValidationError
@@ -240,11 +239,3 @@ def is_locked(directory: Path, name: str = ".lock") -> bool:
 def first_line(error: Exception) -> str:
     """Return the first line of the message of an error, or its type if it has none."""
     return str(error).strip().split("\n")[0] or type(error).__name__
-
-
-@contextmanager
-def open_arrays(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
-    """Open an npz file without executing code; unlike np.load(path), a damaged file is closed, too."""
-    check_regular(path)
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        yield arrays
