@@ -113,4 +113,4 @@ def summarize(table: pd.DataFrame) -> None:
     print(f"{len(table)} windows, mean{compared(means) or ': no other scan to compare with'}")
     count = int((table["moving_pixels"] > 0).sum())
     if count:
-        print(f"warning: {MOVERS} ({count} of {len(table)} windows; orange in the figures, see docs/robot.md#what-moves)")
+        print(f"warning: {MOVERS} ({count} of {len(table)} windows, orange in the figures: docs/robot.md#what-moves)")
