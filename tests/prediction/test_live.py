@@ -10,6 +10,7 @@ import torch
 from conftest import ROOT
 from messages import Ros
 
+from repro.learning.networks.trained import TorchNetwork
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
@@ -32,7 +33,7 @@ MOUNT_M = 0.2
 def predictor_of(encoding) -> Predictor:
     """Return a predictor with a small network, not trained, of which each pixel depends on many of the input."""
     torch.manual_seed(0)
-    return Predictor(torch.nn.Conv2d(encoding.channels, 1, 9, padding=4), encoding, Grid(32, 50.0))
+    return Predictor(TorchNetwork(torch.nn.Conv2d(encoding.channels, 1, 9, padding=4)), encoding, Grid(32, 50.0))
 
 
 PREDICTOR = predictor_of(Projection())

@@ -38,7 +38,7 @@ def moving(window: Scans) -> np.ndarray:
 @pytest.mark.parametrize("speed_m_s", [0.0, 0.8])
 def test_a_person_who_walks_by_is_found_where_he_was_hit(speed_m_s):
     found = moving(corridor(lambda time: (12 - 0.9 * time, 0.6), speed_m_s))
-    x, y = GRID.centers().reshape(128, 128, 2)[found].numpy().T
+    x, y = GRID.centers().reshape(128, 128, 2)[found].T
     assert len(x) > 10
     assert ((y > 12.7) & (y < 13.5)).all()  # not the walls
     assert x.max() - x.min() > 2

@@ -19,7 +19,7 @@ GRID = repro.Grid(32, 50.0)
 
 
 def window(angles: np.ndarray) -> Scans:
-    return Scans(np.full((10, len(angles)), 5.0), angles, np.full((10, 3), 25.0) * [1, 1, 0]).tensors()
+    return Scans(np.full((10, len(angles)), 5.0), angles, np.full((10, 3), 25.0) * [1, 1, 0]).batched()
 
 
 VALUES = {

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from repro.cli.prediction_report import compared, describe, say_left_out, summar
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import compare
 from repro.prediction.drawing import draw_window
 from repro.prediction.logs import ReadOptions, ScanLog
@@ -44,7 +46,7 @@ def predict_log(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    predictor = load_predictor(settings.weights)
+    predictor = load(settings.weights)
     print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings)
     describe(log, windows, predictor.reach_m)
@@ -62,6 +64,19 @@ def predict_log(job: Job) -> None:
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
     print(target)
+
+
+def load(weights: str) -> Predictor:
+    """Load the network of a prediction, from weights of torch where there is no ONNX file.
+
+    Raises:
+        InputError: there are no such weights, or they are of torch, and the study is not installed.
+    """
+    if onnx_file(locate(weights)) or not find_spec("torch"):
+        return load_predictor(weights)
+    from repro.learning.networks.trained import load_trained  # takes seconds
+
+    return load_trained(weights)
 
 
 def name_of(log: Path) -> str:
@@ -149,7 +164,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
         "unknown_share": float(predicted.unknown.mean()),
         "moving_pixels": int(predicted.moving.sum()),
     }
-    statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
+    statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
     losses = compare(window, predicted.free, grid, range_max_m)
     shares = f"{row['obstacle_share']:.1%} obstacles, {row['unknown_share']:.0%} unknown"

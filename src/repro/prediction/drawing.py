@@ -89,7 +89,7 @@ def draw_window(window: Window, predicted: StreamMap, grid: Grid, range_max_m: f
     figure.subplots_adjust(left=0.06, right=0.92, bottom=0.18, top=0.94, wspace=0.04)  # faster than a fitted layout
     bar = figure.colorbar(ScalarMappable(cmap="gray"), cax=figure.add_axes((0.935, 0.18, 0.012, 0.76)))
     bar.set_label("probability of free")
-    gray = Projection().encode(window.scans.tensors(), grid)[0, 0].numpy() / 255  # also where the network sees others
+    gray = Projection().encode(window.scans.batched(), grid)[0, 0] / 255  # also where the network sees others
     pixels = predicted.resolution_m
     _show(axes[0], shade(gray, predicted.unknown), window.origin, pixels)
     axes[0].set_title("hits of the window, dark is recent", fontsize=10)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
@@ -200,5 +199,5 @@ def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
 def _check_values(log: ScanLog, path: Path) -> None:
     """Refuse a log without headings in radians."""
     check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
-    if jumps(torch.as_tensor(log.poses[:, 2])):
+    if jumps(log.poses[:, 2]):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")

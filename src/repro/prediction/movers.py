@@ -36,8 +36,8 @@ def parts_of_window(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.nd
     different = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
     parts = np.array_split(different, min(PARTS, len(different)))
     index = np.stack([np.pad(part, (0, len(parts[0]) - len(part)), mode="edge") for part in parts])
-    batch = Scans(scans.ranges[index], scans.angles, scans.poses[index]).tensors()
-    return newest_hits(batch, grid).numpy() > 0, newest_passed(batch, grid, range_max_m).numpy() > 0
+    batch = Scans(scans.ranges[index], scans.angles, scans.poses[index]).batched()
+    return newest_hits(batch, grid) > 0, newest_passed(batch, grid, range_max_m) > 0
 
 
 def moving_pixels(hits: np.ndarray, passed: np.ndarray, *, is_still: bool) -> np.ndarray:

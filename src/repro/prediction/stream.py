@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
@@ -74,7 +73,7 @@ def predict_map(
     if not np.isfinite(place).all() or not np.isfinite(real("stamp", stamp, ())):
         raise InputError(f"expected a finite origin x, y [m] and time [s], got {origin} and {stamp}")
     predictor = predictor.with_range(range_max_m)
-    free = predictor.predict(window)[0].numpy()
+    free = predictor.predict(window)[0]
     hits, passed = parts_of_window(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
     unknown, moving = ~(hits | passed).any(0), moving_pixels(hits, passed, is_still=stands(window.poses))
     points, is_hit = Scans(window.ranges[-1:], window.angles, window.poses[-1:]).points()
@@ -128,8 +127,8 @@ class PredictionStream:
         self.predictor, self.angles = predictor, real("angles", angles).astype(float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
-        check_angles(torch.as_tensor(self.angles))
-        beam_spacing(torch.as_tensor(self.angles))  # refuses beams that are not evenly spaced
+        check_angles(self.angles)
+        beam_spacing(self.angles)  # refuses beams that are not evenly spaced
         self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
