@@ -55,7 +55,7 @@ class Evidence:
         return np.stack([getattr(self, name).ravel()[pixels] for name in COUNTS], axis=1).astype(np.float32)
 
     def features(self, pixels: np.ndarray) -> np.ndarray:
-        """Return all features at flat indices of pixels, (P,) to (P, F): counts, blurs, position, lines, and the ray."""
+        """Return all features at flat indices of pixels, (P,) to (P, F): counts, blurs, position, lines, ray."""
         hits, passes = self.hit_parts.sum(0), self.passed_parts.sum(0)
         images = [gaussian_filter(image, blur) for image in (hits, passes) for blur in BLURS_PX]
         for parts in (self.hit_parts, self.passed_parts):

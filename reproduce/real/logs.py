@@ -149,7 +149,7 @@ def log_of(path: Path, predictor: Predictor) -> tuple[ScanLog, WindowSettings]:
 
 
 def wean_hall(path: Path) -> ScanLog:
-    """Read a log of Wean Hall: lines of `L`, poses of robot and lidar, 180 ranges of half a turn [cm, rad], time [s]."""
+    """Read a log of Wean Hall: lines of `L`, poses of robot and lidar, 180 ranges of half a turn [cm, rad], time."""
     rows = [line.split()[1:] for line in path.read_text(encoding="ascii").splitlines() if line.startswith("L ")]
     table = np.array(rows, float)
     ranges = np.where(table[:, 6:-1] < NO_RETURN_CM, table[:, 6:-1] / 100, np.inf).astype(np.float32)
