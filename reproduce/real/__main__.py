@@ -22,7 +22,7 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 import argparse
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -88,15 +88,23 @@ def predictions(batch: tuple[Case, ...], predictor: Predictor) -> np.ndarray:
     return limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True).numpy()
 
 
-def compare(
-    path: Path, networks: Networks, fitted: Fitted
-) -> tuple[tuple[str, ...], dict[str, dict[str, np.ndarray]], list[float]]:
-    """Compare all maps of a log with the held-out beams.
+@dataclass(frozen=True)
+class Compared:
+    """What held-out beams say of the maps of a log.
 
-    Returns:
-        the kinds of pixels, the counts by score and map, (blocks, G, 2, 256), and the AUROC of the first network in
-        each window.
+    Args:
+        groups: the kinds of pixels, G.
+        counts: counts of pixels by score and map, (blocks, G, 2, 256).
+        ranked: AUROC of the first network in each window.
     """
+
+    groups: tuple[str, ...]
+    counts: dict[str, dict[str, np.ndarray]]
+    ranked: list[float]
+
+
+def compare(path: Path, networks: Networks, fitted: Fitted) -> Compared:
+    """Compare all maps of a log with the held-out beams."""
     counts: dict[str, dict[str, dict[int, np.ndarray]]] = defaultdict(lambda: defaultdict(dict))
     names, ranked = tuple[str, ...](), list[float]()
     predictors = {name: fast(of_log[path]) for name, of_log in networks.items()}
@@ -123,7 +131,7 @@ def compare(
         score: {name: np.stack(list(blocks.values())) for name, blocks in of_maps.items()}
         for score, of_maps in counts.items()
     }
-    return names, stacked, ranked
+    return Compared(names, stacked, ranked)
 
 
 def fast(predictor: Predictor) -> Predictor:
@@ -134,22 +142,20 @@ def fast(predictor: Predictor) -> Predictor:
 
 
 def rows_of_kind(
-    paths: list[Path], networks: Networks, fitted: dict[int, Fitted], ranked: dict[Path, list[float]]
+    paths: list[Path], compared: dict[Path, Compared], reference: str, *, stands: bool
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of logs of driving robots, or of those of standing lidars, by score."""
-    counts, groups = dict[Path, dict[str, dict[str, np.ndarray]]](), tuple[str, ...]()
-    for path in paths:
-        groups, counts[path], ranked[path] = compare(path, networks, fitted[fold_of(path)])
+    own = [path for path in paths if is_standing(path) == stands]
     for score in (OWN, WITHIN):
         measured: dict[str, dict[str, Measured]] = defaultdict(dict)
-        for path in paths:
-            for name, each in counts[path][score].items():
-                others = [counts[other][score][name] for other in paths if place_of(other) != place_of(path)]
-                is_raw = score == OWN or not others
-                probability = PROBABILITY if is_raw else calibrated(sum(_share(other) for other in others))
-                measured[name][path.name] = Measured(len(ranked[path]), each, probability)
-        about = {"robot": "stands" if is_standing(paths[0]) else "drives", "score": score}
-        for row in rows_of(measured, groups, next(iter(networks)), sets_of(paths)):
+        for path in own:
+            for name, each in compared[path].counts[score].items():
+                others = [compared[other] for other in paths if place_of(other) != place_of(path)]
+                shares = [_share(other.counts[score][name]) for other in others]
+                probability = calibrated(sum(shares)) if score == WITHIN and shares else PROBABILITY
+                measured[name][path.name] = Measured(len(compared[path].ranked), each, probability)
+        about = {"robot": "stands" if stands else "drives", "score": score}
+        for row in rows_of(measured, compared[own[0]].groups, reference, sets_of(own)):
             yield about | row
 
 
@@ -190,16 +196,15 @@ def main() -> None:
         networks[f"{options.adapted}, adapted"] = adapted(options.adapted, options.logs, options.kept)
     networks |= {name: dict.fromkeys(options.logs, load_predictor(name)) for name in options.weights}
     reference = next(iter(networks.values()))[options.logs[0]]
-    rows, chosen, ranked = list[dict[str, Any]](), dict[str, Any](), dict[Path, list[float]]()
-    fitted: dict[Path, Fitted] = {}
+    rows = list[dict[str, Any]]()
     with one_thread():
+        by_fold, chosen = fitted_by_fold(options.logs, reference)
+        fitted = {path: by_fold[fold_of(path)] for path in options.logs}
+        compared = {path: compare(path, networks, fitted[path]) for path in options.logs}
         for stands in sorted(set(map(is_standing, options.logs))):
-            paths = [path for path in options.logs if is_standing(path) == stands]
-            by_fold, settings = fitted_by_fold(paths, reference)
-            fitted |= {path: by_fold[fold_of(path)] for path in paths}
-            chosen["stands" if stands else "drives"] = settings
-            rows += rows_of_kind(paths, networks, by_fold, ranked)
+            rows += rows_of_kind(options.logs, compared, next(iter(networks)), stands=stands)
         options.target.mkdir(parents=True, exist_ok=True)
+        ranked = {path: each.ranked for path, each in compared.items()}
         draw(ranked, next(iter(networks.values())), fitted).savefig(options.target / "windows.png", dpi=110)
     write(rows, chosen, options, origin)
 
