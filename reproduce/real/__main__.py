@@ -160,9 +160,9 @@ def rows_of_kind(
 
 
 def _share(counts: np.ndarray) -> np.ndarray:
-    """Return the share of the pixels of a log in each level, of the first kind, all pixels, (2, 256)."""
+    """Return the pixels of a log in each level as if there were a million, of the first kind, all pixels, (2, 256)."""
     total = counts[:, 0].sum(0)
-    return total / total.sum()
+    return 1e6 * total / total.sum()
 
 
 def sets_of(paths: list[Path]) -> dict[str, list[str]]:
