@@ -17,7 +17,7 @@ from repro.system.progress import progress
 from repro.world_config import WorldSpec, read_world, world_spec
 
 WORLD, EXPERIMENT = "places", "crowds"
-SHARE = 0.3  # of the windows of logs
+SHARE = 0.15  # of the windows of logs
 
 
 def rehearsed(predictor: Predictor, windows: int) -> Labeled:
