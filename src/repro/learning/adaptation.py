@@ -234,7 +234,7 @@ def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:
 
 @torch.inference_mode()
 def calibrate(network: nn.Module, pairs: Pairs) -> None:
-    """Scale and shift the logits of a network, in its last convolution, so that they fit known pixels (Platt 1999).
+    """Scale and shift the logits of a network, in the last convolution to one map, so that they fit known pixels (Platt 1999).
 
     Args:
         network: the network, which is changed.
@@ -249,8 +249,7 @@ def calibrate(network: nn.Module, pairs: Pairs) -> None:
         logits.append(network(image)[known].float().cpu())
         free.append((codes[known] & 1).cpu())
     model = LogisticRegression(C=np.inf).fit(torch.cat(logits)[:, None].numpy(), torch.cat(free).numpy())
-    *_, last = (layer for layer in network.modules() if isinstance(layer, nn.Conv2d))
-    assert last.out_channels == 1, "the last convolution draws the map"
+    *_, last = (layer for layer in network.modules() if isinstance(layer, nn.Conv2d) and layer.out_channels == 1)
     last.weight.mul_(float(model.coef_[0, 0]))
     assert last.bias is not None
     last.bias.mul_(float(model.coef_[0, 0])).add_(float(model.intercept_[0]))
