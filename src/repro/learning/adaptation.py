@@ -241,14 +241,16 @@ def calibrate(network: nn.Module, pairs: Pairs) -> None:
         pairs: windows with labels, see `Labeled`.
     """
     network.eval()
-    logits, free = [], []
+    logits, free, weights = [], [], []
     for number in range(len(pairs)):
         image, target = pairs.batch(torch.tensor([number], device=pairs.maps.device))
         codes = target.to(torch.uint8)
         known = (codes & UNKNOWN) == 0
         logits.append(network(image)[known].float().cpu())
         free.append((codes[known] & 1).cpu())
-    model = LogisticRegression(C=np.inf).fit(torch.cat(logits)[:, None].numpy(), torch.cat(free).numpy())
+        weights.append(torch.full_like(logits[-1], 1 / max(len(logits[-1]), 1)))  # windows count alike, as in the loss
+    values, truth, weight = (torch.cat(each).numpy() for each in (logits, free, weights))
+    model = LogisticRegression(C=np.inf).fit(values[:, None], truth, weight)
     *_, last = (layer for layer in network.modules() if isinstance(layer, nn.Conv2d) and layer.out_channels == 1)
     last.weight.mul_(float(model.coef_[0, 0]))
     assert last.bias is not None
