@@ -10,7 +10,7 @@ also compare the least probability of free there, calibrated on logs of other pl
 The network of --adapted is adapted to the logs of two thirds of the places, as task=adapt does, and tested on the
 others; those of --weights are tested as they are. Maps without a network are fitted to the same logs as the adapted
 network, and the boosting is tuned on the development logs among these. The rows go to held_out.csv in the target,
-their origin to provenance.json. With --save, the network is adapted to all logs and nothing is compared.
+their origin to provenance.json. With --save, the network is first adapted to all logs.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
@@ -152,7 +152,7 @@ def rows_of_kind(
             for name, each in compared[path].counts[score].items():
                 others = [compared[other] for other in paths if place_of(other) != place_of(path)]
                 shares = [_share(other.counts[score][name]) for other in others]
-                probability = calibrated(sum(shares)) if score == WITHIN and shares else PROBABILITY
+                probability = calibrated(np.sum(shares, 0)) if score == WITHIN and shares else PROBABILITY
                 measured[name][path.name] = Measured(len(compared[path].ranked), each, probability)
         about = {"robot": "stands" if stands else "drives", "score": score}
         for row in rows_of(measured, compared[own[0]].groups, reference, sets_of(own)):
@@ -185,15 +185,15 @@ def main() -> None:
     parser.add_argument("--weights", nargs="*", default=[], help="weights, which are tested as they are")
     parser.add_argument("--target", type=Path, default=TARGET)
     parser.add_argument("--kept", type=Path, default=KEPT, help="adapted networks")
-    parser.add_argument("--save", type=Path, help="only adapt the network to all logs, in this directory")
+    parser.add_argument("--save", type=Path, help="also adapt the network to all logs, in this directory")
     options = parser.parse_args()
-    if options.save:
-        adapted_to_all(options.adapted, options.logs, options.save)
-        return
     origin = environment()  # before the results change the working tree
     networks: Networks = {}
     if options.adapted:
-        networks[f"{options.adapted}, adapted"] = adapted(options.adapted, options.logs, options.kept)
+        with one_thread():
+            if options.save:
+                adapted_to_all(options.adapted, options.logs, options.save)
+            networks[f"{options.adapted}, adapted"] = adapted(options.adapted, options.logs, options.kept)
     networks |= {name: dict.fromkeys(options.logs, load_predictor(name)) for name in options.weights}
     reference = next(iter(networks.values()))[options.logs[0]]
     rows = list[dict[str, Any]]()

@@ -234,7 +234,7 @@ def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:
 
 @torch.inference_mode()
 def calibrate(network: nn.Module, pairs: Pairs) -> None:
-    """Scale and shift the logits of a network, in the last convolution to one map, so that they fit known pixels (Platt 1999).
+    """Scale and shift the logits of a network, in the convolution that draws the map, to fit known pixels (Platt 1999).
 
     Args:
         network: the network, which is changed.
