@@ -234,13 +234,13 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
     monkeypatch.setattr(real_logs, "read_log", lambda *_: standing_lidar(people=True))
     cases = list(real_logs.standing(Path("people.bag"), predictor))
     for case in cases:
-        x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
+        x, y = predictor.grid.centers()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
         assert bool(case.moving.any()) == (case.window.stamp > 12.95)
         assert np.hypot(x, y) == pytest.approx(3, abs=0.2)
         groups = case.groups(np.zeros(len(case.pixels), bool))
         assert (groups["standing"].hits | groups["moving"].hits == case.clear.hits).all()
         view = case.window.scans.poses[-1, 2] + np.array([-math.pi / 4, math.pi / 4])
-        x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2
+        x, y = predictor.grid.centers()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2
         angles = np.arctan2(y, x)
         assert not ((angles > view[0] + 0.05) & (angles < view[1] - 0.05)).any()  # held out
         assert np.abs(angles).max() < math.pi / 2 + 0.05  # as far as the lidar swings

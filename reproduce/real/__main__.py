@@ -20,9 +20,10 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 """
 
 import argparse
+import copy
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,12 @@ import pandas as pd
 from tqdm import tqdm
 
 from repro.learning.kernels import accelerate
+from repro.learning.networks.trained import load_trained, module_of, with_module
 from repro.metrics.counts import LEVELS, PROBABILITY
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
+from repro.runs.devices import one_thread
 from repro.runs.provenance import environment
 from repro.scans import Scans
-from repro.system.devices import one_thread
 from repro.system.files import sha256, write_json, write_text
 from reproduce.real import maps
 from reproduce.real.adapted import adapted, adapted_to_all
@@ -85,7 +87,7 @@ def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int, F
 def predictions(batch: tuple[Case, ...], predictor: Predictor) -> np.ndarray:
     """Predict the maps of some windows of one log as a user does, (B, H, W)."""
     limited = predictor.with_range(batch[0].range_max_m)
-    return limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True).numpy()
+    return limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True)
 
 
 @dataclass(frozen=True)
@@ -136,9 +138,9 @@ def compare(path: Path, networks: Networks, fitted: Fitted) -> Compared:
 
 def fast(predictor: Predictor) -> Predictor:
     """Return the same predictor with faster kernels."""
-    network = predictor.copied_network()
+    network = copy.deepcopy(module_of(predictor))
     accelerate(network, "cpu")
-    return replace(predictor, network=network)
+    return with_module(predictor, network)
 
 
 def rows_of_kind(
@@ -194,7 +196,7 @@ def main() -> None:
             if options.save:
                 adapted_to_all(options.adapted, options.logs, options.save)
             networks[f"{options.adapted}, adapted"] = adapted(options.adapted, options.logs, options.kept)
-    networks |= {name: dict.fromkeys(options.logs, load_predictor(name)) for name in options.weights}
+    networks |= {name: dict.fromkeys(options.logs, load_trained(name)) for name in options.weights}
     reference = next(iter(networks.values()))[options.logs[0]]
     rows = list[dict[str, Any]]()
     with one_thread():

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from repro.learning import adaptation, rehearsal
 from repro.learning.adaptation import Labeled, adapt, label
+from repro.learning.networks.trained import load_trained, save_trained
 from repro.learning.rehearsal import rehearsed
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
 from repro.networks.weights import locate
+from repro.runs.devices import resolve_precision
 from repro.runs.provenance import environment
-from repro.system.devices import resolve_precision
 from repro.system.files import read_mapping, sha256, write_json
 from reproduce.real.logs import FOLDS, VIEW, fold_of, log_of
 
@@ -51,21 +52,21 @@ def adapted_to(weights: str, chosen: tuple[Path, ...], paths: list[Path], direct
         simulated = rehearsed_of(weights, sum(len(train.pairs) for train, _ in labels.values()))
         precision = resolve_precision("auto", "cpu")
         known = [labels[path] for path in chosen]
-        network, before, after = adapt(load_predictor(weights), known, simulated, precision=precision)
+        network, before, after = adapt(load_trained(weights), known, simulated, precision=precision)
         print(f"validation loss: {before:.4f} before, {after:.4f} adapted", flush=True)
-        network.save(directory / "model")
+        save_trained(network, directory / "model")
         write_json(done, source | {"validation_loss_before": before, "validation_loss": after, **environment()})
-    return load_predictor(directory / "model")
+    return load_trained(directory / "model")
 
 
 @cache
 def labels_of(path: Path, weights: str, seed: int) -> tuple[Labeled, Labeled]:
     """Label the windows of a log."""
-    predictor = load_predictor(weights)
+    predictor = load_trained(weights)
     return label(*log_of(path, predictor), predictor, VIEW, seed=seed)
 
 
 @cache
 def rehearsed_of(weights: str, windows: int) -> Labeled:
     """Record the simulated windows for so many windows of logs."""
-    return rehearsed(load_predictor(weights), windows)
+    return rehearsed(load_trained(weights), windows)

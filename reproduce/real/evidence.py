@@ -33,15 +33,15 @@ class Evidence:
     """
 
     def __init__(self, scans: Scans, grid: Grid, range_max_m: float) -> None:
-        window = scans.tensors()
-        last_hit = newest_hits(window, grid)[0].numpy()
-        last_passed = newest_passed(window, grid, range_max_m)[0].numpy()
+        window = scans.batched()
+        last_hit = newest_hits(window, grid)[0]
+        last_passed = newest_passed(window, grid, range_max_m)[0]
         newest = np.maximum(last_hit, last_passed)
-        images = Series(PARTS, range_max_m).encode(window, grid)[0].numpy() == 0
+        images = Series(PARTS, range_max_m).encode(window, grid)[0] == 0
         self.hit_parts, self.passed_parts = images[:PARTS].astype(np.float32), images[PARTS:].astype(np.float32)
         hits, passes = self.hit_parts.sum(0), self.passed_parts.sum(0)
         self.seen, self.hit = newest > 0, (last_hit > 0) & (last_hit >= last_passed)
-        offsets = grid.centers().numpy().reshape(*self.hit.shape, 2) - scans.poses[-1, :2]
+        offsets = grid.centers().reshape(*self.hit.shape, 2) - scans.poses[-1, :2]
         self.offsets_px, self.heading = offsets / grid.resolution_m, float(scans.poses[-1, 2])
         self.odds = np.log((passes + 0.5) / (hits + 0.5))
         self.hits, self.passes = np.log1p(hits), np.log1p(passes)

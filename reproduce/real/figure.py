@@ -45,7 +45,7 @@ def _draw_row(row: np.ndarray, case: Case, predictor: Predictor, fitted: Fitted)
     network = case.map_of(predictor)
     pixels = np.arange(grid.size_px**2)
     boosting = fitted.predict(case.evidence(grid), pixels)[BOOSTING].reshape(network.shape)
-    hits = Projection().encode(scans.tensors(), grid)[0, 0].numpy() / 255
+    hits = Projection().encode(scans.batched(), grid)[0, 0] / 255
     truth = np.ones((*network.shape, 3))
     for shown, color in ((case.clear.passed, PASSED), (case.clear.hits, HIT)):
         truth[shown] = to_rgb(color)

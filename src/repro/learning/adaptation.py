@@ -7,6 +7,7 @@ The last fifth of each log is for validation, or a part of little more than a wi
 those of the epoch with the least validation loss.
 """
 
+import copy
 import functools
 import math
 import tempfile
@@ -24,9 +25,10 @@ from repro.config import Training
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
 from repro.learning.losses import HIDDEN_WEIGHT
+from repro.learning.networks.convgru import ConvGRU, is_centered
+from repro.learning.networks.trained import TorchNetwork, module_of
 from repro.learning.training import TrainingModule, fit, load_best
 from repro.maps.statistics import Statistics, summarize
-from repro.networks.convgru import ConvGRU, is_centered
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
@@ -170,9 +172,9 @@ def _labeled(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Lab
 def drawn(windows: list[Scans], labels: list[np.ndarray], predictor: Predictor) -> Labeled:
     """Encode windows, (T, N), on their maps, with the codes of their maps, (H, W), see `Labeled`."""
     encoding, grid = predictor.encoding, predictor.grid
-    images = [packed(encoding.encode(scans.tensors(), grid), encoding) for scans in windows]
+    images = [packed(encoding.encode(scans.batched(), grid), encoding) for scans in windows]
     maps = torch.from_numpy(np.stack(labels).astype(np.uint8))[:, None]
-    statistics = summarize((scans.tensors() for scans in windows), grid)
+    statistics = summarize((scans.batched() for scans in windows), grid)
     return Labeled(Pairs(torch.cat(images), maps, encoding), statistics)
 
 
@@ -203,7 +205,7 @@ def adapt(
     """
     of_logs, val = (_joined(part, device) for part in zip(*logs, strict=True))
     train = _joined((*(first for first, _ in logs), simulated), device) if simulated else of_logs
-    network = predictor.copied_network()
+    network = copy.deepcopy(module_of(predictor))
     if isinstance(network, ConvGRU) and not (network.centered or predictor.has_fixed):
         network = network.with_distances()
     network.to(device)
@@ -221,7 +223,7 @@ def adapt(
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
     statistics = functools.reduce(Statistics.widened, [*known, *(first.statistics for first, _ in logs)])
-    adapted = replace(predictor, network=network.cpu(), statistics=statistics, is_centered=is_centered(network))
+    adapted = replace(predictor, network=TorchNetwork(network), statistics=statistics, is_centered=is_centered(network))
     return adapted, before, after
 
 

@@ -12,7 +12,7 @@ import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 from torch import nn
 
-from repro.networks.torch_files import read_torch
+from repro.learning.networks.torch_files import read_torch
 from repro.networks.weights import locate
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, replacing

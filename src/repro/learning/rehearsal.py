@@ -1,7 +1,6 @@
 """Windows of simulated worlds in which a network rehearses while it adapts to logs, see `adaptation`."""
 
 import numpy as np
-import torch
 
 from repro.learning.adaptation import HIDDEN, UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
@@ -39,16 +38,14 @@ def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, n
     origin = scans.poses[-1, :2] - grid.size_m / 2
     window = on_map(scans.ranges, scans.angles, scans.poses, origin)
     free, standing = (true_map(recording, origin, grid, only_standing=only) for only in (False, True))
-    shown = shown_pixels(standing, torch.as_tensor(window.poses[-1:], dtype=torch.float32), grid)[0].numpy()
-    centers = grid.centers().numpy().reshape(*shown.shape, 2) + origin
+    shown = shown_pixels(standing, window.poses[-1:], grid)[0]
+    centers = grid.centers().reshape(*shown.shape, 2) + origin
     is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
-    return window, np.where(is_outside, UNKNOWN, free[0].numpy() + HIDDEN * ~shown)
+    return window, np.where(is_outside, UNKNOWN, free[0] + HIDDEN * ~shown)
 
 
-def true_map(recording: Recording, origin: np.ndarray, grid: Grid, *, only_standing: bool = False) -> torch.Tensor:
+def true_map(recording: Recording, origin: np.ndarray, grid: Grid, *, only_standing: bool = False) -> np.ndarray:
     """Return the map after the last step, 1 is free, uint8, (1, H, W), with its lower left corner at an origin [m]."""
     kept = ~(np.ptp(recording.states, axis=1) > 0).any(-1) if only_standing else np.ones(len(recording.states), bool)
     states = recording.states[kept, -1] - [*origin, 0]
-    owner = torch.zeros(len(states), dtype=torch.long)
-    outlines = torch.as_tensor(recording.outlines[kept]).float()
-    return rasterize(outlines, torch.as_tensor(states).float(), owner, 1, grid)
+    return rasterize(recording.outlines[kept], states, np.zeros(len(states), int), 1, grid)

@@ -7,7 +7,7 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.networks.blocks import Residual, check_series, conv_block, each_part, last_state
+from repro.learning.networks.blocks import Residual, check_series, conv_block, each_part, last_state
 from repro.system.errors import InputError
 
 DETAIL = 16  # channels at full resolution

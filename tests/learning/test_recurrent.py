@@ -4,11 +4,12 @@ import pytest
 import torch
 
 from repro.learning.checkpoints import start_from
+from repro.learning.networks.convgru import ConvGRU, _distances
+from repro.learning.networks.convlstm import ConvLSTM
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, save_trained
 from repro.maps.grid import Grid
 from repro.maps.series import Series
-from repro.networks.convgru import ConvGRU, _distances
-from repro.networks.convlstm import ConvLSTM
-from repro.networks.create import create_network
 from repro.networks.model import Model
 from repro.networks.predictor import Predictor
 
@@ -78,7 +79,7 @@ def test_a_network_with_distances_predicts_the_same_before_it_is_trained():
 
 def test_what_a_network_lacks_without_effect_it_lacks_after_another_trained_too(tmp_path):
     trained, images = ConvGRU(8, 4, hidden=16).eval(), torch.rand(2, 8, 32, 32)
-    Predictor(trained, Series(4), Grid(32, 25.0)).save(tmp_path / "model")
+    save_trained(Predictor(TorchNetwork(trained), Series(4), Grid(32, 25.0)), tmp_path / "model")
     network = ConvGRU(8, 4, hidden=16, indexed=True).eval()
     start_from(network, str(tmp_path / "model"))
     assert torch.equal(network(images), trained(images))
