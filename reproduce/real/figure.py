@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
+from repro.prediction.agreement import last_hits
+from repro.prediction.drawing import shade
 from reproduce.real.logs import Case, cases_of
 from reproduce.real.maps import BOOSTING, Fitted
 
@@ -49,12 +51,14 @@ def _draw_row(row: np.ndarray, case: Case, predictor: Predictor, fitted: Fitted)
     truth = np.ones((*network.shape, 3))
     for shown, color in ((case.clear.passed, PASSED), (case.clear.hits, HIT)):
         truth[shown] = to_rgb(color)
-    for ax, image in zip(row, (hits, truth, network, boosting), strict=True):
+    _, seen = last_hits(scans, grid, case.range_max_m)
+    maps = (shade(image, ~seen) for image in (hits, network, boosting))  # tinted where unknown
+    for ax, image in zip((row[0], *row[2:], row[1]), (*maps, truth), strict=True):
         _show(ax, image, grid, scans.poses[:, :2])
 
 
 def _show(ax: Axes, image: np.ndarray, grid: Grid, path: np.ndarray) -> None:
     extent = (0, grid.size_m, 0, grid.size_m)
-    ax.imshow(image, cmap="gray", vmin=0, vmax=1, extent=extent, interpolation="nearest")
+    ax.imshow(image, extent=extent, interpolation="nearest")
     ax.plot(*path.T, color="#e08a00", linewidth=1)
     ax.set(xticks=[], yticks=[], xlim=extent[:2], ylim=extent[2:])
