@@ -10,6 +10,7 @@ import shapely
 Shape = dict[str, Any]
 Obstacle = dict[str, Any]
 Line = list[list[float]]
+SNAP_M = 1e-9  # grid to which shapes are snapped where rounding defeats their exact union
 
 
 def geometry(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> shapely.Geometry:
@@ -59,7 +60,10 @@ def union(obstacles: Iterable[Obstacle]) -> shapely.Geometry | None:
     parts = [geometry(obstacle["shape"], obstacle["state"]) for obstacle in obstacles]
     if not parts:
         return None
-    whole = shapely.union_all(parts)
+    try:
+        whole = shapely.union_all(parts)
+    except shapely.errors.GEOSException:  # rounding, in two of a thousand floors of `places`
+        whole = shapely.union_all(parts, grid_size=SNAP_M)
     shapely.prepare(whole)
     return whole
 
