@@ -83,7 +83,7 @@ def measured(place: Place, networks: dict[str, Predictor], tuned: Tuned, recordi
                 for name, obstacle in {**maps, CONSTANT: constant}.items():
                     found[size_px].setdefault(name, []).append(held(number, target, obstacle))
     for size_px, movers in found.items():
-        yield from ({"world": place.name, "size_px": size_px, **row} for row in rows(movers, (CONSTANT, TRACKED)))
+        yield from ({"world": place.name, "size_px": size_px, **row} for row in rows(movers, (CONSTANT, HITS, TRACKED)))
 
 
 def in_corridor(networks: dict[str, Predictor], tuned: Tuned, target: Path) -> None:
@@ -127,11 +127,11 @@ def main() -> None:
 def tune_all(options: argparse.Namespace) -> None:
     """Tune the maps without a network for each place, and keep those of other places."""
     path = options.target / "tuned.json"
-    content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     for place in (place for place in PLACES if place.name in options.places):
         grid = Grid(SIZE_PX, place.spec.world.width)
-        content[place.name] = tune(place, range(FIRST_TUNED, FIRST_TUNED + TUNED), SEARCHED, grid).plain()
-        write_json(path, content)
+        tuned = tune(place, range(FIRST_TUNED, FIRST_TUNED + TUNED), SEARCHED, grid)
+        others = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        write_json(path, {**others, place.name: tuned.plain()})
 
 
 def measure_all(options: argparse.Namespace) -> None:

@@ -96,11 +96,14 @@ def _inside(grid: Grid, middle_m: float) -> np.ndarray:
 
 
 def figure(maps: Mapping[str, Any], grids: Mapping[str, Grid], stem: Path) -> None:
-    """Draw the maps around the robot of a person who walks by, a row for each map, a column for each time."""
-    found, half_m = walk(WALK_M_S), 6.0
+    """Draw the maps around the robot of a person who walks by, a row for each map, a column for each time.
+
+    Maps without a network hold movers only, not the walls.
+    """
+    found = walk(WALK_M_S)
     with plt.rc_context(STYLE):
         shape = len(maps), len(SHOWN_S)
-        drawn, axes = plt.subplots(*shape, figsize=(7.5, 0.4 + 0.75 * len(maps)), layout="constrained", squeeze=False)
+        drawn, axes = plt.subplots(*shape, figsize=(7.5, 0.3 + 0.3 * len(maps)), layout="constrained", squeeze=False)
         for line, (name, predict) in zip(axes, maps.items(), strict=True):
             grid = grids[name]
             for ax, after_s in zip(line, SHOWN_S, strict=True):
@@ -112,8 +115,8 @@ def figure(maps: Mapping[str, Any], grids: Mapping[str, Grid], stem: Path) -> No
                 )
                 x, y, _ = scans.poses[-1]
                 ax.plot([x], [y], ">", color="#0b6e99", markersize=3)
-                ax.set(xlim=(x - half_m, x + half_m), ylim=(y - 1.4, y + 2.0), xticks=[], yticks=[])
-                if line is axes[0]:
-                    ax.set_title(f"{after_s:+g} s" if after_s else "last hit")
+                ax.set(xlim=(x - 8, x + 4), ylim=(y - 1.2, y + 1.8), xticks=[], yticks=[])
             line[0].set_ylabel(name, rotation=0, ha="right", va="center")
+        for ax, after_s in zip(axes[0], SHOWN_S, strict=True):
+            ax.set_title(f"{after_s:+g} s" if after_s else "last hit")
         save(drawn, stem, ("png",))
