@@ -15,7 +15,6 @@ from typing import Any
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
-import torch
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.collections import LineCollection
 
@@ -53,9 +52,7 @@ class Frame:
 def true_map(env: Any, outlines: np.ndarray, grid: Grid) -> np.ndarray:
     """Draw the obstacles of an environment, given their outlines (O, V, 2), (H, W), 1 is free."""
     states = np.array([obstacle.state[:3, 0] for obstacle in env.obstacle_list])
-    owner = torch.zeros(len(states), dtype=torch.long)
-    tensors = torch.as_tensor(outlines).float(), torch.as_tensor(states).float()
-    return rasterize(*tensors, owner, 1, grid)[0].numpy()
+    return rasterize(outlines, states, np.zeros(len(states), int), 1, grid)[0]
 
 
 def drive(env: Any, outlines: np.ndarray, predictor: Predictor, options: argparse.Namespace) -> Iterator[Frame]:

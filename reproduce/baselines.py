@@ -21,12 +21,12 @@ from repro.cli.jobs import RESULTS, Job, resolve
 from repro.config import PROJECTION
 from repro.evaluation.analysis import gather
 from repro.evaluation.evaluate import evaluate_baseline, read_predictions
-from repro.metrics.paired import paired_differences
+from repro.evaluation.paired import paired_differences
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
-from repro.system.devices import one_thread
+from repro.runs.devices import one_thread
 from repro.system.files import write_text
 from reproduce.upper_bound import privileged
 

@@ -12,14 +12,14 @@ from pathlib import Path
 import pandas as pd
 
 from repro.evaluation.evaluate import measure
+from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
 from repro.metrics.names import METRICS
-from repro.networks.predictor import load_predictor
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.reporting.paper import read_paper
+from repro.runs.devices import one_thread
 from repro.simulation.recorder import record_experiment
-from repro.system.devices import one_thread
 from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +52,7 @@ def main() -> int:
     for model, (directory, encoding, weights) in PUBLISHED.items():
         print(f"predicting 500 maps: {model}", flush=True)
         with one_thread():
-            free = load_predictor(RESULTS / weights).predict(test.scans)[:, None]
+            free = load_trained(RESULTS / weights).predict(test.scans)[:, None]
         stored, (now, _) = stored_row(directory, model, encoding), measure(free, test.maps)
         worst = max(worst, (now[SHOWN].astype(float) - stored).abs().max())
         rows |= {(model, "published"): stored, (model, "now"): now[SHOWN]}

@@ -20,15 +20,16 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, export_onnx
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting import documents
+from repro.runs.devices import clock, one_thread, resolve_precision
 from repro.scans import Scans
-from repro.system.devices import clock, one_thread, resolve_precision
 
 MODELS = Path(__file__).parents[1] / "conf" / "model"
 STEPS, BEAMS, PAPER_PX = 100, 100, 256
@@ -47,19 +48,17 @@ CELLS = [  # networks and their inputs
 LATENCIES = ("cpu_eager_ms", "cpu_onnx_ms", "cuda_eager_ms")
 
 
-def random_scans(device: str) -> Scans:
+def random_scans() -> Scans:
     """Draw random scans of one window."""
-    generator = torch.Generator().manual_seed(0)
-    ranges = 30 * torch.rand(STEPS, BEAMS, generator=generator)
-    angles = torch.linspace(-torch.pi / 4, torch.pi / 4, BEAMS)
-    poses = torch.tensor([25.0, 25.0, 0.0]).repeat(STEPS, 1)
-    poses[..., 2] = torch.linspace(0, 2 * torch.pi, STEPS)
-    return Scans(ranges, angles, poses).tensors(device)
+    ranges = 30 * np.random.default_rng(0).random((STEPS, BEAMS))
+    angles = np.linspace(-np.pi / 4, np.pi / 4, BEAMS)
+    poses = np.column_stack([np.full((STEPS, 2), 25.0), np.linspace(0, 2 * np.pi, STEPS)])
+    return Scans(ranges, angles, poses)
 
 
 def latency_ms(predictor: Predictor, device: str, repeat: int = 20) -> float:
     """Measure the median time from one window of scans to its predicted map [ms]."""
-    scans, times = random_scans(device), []
+    scans, times = random_scans(), []
     for _ in range(repeat + 3):
         began = clock(device)
         predictor.predict(scans)
@@ -106,9 +105,9 @@ def measure(name: str, label: str, size_px: int, runs: pd.DataFrame) -> dict[str
     }
     row |= dict.fromkeys(LATENCIES)
     for device in ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",):
-        row[f"{device}_eager_ms"] = latency_ms(Predictor(network.to(device), encoding, grid), device)
+        row[f"{device}_eager_ms"] = latency_ms(Predictor(TorchNetwork(network, device), encoding, grid), device)
     with tempfile.TemporaryDirectory() as folder:
-        Predictor(network.cpu(), encoding, grid).save_onnx(path := Path(folder) / "model.onnx")
+        export_onnx(Predictor(TorchNetwork(network), encoding, grid), path := Path(folder) / "model.onnx")
         row["cpu_onnx_ms"] = latency_ms(load_predictor(path), "cpu")
     return row
 

@@ -24,15 +24,17 @@ from matplotlib.figure import Figure
 
 from repro.cli import compose, main
 from repro.cli.jobs import Job, resolve
-from repro.metrics.bootstrap import draw_weights, intervals, measured_of, resample
-from repro.networks.predictor import Predictor, load_predictor
+from repro.evaluation.image_metrics import measured_of
+from repro.learning.networks.trained import load_trained
+from repro.metrics.bootstrap import draw_weights, intervals, resample
+from repro.networks.predictor import Predictor
 from repro.recordings.reader import Recordings, open_recordings
 from repro.recordings.recorded import Recorded, load_recorded
 from repro.reporting.names import predictor_title
 from repro.reporting.plots import LOOKS, STYLE, one_legend, save
 from repro.reporting.results import read_rows
 from repro.runs.keys import RunKey
-from repro.scans import Scans, library_of
+from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
 from repro.simulation.sensing import drifted_poses, noisy_poses, noisy_ranges, skipped_scans
 from repro.system.files import write_text
@@ -89,8 +91,8 @@ def turned(test: Recorded, degrees: int) -> Recorded:
     center_m, poses = test.grid.size_m / 2, test.scans.poses
     x, y, heading = poses[..., 0] - center_m, poses[..., 1] - center_m, poses[..., 2]
     there = (cos * x - sin * y + center_m, sin * x + cos * y + center_m, heading + math.radians(degrees))
-    scans = dataclasses.replace(test.scans, poses=library_of(poses).stack(there, -1))
-    return dataclasses.replace(test, scans=scans, maps=test.maps.rot90(degrees // 90, (-2, -1)))
+    scans = dataclasses.replace(test.scans, poses=np.stack(there, -1))
+    return dataclasses.replace(test, scans=scans, maps=np.rot90(test.maps, degrees // 90, (-2, -1)))
 
 
 def across_start_headings(predictor: Predictor, recordings: Recordings) -> pd.DataFrame:
@@ -129,10 +131,9 @@ def under_changes(predictor: Predictor, spec: WorldSpec, directory: Path, pairs:
         return load_recorded(open_recordings(directory / name), "test", predictor.grid)
 
     plain = record("plain", spec)
-    arrays = Scans(*(each.numpy() for each in (plain.scans.ranges, plain.scans.angles, plain.scans.poses)))
     for shift, (change, amounts) in CHANGES.items():
         for amount in amounts:
-            scans = change(arrays, amount, np.random.default_rng(0))
+            scans = change(plain.scans, amount, np.random.default_rng(0))
             add(shift, amount, dataclasses.replace(plain, scans=scans), spec)
     for shift, (change_spec, amounts) in WORLDS.items():
         for amount in amounts:
@@ -180,7 +181,7 @@ def test_network(job: Job) -> pd.DataFrame:
     for name, run in runs.items():
         if run.is_trained:
             recorded[name].check_worlds(run.config().data.worlds)
-    predictors = {name: load_predictor(run.model) for name, run in runs.items() if run.is_trained}
+    predictors = {name: load_trained(run.model) for name, run in runs.items() if run.is_trained}
     own, recordings = predictors[key.experiment], recorded[key.experiment]
     pairs = min(job.call.scale.pairs.test, 100)
     changed = outputs.path / "generalization" / f"exp{key.experiment}"

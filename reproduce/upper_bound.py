@@ -19,10 +19,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-import torch
-from torch import Tensor
 
-from repro.outlines import padded, placed
+from repro.maps.outlines import padded, placed
 from repro.parallel import count_cores
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.recordings.recorded import Recorded
@@ -62,7 +60,7 @@ class Obstacles:
         return 2 * self.paths[:, 0] - self.paths[:, 1]
 
 
-def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
+def privileged(val: Recorded, test: Recorded) -> tuple[np.ndarray, dict[str, Any]]:
     """Predict the test recordings in threads; nothing is tuned on the validation set.
 
     Raises:
@@ -84,7 +82,7 @@ def privileged(val: Recorded, test: Recorded) -> tuple[Tensor, dict[str, Any]]:
     with ThreadPoolExecutor(count_cores()) as pool:  # compiled loops release the interpreter
         drawn = pool.map(predict, [each for each in known for _ in (0, 1)], range(len(test)))
         free = list(progress(drawn, "drawing motions", total=len(test)))
-    return torch.from_numpy(np.stack(free)).float()[:, None], {"draws": DRAWS}
+    return np.stack(free).astype(np.float32)[:, None], {"draws": DRAWS}
 
 
 @cache

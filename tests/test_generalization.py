@@ -8,8 +8,8 @@ from conftest import ROOT, world_spec
 from reproduce import generalization
 
 from repro import world_config
+from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
-from repro.networks.predictor import load_predictor
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.reporting.results import read_rows
@@ -49,9 +49,9 @@ def test_turned_recordings_are_those_of_turned_worlds(tmp_path, experiment, degr
     states = shard.states.astype(float)
     states[..., :2] = (states[..., :2] - 25) @ np.array([[cos, sin], [-sin, cos]]) + 25
     states[..., 2] += angle
-    assert np.array_equal(test.maps[0, 0].numpy(), np.rot90(plain.maps[0, 0].numpy(), degrees // 90))
-    for poses, recorded in zip(test.scans.poses.numpy(), test.scans.ranges.numpy(), strict=True):
-        ranges, _ = scan(poses, test.scans.angles.numpy(), shard.outlines, states, test.range_max_m)
+    assert np.array_equal(test.maps[0, 0], np.rot90(plain.maps[0, 0], degrees // 90))
+    for poses, recorded in zip(test.scans.poses, test.scans.ranges, strict=True):
+        ranges, _ = scan(poses, test.scans.angles, shard.outlines, states, test.range_max_m)
         same = np.isfinite(ranges) == np.isfinite(recorded)
         assert same.mean() > 0.9999  # the recorded states are rounded to 32 bits
         both = same & np.isfinite(ranges)
@@ -80,7 +80,7 @@ def test_published_rows_are_those_of_published_weights(weights, published, exper
     monkeypatch.setattr(generalization, "START_HEADINGS", (180,))
     world = ROOT / "conf" / "world" / ("paper.yaml" if experiment == "4" else "drive.yaml")
     spec = world_config.world_spec(world_config.read_world(world), experiment)
-    predictor = load_predictor(RESULTS / weights)
+    predictor = load_trained(RESULTS / weights)
     tables = [generalization.under_changes(predictor, spec, tmp_path, 200, workers=1)]
     if experiment == "4":
         record_experiment(tmp_path / "test", spec, {"test": 500}, workers=1)

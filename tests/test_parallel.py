@@ -67,11 +67,12 @@ def test_a_single_training_uses_several_threads_on_idle_cores_only(idle, logged,
     loaded = SimpleNamespace(set_num_threads=lambda number: taken.append(number))
     monkeypatch.setitem(sys.modules, "torch", loaded)
     taken: list[int] = []
+    monkeypatch.setattr(parallel, "use_threads", taken.append)
     caplog.set_level("INFO")
     use_idle_cores()
     assert logged in caplog.text
     assert os.environ.get("OMP_NUM_THREADS") == threads
-    assert taken == [int(threads or 4)]
+    assert taken == 2 * [int(threads or 4)], "of compiled loops and of torch"
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
 
 

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 from conftest import ROOT
 from matplotlib.figure import Figure
 from reproduce.real import __main__ as script
@@ -22,10 +21,10 @@ from sklearn.metrics import roc_auc_score
 
 from repro.learning import adaptation
 from repro.learning.held_out import View, stands, swinging
+from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
 from repro.metrics import calibration
 from repro.metrics.counts import PROBABILITY
-from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.scans import Scans
@@ -173,7 +172,7 @@ def test_the_mean_over_logs_has_an_interval_and_a_difference():
 
 @pytest.mark.parametrize(("name", "path_m"), [(ROOMS, 5.6), (DRIVE, 28)])
 def test_the_robot_drives_as_far_as_in_the_training_or_past_ten_scans(logs, name, path_m):
-    predictor = load_predictor(ROOT / "reproduce" / "results" / name)
+    predictor = load_trained(ROOT / "reproduce" / "results" / name)
     for log, most in zip(logs, (1.15, 1.15 if path_m > 10 else 2.2), strict=True):  # turns make paths shorter or longer
         windows = [case.window for case in real_logs.driving(log, predictor)]
         paths = [np.linalg.norm(np.diff(each.scans.poses[:, :2], axis=0), axis=1).sum() for each in windows]
@@ -202,17 +201,17 @@ def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
 
 
 def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
-    predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
+    predictor = load_trained(ROOT / "reproduce" / "results" / ROOMS)
     monkeypatch.setattr(real_logs, "read_log", lambda *_: standing_lidar(people=True))
     cases = list(real_logs.standing(Path("people.bag"), predictor))
     for case in cases:
-        x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
+        x, y = predictor.grid.centers()[np.flatnonzero(case.moving)].T - predictor.grid.size_m / 2
         assert bool(case.moving.any()) == (case.window.stamp > 12.95)
         assert np.hypot(x, y) == pytest.approx(3, abs=0.2)
         groups = case.groups(np.zeros(len(case.pixels), bool))
         assert (groups["standing"].hits | groups["moving"].hits == case.clear.hits).all()
         view = case.window.scans.poses[-1, 2] + np.array([-math.pi / 4, math.pi / 4])
-        x, y = predictor.grid.centers().numpy()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2
+        x, y = predictor.grid.centers()[np.flatnonzero(case.clear.hits)].T - predictor.grid.size_m / 2
         angles = np.arctan2(y, x)
         assert not ((angles > view[0] + 0.05) & (angles < view[1] - 0.05)).any()  # held out
         assert np.abs(angles).max() < math.pi / 2 + 0.05  # as far as the lidar swings
@@ -253,7 +252,7 @@ def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_a_network_is_tested_on_logs_to_which_it_was_not_adapted(logs, tmp_path, monkeypatch):
-    predictor, tested = load_predictor(ROOT / "reproduce" / "results" / ROOMS), []
+    predictor, tested = load_trained(ROOT / "reproduce" / "results" / ROOMS), []
     monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
     monkeypatch.setattr(adaptation, "TRAINED_WINDOWS", 1)
     monkeypatch.setattr(adaptation, "MAX_WINDOWS", 8)
@@ -265,9 +264,9 @@ def test_a_network_is_tested_on_logs_to_which_it_was_not_adapted(logs, tmp_path,
         assert source == origin | {other.name: other.name for other in logs if other != path}
         tested.append(next(iter(real_logs.driving(path, networks[path]))).window.scans)
     maps = [networks[path].predict(scans) for path, scans in zip(logs, tested, strict=True)]
-    assert not any(torch.equal(one, predictor.predict(scans)) for one, scans in zip(maps, tested, strict=True))
+    assert not any(np.array_equal(one, predictor.predict(scans)) for one, scans in zip(maps, tested, strict=True))
     monkeypatch.setattr("reproduce.real.adapted.adapt", None)  # a second call reads them
     again = adapted(predictor, origin, checksums, tmp_path, 2)
     assert all(
-        torch.equal(one, again[path].predict(scans)) for path, one, scans in zip(logs, maps, tested, strict=True)
+        np.array_equal(one, again[path].predict(scans)) for path, one, scans in zip(logs, maps, tested, strict=True)
     )

@@ -2,7 +2,6 @@ import re
 
 import numpy as np
 import pytest
-import torch
 
 from repro.scans import Scans
 
@@ -20,12 +19,15 @@ RANGES, ANGLES, POSES = (getattr(window(), name) for name in ("ranges", "angles"
     ("arrays", "message"),
     [
         *(([*map(np.zeros, shapes)], ".*".join(map(re.escape, map(str, shapes)))) for shapes in SHAPES),
-        ((torch.as_tensor(RANGES), ANGLES, POSES), "as arrays, or all of them as tensors, got both"),
-        ((np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES), "ranges: expected a plain array, got a masked one"),
+        (
+            (np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES),
+            "ranges: expected a plain array .*, got a masked one",
+        ),
         ((RANGES.astype(str), ANGLES, POSES), "ranges: expected real numbers"),
         ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
-        ((RANGES, ANGLES, POSES.tolist()), "poses: expected an array or a tensor, got list"),
-        ((torch.ones(5, 4, dtype=torch.bool), torch.zeros(4), torch.zeros(5, 3)), "real numbers, got torch.bool"),
+        ((RANGES, ANGLES, [[0.0, 0.0, 0.0], [1.0]]), "poses: expected an array of real numbers, got list"),
+        ((RANGES > 0, ANGLES, POSES), "ranges: expected real numbers, got bool"),
+        ((RANGES, ANGLES, POSES.astype("m8[s]")), r"poses: expected real numbers, got timedelta64\[s\]"),
     ],
 )
 def test_arrays_of_other_kinds_and_shapes_are_refused(arrays, message):
@@ -53,14 +55,14 @@ def test_points_are_where_the_beams_end():
     points, hit = scans.points()
     assert hit.tolist() == [[True, False, False]]
     np.testing.assert_allclose(points, [[[3, 5], [1, 5], [1, 5]]], atol=1e-12)
-    tensors, is_hit = scans.tensors(dtype=torch.float64).points()
-    np.testing.assert_array_equal(tensors[0], points)
-    np.testing.assert_array_equal(is_hit[0], hit)
 
 
-def test_tensors_are_a_batch_in_float32():
-    for scans in (window(), Scans.stack([window()])):
-        tensors = scans.tensors()
-        assert tensors.ranges.shape == (1, 5, 4)
-        assert tensors.poses.shape == (1, 5, 3)
-        assert tensors.angles.dtype == torch.float32
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.longdouble, ">f4", np.int64])
+def test_a_batch_has_one_type_and_rising_angles(dtype):
+    falling = Scans(RANGES[:, ::-1].astype(dtype), 3 * ANGLES[::-1].astype(dtype), POSES)
+    for scans in (falling, Scans.stack([falling])):
+        batch = scans.batched()
+        assert (batch.ranges.shape, batch.poses.shape) == ((1, 5, 4), (1, 5, 3))
+        assert {array.dtype for array in vars(batch).values()} == {np.dtype(np.float32)}
+        assert np.array_equal(batch.ranges[0], RANGES.astype(dtype).astype(np.float32))
+        assert np.array_equal(batch.angles, (3 * ANGLES.astype(dtype)).astype(np.float32))

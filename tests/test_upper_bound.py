@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-import torch
 from conftest import world_spec
 from reproduce.upper_bound import count_cover, draw_ends, newest_hit, privileged
 from scipy.stats import ks_2samp
@@ -42,8 +41,7 @@ def test_the_counted_pixels_are_those_of_the_true_map():
     angle = np.sort(rng.uniform(0, 2 * np.pi, (40, 9)))
     outlines = 4 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     ends = rng.uniform(-2, 52, (40, 2))
-    states = torch.as_tensor(np.pad(ends, ((0, 0), (0, 1))))
-    maps = rasterize(torch.as_tensor(outlines), states, torch.arange(40), 40, grid).numpy()
+    maps = rasterize(outlines, np.pad(ends, ((0, 0), (0, 1))), np.arange(40), 40, grid)
     assert np.array_equal(count_cover(outlines, ends, grid.size_px, grid.size_m), (maps == 0).sum(0))
 
 
@@ -95,7 +93,7 @@ def test_the_probabilities_are_calibrated(test_set):
     """The predicted number of obstacle pixels is the true one within its error over worlds, also of unsure pixels."""
     free, settings = privileged(test_set, test_set)
     assert settings == {"draws": 512}
-    occupied, truth = 1 - free[:, 0].numpy(), 1 - test_set.maps[:, 0].numpy().astype(float)
+    occupied, truth = 1 - free[:, 0], 1 - test_set.maps[:, 0].astype(float)
     for low, high in ((0.0, 0.2), (0.2, 0.8), (0.8, 1.01)):
         chosen = (occupied >= low) & (occupied < high) & (occupied > 0)
         excess = np.where(chosen, truth - occupied, 0).sum((1, 2)).reshape(-1, 2).sum(1)  # a world and its twin

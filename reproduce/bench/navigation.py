@@ -9,7 +9,7 @@ from repro.maps.grid import Grid
 from repro.navigation.arms import CLASSICAL
 from repro.navigation.courses import sample_course
 from repro.navigation.episodes import Fleet
-from repro.system.devices import one_thread
+from repro.runs.devices import one_thread
 from repro.world_config import read_world, world_spec
 
 ROOT = Path(__file__).parents[2]

@@ -4,7 +4,6 @@ import resource
 import time
 
 import numpy as np
-import torch
 from recording import world_of
 from table import head, row
 
@@ -14,6 +13,7 @@ from repro.maps.projection import Projection
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
+from repro.system.threads import count_threads
 
 RUNS = 10_000
 
@@ -22,24 +22,24 @@ def bench_projection() -> None:
     """Print the times for all runs, extrapolated from 100 runs or fewer."""
     each = [simulate(sample_world(world_of("4"), seed)).scans for seed in range(100)]
     scans, grid = Scans.stack(each), Grid(256, 50.0)
-    images, ours = _encode(Projection(), scans.tensors(), grid, rounds=20)
+    images, ours = _encode(Projection(), scans.batched(), grid, rounds=20)
     began = time.perf_counter()
     slow = plain_projection(scans.ranges[0], scans.angles, scans.poses[0], 256)
     plain = (time.perf_counter() - began) * RUNS
-    head(f"Projection to 256 x 256, {torch.get_num_threads()} threads", "way", f"{RUNS:,} runs", "ratio")
+    head(f"Projection to 256 x 256, {count_threads()} threads", "way", f"{RUNS:,} runs", "ratio")
     row("one point at a time", f"{plain:.0f} s", "1 x")
     row("ours", f"{ours:.1f} s", f"{plain / ours:.0f} x")
-    differing = np.count_nonzero(np.abs(slow - images[0, 0].numpy().astype(int)) > 1)
+    differing = np.count_nonzero(np.abs(slow - images[0, 0].astype(int)) > 1)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     for size_px in (64, 128):
         grid = Grid(size_px, 50.0)
-        _, once = _encode(Projection(), scans.tensors(), grid, rounds=20)
-        _, series = _encode(create_encoding("series10", {"frames": 10}), scans.tensors(), grid, rounds=5)
+        _, once = _encode(Projection(), scans.batched(), grid, rounds=20)
+        _, series = _encode(create_encoding("series10", {"frames": 10}), scans.batched(), grid, rounds=5)
         row(f"series10, {size_px} px", f"{series:.1f} s", f"{series / once:.1f} of the projection there")
     print(f"\nPixels that differ in the first run: {differing} (float32, float64). Peak memory: {peak:.2f} GB")
 
 
-def _encode(encoding: Encoding, windows: Scans, grid: Grid, rounds: int) -> tuple[torch.Tensor, float]:
+def _encode(encoding: Encoding, windows: Scans, grid: Grid, rounds: int) -> tuple[np.ndarray, float]:
     """Return the images of the windows and the time for all runs [s]."""
     images = encoding.encode(windows, grid)
     began = time.perf_counter()

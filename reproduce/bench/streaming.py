@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 from table import head, row
-from torch import Tensor
 
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, export_onnx, load_trained
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.create import create_network
 from repro.networks.model import Model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
@@ -23,7 +23,7 @@ from repro.prediction.readers import read_log
 from repro.prediction.stream import PredictionStream
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import on_map
-from repro.system.devices import one_thread
+from repro.runs.devices import one_thread
 
 ROOT = Path(__file__).parents[2]
 TARGET_MS = 20
@@ -33,10 +33,10 @@ STEPS, SCANS = 100, 130  # the first `STEPS` - 1 scans fill the window
 def bench_streaming() -> None:
     """Print the median CPU time of an update, and of its encoding and its network alone, at 128 and 256 px."""
     log = read_log(ROOT / "examples" / "rooms.npz", WindowSettings())
-    unet = load_predictor(ROOT / "reproduce/results/workstation/exp4-unet")
+    unet = load_trained(ROOT / "reproduce/results/workstation/exp4-unet")
     series = create_encoding("series10", {"frames": 10})
     network = create_network(Model("convgru"), series.channels, series.frames).eval()  # not trained
-    predictors = {"U-Net, projection": unet, "ConvGRU, series10": Predictor(network, series, unet.grid)}
+    predictors = {"U-Net, projection": unet, "ConvGRU, series10": Predictor(TorchNetwork(network), series, unet.grid)}
     with one_thread():
         head(
             f"Stream: one scan to one map, 1 thread, target {TARGET_MS} ms at 128 px",
@@ -49,19 +49,19 @@ def bench_streaming() -> None:
 
 def _bench(name: str, predictor: Predictor, log: ScanLog) -> None:
     origin = log.poses[STEPS - 1, :2] - predictor.grid.size_m / 2
-    window = on_map(log.ranges[:STEPS], log.angles, log.poses[:STEPS], origin).tensors()
+    window = on_map(log.ranges[:STEPS], log.angles, log.poses[:STEPS], origin).batched()
     encoding_ms, images = _timed(lambda: predictor.encoding.encode(window, predictor.grid))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.onnx"
-        predictor.save_onnx(path)
+        export_onnx(predictor, path)
         exported = load_predictor(path)
         (torch_ms, maps), (onnx_ms, others) = (_update(each, log) for each in (predictor, exported))
-        network_ms, _ = _timed(lambda: exported.predict_images(images))
+        network_ms, _ = _timed(lambda: exported.predict_images([images]))
     cells = (f"{encoding_ms:.1f} ms", f"{network_ms:.1f} ms", f"{torch_ms:.0f} ms", f"{onnx_ms:.1f} ms")
     row(name, f"{predictor.grid.size_px} px", *cells, f"{np.abs(maps - others).max():.0e}")
 
 
-def _timed(call: Callable[[], Tensor]) -> tuple[float, Tensor]:
+def _timed(call: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
     """Return the median CPU time of a call [ms], and its result."""
     times = []
     for _ in range(30):

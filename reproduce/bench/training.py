@@ -21,13 +21,13 @@ from torch.utils.data import DataLoader, TensorDataset
 from repro.config import Training
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
+from repro.learning.networks.create import create_network
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.encodings import Encoding, create_encoding
-from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, Model, paper_model
 from repro.recordings.datasets import Pairs, packed
 from repro.reporting.names import model_title
-from repro.system.devices import clock, resolve_device, resolve_precision
+from repro.runs.devices import clock, resolve_device, resolve_precision
 from repro.system.memory import keep_freed_memory
 
 COLUMNS = ("model", "way", "images/s", "to plain")
@@ -123,8 +123,9 @@ def our_epoch(name: str, size_px: int, batch_size: int, pairs: int, device: str,
     """Create an epoch of the training loop of `learning.training`, without validation."""
     encoding = encoding_of(name)
     shape = (pairs, encoding.channels, size_px, size_px)
-    images = torch.randint(0, 256, shape, dtype=torch.uint8, device=device)
-    data = Pairs(packed(images, encoding), images[:, :1] // 128, encoding)
+    images = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    maps = torch.from_numpy(images[:, :1] // 128).to(device)
+    data = Pairs(packed(images, encoding).to(device), maps, encoding)
     network = network_of(name)
     accelerate(network, device)
     keep_freed_memory()

@@ -17,6 +17,7 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 """
 
 import argparse
+import copy
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
@@ -29,12 +30,14 @@ from tqdm import tqdm
 
 from repro.learning import held_out
 from repro.learning.kernels import accelerate
+from repro.learning.networks.trained import TorchNetwork, load_trained, module_of
 from repro.metrics.counts import LEVELS
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
+from repro.runs.devices import one_thread
 from repro.runs.provenance import environment
 from repro.scans import Scans
-from repro.system.devices import one_thread
-from repro.system.files import open_arrays, sha256, write_json, write_text
+from repro.system.arrays import open_arrays
+from repro.system.files import sha256, write_json, write_text
 from reproduce.real import logs
 from reproduce.real.adapted import adapted, adapted_to, labels_of
 from reproduce.real.evidence import CENTER, evidence_at, join
@@ -67,13 +70,13 @@ def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: 
             if all(str(content.get(name)) == value for name, value in origin.items()):
                 return np.rint((LEVELS - 1) * content["free"]).astype(np.int64)
     free, cases = [], list(cases_of(path, predictor))
-    network = predictor.copied_network()
+    network = copy.deepcopy(module_of(predictor))
     accelerate(network, "cpu")
-    predictor = replace(predictor, network=network)
+    predictor = replace(predictor, network=TorchNetwork(network))
     for first in tqdm(range(0, len(cases), BATCH), desc=f"{path.name}, network", disable=None):
         batch = cases[first : first + BATCH]
         limited = predictor.with_range(batch[0].range_max_m)
-        images = limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True).numpy()
+        images = limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True)
         for case, image in zip(batch, images, strict=True):
             free.append(image.ravel()[neighbors(case.pixels, len(image))].min(1))
     kept.parent.mkdir(parents=True, exist_ok=True)
@@ -139,7 +142,7 @@ def compare_all(
         folds: the network is adapted to the logs of all folds but one, if there are any.
         figure: the file of five windows; None for none.
     """
-    predictor = load_predictor(RESULTS / weights)
+    predictor = load_trained(RESULTS / weights)
     origin = origin_of(weights)
     checksums, of_log = {path: sha256(path) for path in paths}, dict.fromkeys(paths, predictor)
     if folds:
@@ -188,7 +191,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.save:
         checksums = {path: sha256(path) for path in options.logs}
-        predictor, origin = load_predictor(RESULTS / options.weights[0]), origin_of(options.weights[0])
+        predictor, origin = load_trained(RESULTS / options.weights[0]), origin_of(options.weights[0])
         adapted_to(predictor, origin, checksums, labels_of(predictor, options.logs), options.save)
         return
     origin = environment()  # before the results change the working tree

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from repro.learning import adaptation
 from repro.learning.adaptation import Labeled, adapt, label
-from repro.networks.predictor import Predictor, load_predictor
-from repro.system.devices import resolve_precision
+from repro.learning.networks.trained import load_trained, save_trained
+from repro.networks.predictor import Predictor
+from repro.runs.devices import resolve_precision
 from repro.system.files import read_mapping, sha256, write_json
 from reproduce.real.logs import VIEW, log_of
 
@@ -52,6 +53,6 @@ def adapted_to(
         precision = resolve_precision("auto", "cpu")
         network, before, after = adapt(predictor, list(map(labels, logs)), precision=precision)
         print(f"validation loss: {before:.4f} before, {after:.4f} adapted", flush=True)
-        network.save(directory / "model")
+        save_trained(network, directory / "model")
         write_json(directory / SOURCE, source)
-    return load_predictor(directory / "model")
+    return load_trained(directory / "model")

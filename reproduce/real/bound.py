@@ -14,21 +14,21 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import torch
 from scipy.ndimage import maximum_filter
 from tqdm import tqdm
 
 from repro.learning.held_out import labeled, stands
+from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.metrics.counts import LEVELS
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import window_of
+from repro.runs.devices import one_thread
 from repro.runs.provenance import environment
 from repro.simulation.simulator import Recording, simulate
 from repro.simulation.worlds import sample_world
-from repro.system.devices import one_thread
 from repro.system.files import write_json, write_text
 from repro.system.places import conf_directory
 from repro.world_config import read_world, world_spec
@@ -67,9 +67,7 @@ def true_map(
 ) -> np.ndarray:
     """Return the map of obstacles after the last step, 1 is free, (H, W); its lower left corner is at an origin."""
     states = recording.states[which, -1] - [*origin, 0]
-    owner = torch.zeros(len(states), dtype=torch.long)
-    tensors = torch.as_tensor(recording.outlines[which]).float(), torch.as_tensor(states).float()
-    return rasterize(*tensors, owner, 1, grid)[0].numpy()
+    return rasterize(recording.outlines[which], states, np.zeros(len(states), int), 1, grid)[0]
 
 
 def levels_of(case: Case, truth: np.ndarray, networks: dict[str, Predictor]) -> dict[str, np.ndarray]:
@@ -111,7 +109,7 @@ def main() -> None:
     options = parser.parse_args()
     origin = environment()  # before the results change the working tree
     with one_thread():
-        networks = {f"network {name}": load_predictor(RESULTS / name) for name in options.weights}
+        networks = {f"network {name}": load_trained(RESULTS / name) for name in options.weights}
         table = pd.DataFrame(compare(options.worlds, networks))
     options.target.mkdir(parents=True, exist_ok=True)
     write_text(options.target / "upper_bound.csv", table.to_csv(index=False, float_format="%.4f"))

@@ -76,14 +76,14 @@ def join(parts: list[Evidence]) -> Evidence:
 
 def evidence_of(scans: Scans, grid: Grid, range_max_m: float) -> Evidence:
     """Collect the evidence of one window, (T, N), on the map."""
-    window = scans.tensors()
-    last_hit = newest_hits(window, grid)[0].numpy()
-    last_passed = newest_passed(window, grid, range_max_m)[0].numpy()
+    window = scans.batched()
+    last_hit = newest_hits(window, grid)[0]
+    last_passed = newest_passed(window, grid, range_max_m)[0]
     newest = np.maximum(last_hit, last_passed)
     seen, hit = newest > 0, (last_hit > 0) & (last_hit >= last_passed)
-    images = Series(PARTS, range_max_m).encode(window, grid)[0].numpy() == 0
+    images = Series(PARTS, range_max_m).encode(window, grid)[0] == 0
     hits, passes = images[:PARTS].sum(0), images[PARTS:].sum(0)
-    from_robot = grid.centers().numpy().reshape(*hit.shape, 2) - scans.poses[-1, :2]
+    from_robot = grid.centers().reshape(*hit.shape, 2) - scans.poses[-1, :2]
     walls = hit | (continued_walls(hit, grid) & ~seen)
     return Evidence(
         hit=hit,

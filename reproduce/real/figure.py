@@ -62,7 +62,7 @@ def _draw_row(row: np.ndarray, case: Case, predictor: Predictor, fitted: Fitted)
     network = case.map_of(predictor)
     evidence = evidence_at(case, grid, np.arange(grid.size_px**2))
     regression = regression_map(evidence, fitted.model)[:, CENTER].reshape(network.shape)
-    hits = Projection().encode(scans.tensors(), grid)[0, 0].numpy()
+    hits = Projection().encode(scans.batched(), grid)[0, 0]
     truth = np.ones((*network.shape, 3))
     for pixels, color in ((case.clear.passed, PASSED), (case.clear.hits, HIT)):
         truth[pixels] = to_rgb(color)

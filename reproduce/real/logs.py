@@ -62,7 +62,7 @@ class Case:
     def map_of(self, predictor: Predictor) -> np.ndarray:
         """Predict the probability of free, (H, W)."""
         limited = predictor.with_range(self.range_max_m)
-        return limited.predict(self.window.scans, allow_empty=True)[0].numpy()
+        return limited.predict(self.window.scans, allow_empty=True)[0]
 
     def groups(self, seen: np.ndarray) -> dict[str, Observed]:
         """Return the pixels that are compared, by kind.

@@ -14,6 +14,7 @@ import psutil
 from joblib.externals.loky import get_reusable_executor
 
 from repro.system.memory import available_memory_gb
+from repro.system.threads import use_threads
 
 log = logging.getLogger(__name__)
 LEAST_IDLE = 0.75  # share of the time of all cores that must be free for them to count as idle
@@ -55,6 +56,8 @@ def use_one_thread() -> None:
     with two threads as with one.
     """
     os.environ.setdefault(THREADS, "1")
+    if os.environ[THREADS] == "1":
+        use_threads(1)
     if "torch" in sys.modules and os.environ[THREADS] == "1":
         sys.modules["torch"].set_num_threads(1)
 
@@ -66,6 +69,7 @@ def use_idle_cores() -> None:
         return
     if count_cores() > 1 and cores_are_idle():
         log.info("using %d threads, since the cores are idle; %s=1 uses one", count_cores(), THREADS)
+        use_threads(count_cores())
         if "torch" in sys.modules:  # which takes the cores of the machine, not those of a container
             sys.modules["torch"].set_num_threads(count_cores())
     elif count_cores() > 1:

@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-import torch
 from conftest import prepared
 from shapely import affinity
 
@@ -21,22 +20,22 @@ from repro.recordings.recorded import Recorded, load_recorded
 from repro.scans import Scans
 
 GRID = Grid(50, 50.0)
-ANGLES = torch.linspace(-0.2, 0.2, 41)
+ANGLES = np.linspace(-0.2, 0.2, 41)
 
 
 def one_recording(ranges, poses=None):
     """Return a recording (1, T, N) of a robot at (5, 25) that looks along x, or with other poses (T, 3)."""
-    ranges = torch.as_tensor(ranges, dtype=torch.float32)[None]
+    ranges = np.asarray(ranges)
     if poses is None:
-        poses = torch.tensor([5.0, 25.0, 0.0]).expand(ranges.shape[1], 3)
-    return Recorded(Scans(ranges, ANGLES, poses[None]), torch.ones(1, 1, 50, 50), GRID, 30.0, 0.1)
+        poses = np.tile([5.0, 25.0, 0.0], (len(ranges), 1))
+    return Recorded(Scans(ranges, ANGLES, poses).batched(), np.ones((1, 1, 50, 50)), GRID, 30.0, 0.1)
 
 
 def disc_ranges(x, y=25.0, radius=2.0):
     """Ranges of the beams from (5, 25) to a disc."""
-    along = (x - 5) * torch.cos(ANGLES) + (y - 25) * torch.sin(ANGLES)
+    along = (x - 5) * np.cos(ANGLES) + (y - 25) * np.sin(ANGLES)
     gap = (x - 5) ** 2 + (y - 25) ** 2 - along**2
-    return torch.where(gap < radius**2, along - (radius**2 - gap).clamp(min=0).sqrt(), torch.inf)
+    return np.where(gap < radius**2, along - np.sqrt((radius**2 - gap).clip(0)), np.inf)
 
 
 @pytest.mark.parametrize("name", PREDICTORS)
@@ -58,7 +57,7 @@ def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
     val = load_recorded(open_recordings(recorded), "val", Grid(32, 50.0))
     hits, since = newest_hits(val.scans, val.grid) > 0, steps_since_free(val)
     tried = {
-        (radius, steps): dilate(hits, radius).masked_fill(since < steps, 1.0)
+        (radius, steps): np.where(since < steps, 1.0, dilate(hits, radius))
         for radius, steps in itertools.product(range(4), range(0, 101, 10))
     }
     iou = {chosen: pooled_scores(counts_of(free, val.maps).sum(0))["obstacle_iou"] for chosen, free in tried.items()}
@@ -67,7 +66,7 @@ def test_last_seen_takes_its_radius_from_the_validation_set(recorded, tmp_path):
 
 def test_space_that_a_beam_passed_over_is_free_for_some_steps_unless_it_was_hit_later():
     wall = disc_ranges(15.0)
-    recorded = one_recording(torch.stack([wall] * 3 + [torch.full_like(wall, torch.inf)] * 5 + [wall]))
+    recorded = one_recording(np.stack([wall] * 3 + [np.full_like(wall, np.inf)] * 5 + [wall]))
     since = steps_since_free(recorded)[0, 0]
     at_wall, before, behind, out_of_view = since[24, 13], since[24, 9], since[24, 15], since[24, 2]
     assert (before, behind) == (0, 1)
@@ -75,25 +74,25 @@ def test_space_that_a_beam_passed_over_is_free_for_some_steps_unless_it_was_hit_
 
 
 def test_dilation_draws_discs():
-    occupied = torch.zeros(1, 9, 9)
+    occupied = np.zeros((1, 9, 9))
     occupied[0, 4, 4] = 0.7
     assert (dilate(occupied, 0) < 1).sum() == 1
     disc = dilate(occupied, 2)[0, 0]
     assert (disc < 1).sum() == 13
     assert disc.min().item() == pytest.approx(0.3)
-    assert torch.equal(disc, disc.T)
+    assert np.array_equal(disc, disc.T)
 
 
 @pytest.mark.parametrize("filtered", [log_odds_grid, transitional_grid])
 def test_a_grid_remembers_recent_observations_and_forgets_old_ones(filtered):
     seen = disc_ranges(15.0)
-    recorded = one_recording(torch.stack([seen] * 20))
+    recorded = one_recording(np.stack([seen] * 20))
     wall, before = (24, 13), (24, 9)  # where the middle beam ends, and on its way; row 24 is just above y = 25
     still = filtered(recorded, 0.0)[0]
     assert still[wall] > 0.9
     assert still[before] < 0.01
-    turned = torch.tensor([[5.0, 25.0, 0.0]] * 2 + [[5.0, 25.0, 3.0]] * 40)
-    away = one_recording(torch.cat([torch.stack([seen] * 2), torch.full((40, 41), torch.inf)]), turned)
+    turned = np.array([[5.0, 25.0, 0.0]] * 2 + [[5.0, 25.0, 3.0]] * 40)
+    away = one_recording(np.concatenate([np.stack([seen] * 2), np.full((40, 41), np.inf)]), turned)
     kept, faded = (filtered(away, rate)[0][wall] for rate in (0.0, 0.2))
     assert kept > 0.9
     assert faded < kept - 0.2
@@ -105,12 +104,12 @@ PRIOR = tracker.Prior(radius_m=2.0, spread_m=0.5, aspect=1.4, speed_m_s=1.0, joi
 def window(ranges):
     """Return ranges (T, N) as scans of a robot at (5, 25) that looks along x."""
     poses = np.tile([5.0, 25.0, 0.0], (len(ranges), 1))
-    return Scans(np.stack([np.asarray(each, dtype=float) for each in ranges]), ANGLES.double().numpy(), poses)
+    return Scans(np.stack([np.asarray(each, dtype=float) for each in ranges]), ANGLES, poses)
 
 
 def test_hits_are_clustered_in_space_and_time():
-    both = torch.minimum(disc_ranges(15.0, 27.0, 1.0), disc_ranges(15.0, 23.0, 1.0))
-    none = torch.full_like(both, torch.inf)
+    both = np.minimum(disc_ranges(15.0, 27.0, 1.0), disc_ranges(15.0, 23.0, 1.0))
+    none = np.full_like(both, np.inf)
     found = tracker.clusters(window([both] * 21 + [none] * 60 + [both] * 21), 0.1, 1.5)
     assert len(found) == 4
     assert sorted({round(float(each.hits[:, 2].min()), 1) for each in found}) == [-10.0, -2.0]  # [s]
@@ -129,7 +128,7 @@ def test_edges_are_where_the_next_beam_passes(y, edges):
 
 def test_a_moving_disc_is_fitted_and_coasts():
     steps = 60  # at 1 m/s: from x = 15 to 21, seen for the first 40 steps
-    ranges = [disc_ranges(15 + 0.1 * step) if step < 40 else torch.full((41,), torch.inf) for step in range(steps)]
+    ranges = [disc_ranges(15 + 0.1 * step) if step < 40 else np.full((41,), np.inf) for step in range(steps)]
     (found,) = tracker.track(tracker.clusters(window(ranges), 0.1, 1.5), PRIOR)
     assert found.is_disc
     assert found.state[:5] == pytest.approx([20.9, 25, 1, 0, 2], abs=0.15)
@@ -142,7 +141,7 @@ def test_a_moving_disc_is_fitted_and_coasts():
 
 def rectangle_ranges(x, length, width, heading):
     """Ranges of the beams from (5, 25) to a rectangle at (x, 25)."""
-    rays = shapely.linestrings([[(5, 25), (5 + 40 * np.cos(a), 25 + 40 * np.sin(a))] for a in ANGLES.double().numpy()])
+    rays = shapely.linestrings([[(5, 25), (5 + 40 * np.cos(a), 25 + 40 * np.sin(a))] for a in ANGLES])
     shape = affinity.rotate(shapely.box(x - length / 2, 25 - width / 2, x + length / 2, 25 + width / 2), heading)
     distance = shapely.distance(shapely.Point(5, 25), shapely.intersection(rays, shape))
     return np.where(np.isfinite(distance), distance, np.inf)
@@ -157,7 +156,7 @@ def test_a_rectangle_is_told_from_a_disc():
 
 
 def test_an_obstacle_that_is_seen_twice_is_joined():
-    seen, none = disc_ranges(15.0), torch.full((41,), torch.inf)
+    seen, none = disc_ranges(15.0), np.full((41,), np.inf)
     scans = window([seen] * 21 + [none] * 60 + [seen] * 21)
     assert len(tracker.clusters(scans, 0.1, 1.5)) == 2
     (found,) = tracker.track(tracker.clusters(scans, 0.1, 1.5), PRIOR)

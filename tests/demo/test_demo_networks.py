@@ -7,9 +7,10 @@ from onnx import TensorProto, helper, numpy_helper
 
 from repro.demo import networks, page
 from repro.demo.runtime import Runtime
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, save_trained
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.world_config import read_world
@@ -39,7 +40,8 @@ def test_float16_weights_take_half_the_space_and_give_the_same_output():
 
 @pytest.mark.slow
 def test_a_saved_network_is_loaded_with_its_encoding_and_grid(tmp_path):
-    Predictor(create_network(paper_model("unet")).eval(), PROJECTION, PAGE_GRID).save(tmp_path / "unet")
+    network = TorchNetwork(create_network(paper_model("unet")))
+    save_trained(Predictor(network, PROJECTION, PAGE_GRID), tmp_path / "unet")
     loaded = networks.load_demo_network(str(tmp_path / "unet"))
     assert (loaded.title, loaded.predictor.grid) == (str(tmp_path / "unet"), PAGE_GRID)
     assert loaded.predictor.encoding == PROJECTION
@@ -50,7 +52,9 @@ def world(name):
 
 
 def network(title="Net", grid=PAGE_GRID, steps=100, step_s=0.1):
-    predictor = Predictor(create_network(paper_model("unet")), PROJECTION, grid, steps=steps, step_s=step_s)
+    predictor = Predictor(
+        TorchNetwork(create_network(paper_model("unet"))), PROJECTION, grid, steps=steps, step_s=step_s
+    )
     return networks.DemoNetwork(title, predictor, b"")
 
 

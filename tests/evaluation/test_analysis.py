@@ -10,11 +10,11 @@ from repro.evaluation.analysis import ANALYZED, averages, gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
 from repro.evaluation.recency import NEVER_IN_VIEW, RECENCY, age_group, newest_hits_of_obstacles, pixel_groups
+from repro.learning.networks.create import create_network
 from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
 from repro.metrics.counts import count_quantized, pooled_scores
-from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, paper_model
 from repro.recordings.reader import open_recordings
 from repro.runs.keys import RunKey
@@ -52,7 +52,7 @@ def test_ages_fall_into_groups():
 def test_pixels_beyond_the_range_of_the_lidar_are_never_in_view(recorded):
     shard = next(open_recordings(recorded).shards("test"))
     groups = pixel_groups(shard.scans, GRID, 30.0)
-    distance = (GRID.centers() - 25).norm(dim=-1).view(32, 32).numpy()
+    distance = np.linalg.norm(GRID.centers() - 25, axis=-1).reshape(32, 32)
     assert (groups[:, distance > 30] == NEVER_IN_VIEW).all()
     assert (groups[:, distance < 29] != NEVER_IN_VIEW).all()  # the robot turns round once, in the middle
 

@@ -1,5 +1,5 @@
+import numpy as np
 import pytest
-import torch
 
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.maps.grid import Grid
@@ -23,8 +23,7 @@ def test_visibility_is_the_area_of_hit_obstacles(recorded):
     for shard in open_recordings(recorded).shards("test"):
         for world in range(len(shard.scans) // 2):
             for number, k in enumerate((shard.world == world).nonzero()[0]):
-                outline, state = torch.as_tensor(shard.outlines[[k]]), torch.as_tensor(shard.states[[k], -1])
-                area = (rasterize(outline, state, torch.zeros(1, dtype=torch.long), 1, GRID) == 0).sum().item()
+                area = (rasterize(shard.outlines[[k]], shard.states[[k], -1], np.zeros(1, int), 1, GRID) == 0).sum()
                 total += 2 * area
                 seen += area * shard.seen[2 * world : 2 * world + 2, number].sum()
     assert coverage_and_visibility(open_recordings(recorded), "test", GRID)["visibility"] == pytest.approx(seen / total)

@@ -1,7 +1,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 from conftest import prepared
 
 from repro.evaluation.evaluate import evaluate, measure, read_predictions
@@ -15,8 +14,8 @@ from repro.runs.provenance import Status
 
 
 def test_metrics_follow_from_the_stored_predictions(evaluated, recorded):
-    kept = torch.as_tensor(read_predictions(evaluated))[:, None]
-    truth = load_pairs(open_recordings(recorded), "test", Grid(32, 50.0), Projection()).maps.float()
+    kept = read_predictions(evaluated)[:, None]
+    truth = load_pairs(open_recordings(recorded), "test", Grid(32, 50.0), Projection()).maps.numpy()
     again = pooled_scores(counts_of(kept, truth).sum(0))
     row = pd.read_csv(evaluated.metrics).iloc[0]
     assert kept.shape == truth.shape == (8, 1, 32, 32)
@@ -36,17 +35,17 @@ def test_per_image_metrics_agree_with_the_pooled_ones(evaluated):
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        (torch.full((1, 1, 32, 32), 0.5), r"\(4, 1, 32, 32\) as the maps, got \(1, 1, 32, 32\)"),
-        (torch.full((4, 32, 32), 0.5), r"got \(4, 32, 32\)"),
+        (np.full((1, 1, 32, 32), 0.5), r"\(4, 1, 32, 32\) as the maps, got \(1, 1, 32, 32\)"),
+        (np.full((4, 32, 32), 0.5), r"got \(4, 32, 32\)"),
         ([0.5], "expected probabilities of free, .*, got list"),
         (np.full((4, 1, 32, 32), -0.5), "values from -0.5 to -0.5"),
-        (torch.full((4, 1, 32, 32), 3.0), "logits need a sigmoid"),
-        (torch.full((4, 1, 32, 32), torch.nan), "logits need a sigmoid"),
+        (np.full((4, 1, 32, 32), 3.0), "logits need a sigmoid"),
+        (np.full((4, 1, 32, 32), np.nan), "logits need a sigmoid"),
     ],
 )
 def test_what_is_no_prediction_of_the_maps_is_not_measured(free, message):
     with pytest.raises(ValueError, match=message):
-        measure(free, torch.ones(4, 1, 32, 32, dtype=torch.uint8))
+        measure(free, np.ones((4, 1, 32, 32), np.uint8))
 
 
 def test_provenance_names_the_data(evaluated, recorded):
@@ -63,7 +62,7 @@ def test_an_untrained_run_is_refused(recorded, tmp_path):
 
 def test_all_free_scores_the_free_share(recorded, tmp_path):
     row = evaluate(prepared(tmp_path, model="all_free"), recorded)
-    free = load_pairs(open_recordings(recorded), "test", Grid(32, 50.0), Projection()).maps.float().mean().item()
+    free = load_pairs(open_recordings(recorded), "test", Grid(32, 50.0), Projection()).maps.numpy().mean().item()
     assert row["accuracy"] == row["precision"] == pytest.approx(free)
     assert row["recall"] == pytest.approx(1)
     assert row["specificity"] == pytest.approx(0, abs=1e-6)

@@ -14,8 +14,8 @@ from repro.cli.tasks import adapt as task
 from repro.learning import adaptation
 from repro.learning.adaptation import SEEN, UNKNOWN, PartialLoss, adapt, label
 from repro.learning.held_out import View, labeled, turns_of
+from repro.learning.networks.trained import load_trained, module_of
 from repro.maps.statistics import Statistics
-from repro.networks.predictor import load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import window_of
 from repro.scans import wrapped
@@ -23,7 +23,7 @@ from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 from repro.world_config import read_world, world_spec
 
-PREDICTOR = load_predictor("rooms")
+PREDICTOR = load_trained("rooms")
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_a_view_has_the_beams_within_it_and_labels_are_of_the_others(log, turn):
         assert np.array_equal(window.scans.ranges[-1], log.ranges[number, inside])
         directions = window.scans.poses[-1, 2] + window.scans.angles
         assert wrapped(directions - heading - log.angles[inside]) == pytest.approx(0, abs=1e-6)
-        x, y = PREDICTOR.grid.centers().numpy()[np.flatnonzero(shown.hits)].T - PREDICTOR.grid.size_m / 2
+        x, y = PREDICTOR.grid.centers()[np.flatnonzero(shown.hits)].T - PREDICTOR.grid.size_m / 2
         is_far = np.hypot(x, y) > 2  # a near pixel covers many directions
         bearings.append(wrapped(np.arctan2(y, x) - heading)[is_far])
     bearing = np.concatenate(bearings)
@@ -111,11 +111,11 @@ def test_an_adapted_network_predicts_the_held_out_beams_better(log, short_schedu
     monkeypatch.setattr(adaptation, "MAX_WINDOWS", 40)
     monkeypatch.setattr(adaptation, "VALIDATION_SHARE", 0.4)
     monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=3, ema_decay=0.9))
-    before = {name: value.clone() for name, value in PREDICTOR.network.state_dict().items()}
+    before = {name: value.clone() for name, value in module_of(PREDICTOR).state_dict().items()}
     data = [label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)]
     adapted, loss, less = adapt(PREDICTOR, data, seed=0)
     assert less < 0.95 * loss
-    assert all(torch.equal(value, before[name]) for name, value in PREDICTOR.network.state_dict().items())
+    assert all(torch.equal(value, before[name]) for name, value in module_of(PREDICTOR).state_dict().items())
     assert adapted.statistics.windows > PREDICTOR.statistics.windows
 
 
@@ -128,8 +128,8 @@ def test_the_task_writes_a_network_that_the_prediction_takes_and_overwrites_none
     target = tmp_path / "adapted" / "wide"
     assert sorted(path.name for path in target.parent.iterdir() if path.is_dir()) == ["wide"]
     window = next(labeled(log, window_of(PREDICTOR), 100, PREDICTOR.grid, View()))[0]
-    one, other = (load_predictor(weights).predict(window.scans) for weights in (target, "rooms"))
-    assert not torch.equal(one, other)
+    one, other = (load_trained(weights).predict(window.scans) for weights in (target, "rooms"))
+    assert not np.array_equal(one, other)
     written = {path: path.read_bytes() for path in Path(target).iterdir()}
     with pytest.raises(ValueError, match=r"wide exists: set adaptation.name to another one"):
         task.run(resolve(call))

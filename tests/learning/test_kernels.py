@@ -5,9 +5,9 @@ import torch
 from torch import nn
 
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
-from repro.networks.create import create_network, load_network
+from repro.learning.networks.create import create_network, load_network
+from repro.learning.networks.smp_networks import FusedSegformerDecoder, LeanUnetBlock
 from repro.networks.model import NETWORKS, paper_model
-from repro.networks.smp_networks import FusedSegformerDecoder, LeanUnetBlock
 
 
 def gradients(network, image):

@@ -7,9 +7,9 @@ import torch
 from conftest import prepared, spent_budget
 
 from repro.learning.losses import MapLoss
+from repro.learning.networks.create import OWN_ARCHITECTURES
+from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.training import train
-from repro.networks.create import OWN_ARCHITECTURES
-from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import Batches, load_pairs_of_run
 from repro.recordings.reader import open_recordings
 from repro.runs.directories import Run
@@ -72,7 +72,7 @@ def test_the_average_of_the_weights_is_validated_saved_and_resumed(recorded, tmp
 
     # the saved weights are those with the lowest validation loss
     val = load_pairs_of_run(open_recordings(recorded), "val", run.config(), "cpu")
-    network = load_predictor(run.model).network.eval()
+    network = module_of(load_trained(run.model))
     with torch.inference_mode():
         parts = [MapLoss()(network(image), target) for image, target in Batches(val, 8)]
     assert losses(run.path)["val_loss"].min() == pytest.approx(torch.stack(parts).mean().item(), abs=2e-3)

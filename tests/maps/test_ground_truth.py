@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 import shapely
-import torch
 from shapely import LineString, affinity, contains_xy
 from shapely.geometry import Polygon
 
@@ -17,10 +16,9 @@ def shard(recorded):
 
 def test_the_map_agrees_with_point_in_polygon_at_pixel_centers(shard):
     grid, worlds = Grid(64, 50.0), len(shard.scans) // 2
-    world = torch.as_tensor(shard.world)
-    states = torch.as_tensor(shard.states[:, -1]).double()
-    maps = rasterize(torch.as_tensor(shard.outlines).double(), states, world, worlds, grid)
-    y = grid.row_centers().numpy()
+    states = shard.states[:, -1].astype(float)
+    maps = rasterize(shard.outlines.astype(float), states, shard.world, worlds, grid)
+    y = grid.row_centers()
     x, y = np.meshgrid(y[::-1], y)
     for index in range(worlds):
         expected = np.ones((64, 64), dtype=bool)
@@ -28,13 +26,13 @@ def test_the_map_agrees_with_point_in_polygon_at_pixel_centers(shard):
             px, py, heading = states[k].tolist()
             polygon = affinity.rotate(Polygon(shard.outlines[k]), heading, origin=(0, 0), use_radians=True)
             expected &= ~contains_xy(affinity.translate(polygon, px, py), x, y)
-        assert np.array_equal(maps[index].numpy().astype(bool), expected)
+        assert np.array_equal(maps[index].astype(bool), expected)
 
 
 def test_overlapping_obstacles_are_drawn_once_and_those_over_the_border_are_cut():
-    square = torch.tensor([[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]]).expand(3, -1, -1)
-    states = torch.tensor([[25.0, 25.0, 0.0], [25.0, 25.0, 0.0], [0.0, 50.0, 0.0]])
-    free = rasterize(square, states, torch.tensor([0, 0, 0]), 1, Grid(50, 50.0))
+    square = np.array([[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]] * 3)
+    states = np.array([[25.0, 25.0, 0.0], [25.0, 25.0, 0.0], [0.0, 50.0, 0.0]])
+    free = rasterize(square, states, np.zeros(3, int), 1, Grid(50, 50.0))
     assert (free == 0).sum() == 100 + 25
     assert (free[0, :5, :5] == 0).all()
 
@@ -48,7 +46,7 @@ COMB = [[0, 0], [7, 0], [7, 3], [6, 3], [6, 1], [5, 1], [5, 3], [4, 3], [4, 1], 
 def padded(outlines):
     """Outlines of one length, the last vertex of the shorter ones repeated."""
     longest = max(map(len, outlines))
-    return torch.tensor([[*outline, *[outline[-1]] * (longest - len(outline))] for outline in outlines]).float()
+    return np.array([[*outline, *[outline[-1]] * (longest - len(outline))] for outline in outlines], np.float32)
 
 
 def there_and_back(line):
@@ -60,13 +58,13 @@ def there_and_back(line):
 def test_concave_polygons_agree_with_point_in_polygon(shape, order):
     grid, rng = Grid(96, 20.0), np.random.default_rng(0)
     states = np.concatenate([rng.uniform(2, 18, (20, 2)), rng.uniform(-np.pi, np.pi, (20, 1))], axis=1)
-    outlines = padded([shape[::order], [[0, 0]] * 40])[:1].expand(20, -1, -1).double()
-    maps = rasterize(outlines, torch.tensor(states), torch.arange(20), 20, grid)
-    centers = grid.centers().numpy()
+    outlines = np.repeat(padded([shape[::order], [[0, 0]] * 40])[:1], 20, axis=0).astype(float)
+    maps = rasterize(outlines, states, np.arange(20), 20, grid)
+    centers = grid.centers()
     for drawn, (x, y, heading) in zip(maps, states, strict=True):
         polygon = affinity.rotate(Polygon(shape), heading, origin=(0, 0), use_radians=True)
         truth = contains_xy(affinity.translate(polygon, x, y), centers[:, 0], centers[:, 1])
-        assert np.array_equal(drawn.flatten().numpy() == 0, truth)
+        assert np.array_equal(drawn.ravel() == 0, truth)
         assert truth.sum() > 50
 
 
@@ -74,13 +72,13 @@ def test_a_line_occupies_the_pixels_that_it_crosses():
     grid, rng = Grid(40, 20.0), np.random.default_rng(1)
     lines = [rng.uniform(1, 19, (rng.integers(2, 6), 2)).tolist() for _ in range(40)]
     lines += [[[3.1, 4.3], [15.2, 4.3]], [[3.1, 4.3], [3.1, 17.9]], [[2.1, 2.2], [9.2, 2.2], [9.2, 9.3], [2.1, 2.2]]]
-    outlines = padded([there_and_back(line) for line in lines]).double()
-    maps = rasterize(outlines, torch.zeros(len(lines), 3), torch.arange(len(lines)), len(lines), grid)
+    outlines = padded([there_and_back(line) for line in lines]).astype(float)
+    maps = rasterize(outlines, np.zeros((len(lines), 3)), np.arange(len(lines)), len(lines), grid)
     half = grid.resolution_m / 2
-    pixels = shapely.box(*(grid.centers().numpy().T - half), *(grid.centers().numpy().T + half))
+    pixels = shapely.box(*(grid.centers().T - half), *(grid.centers().T + half))
     for drawn, line in zip(maps, lines, strict=True):
         truth = shapely.intersects(pixels, LineString(np.float32(line)))
-        assert np.array_equal(drawn.flatten().numpy() == 0, truth)
+        assert np.array_equal(drawn.ravel() == 0, truth)
 
 
 def test_only_lines_have_no_area():
@@ -92,7 +90,7 @@ def test_only_lines_have_no_area():
 def test_obstacles_of_all_kinds_overlap_on_one_map():
     grid = Grid(64, 20.0)
     outlines = padded([L_SHAPE, L_SHAPE[::-1], U_SHAPE, [[0, 0], [5, 0], [5, 5]], there_and_back([[0, 0], [6, 6]])])
-    states = torch.tensor([[8.0, 8, 0], [8, 8, 0.1], [9, 9, 1], [7, 7, 2], [6, 6, 0.3]])
-    alone = rasterize(outlines, states, torch.arange(5), 5, grid)
-    together = rasterize(outlines, states, torch.zeros(5, dtype=torch.long), 1, grid)
-    assert torch.equal(together[0], alone.amin(0))
+    states = np.array([[8.0, 8, 0], [8, 8, 0.1], [9, 9, 1], [7, 7, 2], [6, 6, 0.3]])
+    alone = rasterize(outlines, states, np.arange(5), 5, grid)
+    together = rasterize(outlines, states, np.zeros(5, int), 1, grid)
+    assert np.array_equal(together[0], alone.min(0))

@@ -14,13 +14,13 @@ GRID = Grid(40, 10.0)
 
 def test_pixels_up_to_the_first_obstacle_are_shown():
     """Compared with straight lines to the centers of pixels, apart from those that pass near a corner."""
-    maps = torch.ones(2, 40, 40, dtype=torch.uint8)
+    maps = np.ones((2, 40, 40), np.uint8)
     maps[1, 10:14, 10:30] = 0  # y from 6.5 to 7.5 m, x from 2.5 to 7.5 m
-    poses = torch.tensor([[5.0, 3.0, 0.3], [5.0, 3.0, 0.3]])
+    poses = np.array([[5.0, 3.0, 0.3], [5.0, 3.0, 0.3]])
     shown = shown_pixels(maps, poses, GRID)
     assert shown[0].all()
     block = Polygon([(2.5, 6.5), (7.5, 6.5), (7.5, 7.5), (2.5, 7.5)])
-    for place, is_shown in zip(GRID.centers().numpy(), shown[1].flatten(), strict=True):
+    for place, is_shown in zip(GRID.centers(), shown[1].flatten(), strict=True):
         way, inside = LineString([(5.0, 3.0), place]), block.contains(Point(place))
         if not inside and abs(way.distance(block)) > 0.3:
             assert is_shown

@@ -2,7 +2,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-import torch
 
 from repro.maps.grid import Grid
 from repro.maps.statistics import LEVELS, TITLES, measure, summarize
@@ -22,7 +21,7 @@ def windows() -> Scans:
     poses[0, :, :2] = 5.5
     poses[0, :, 2] = [0, 3, -3, -3]  # 3, then 0.283 across half a turn
     poses[1, :, 0] += np.arange(4)
-    return Scans(ranges, np.radians([-45.0, 0.0, 45.0]), poses).tensors()
+    return Scans(ranges, np.radians([-45.0, 0.0, 45.0]), poses).batched()
 
 
 def test_the_statistics_of_two_windows_by_hand():
@@ -48,7 +47,7 @@ def test_quantiles_are_those_of_all_windows_with_a_hit():
     ranges = random.uniform(1, 4, (50, 4, 3))
     ranges[random.random(ranges.shape) < 0.3] = np.inf
     ranges[7] = np.inf
-    scans = Scans(ranges, np.array([-0.5, 0, 0.5]), np.full((50, 4, 3), 5.0)).tensors()
+    scans = Scans(ranges, np.array([-0.5, 0, 0.5]), np.full((50, 4, 3), 5.0)).batched()
     found = summarize([scans[:20], scans[20:]], GRID)
     share = np.delete(np.isfinite(ranges).mean(axis=(1, 2)), 7)
     assert found.windows == 49
@@ -70,4 +69,4 @@ def test_windows_outside_the_training_are_named():
 def test_windows_without_hits_have_no_quantiles():
     empty = windows()
     with pytest.raises(ValueError, match="no training window has a hit"):
-        summarize([Scans(torch.full_like(empty.ranges, torch.inf), empty.angles, empty.poses)], GRID)
+        summarize([Scans(np.full_like(empty.ranges, np.inf), empty.angles, empty.poses)], GRID)

@@ -18,7 +18,7 @@ def with_value(array, value, index=(3, 2)):
 
 
 def check(ranges=RANGES, angles=ANGLES, poses=POSES, **options):
-    check_windows(Scans(ranges, angles, poses).tensors(), GRID, **options)
+    check_windows(Scans(ranges, angles, poses).batched(), GRID, **options)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
-import torch
 from conftest import ROOT
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from scipy.ndimage import distance_transform_edt
@@ -14,12 +13,12 @@ from scipy.ndimage import distance_transform_edt
 from repro.cli.settings import ARMS
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.maps.outlines import placed
 from repro.navigation import study
 from repro.navigation.arms import AHEAD_S, CLASSICAL, Arm, Seen, network_arm, tracker_arm
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sample_course
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.planner import Planner, Settings, arcs
-from repro.outlines import placed
 from repro.reporting.navigation import TITLES, barn, compare
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
@@ -214,9 +213,9 @@ def test_the_true_map_moves_on_with_its_velocities():
     maps = CLASSICAL["true_velocities"].maps(seen, np.array([0]))
     assert maps.shape == (1, len(AHEAD_S), 64, 64)
     for occupied, later in zip(maps[0], AHEAD_S, strict=True):
-        place = torch.tensor([[20.0 + 1.5 * (2 + later), 25.0, 0.0]], dtype=torch.float64)
-        free = rasterize(torch.tensor(SQUARE[None]), place, torch.zeros(1, dtype=torch.long), 1, GRID)
-        assert np.array_equal(occupied, 1 - free[0].numpy())
+        place = np.array([[20.0 + 1.5 * (2 + later), 25.0, 0.0]])
+        free = rasterize(SQUARE[None], place, np.zeros(1, int), 1, GRID)
+        assert np.array_equal(occupied, 1 - free[0])
     assert np.array_equal(CLASSICAL["truth"].maps(seen, np.array([0]))[:, 0], maps[:, 0])
 
 
@@ -257,7 +256,7 @@ def test_the_maps_of_all_arms_show_what_was_seen():
 def test_recent_hits_are_added_to_a_network():
     class Half:
         def predict(self, scans, allow_empty):
-            return torch.full((len(scans), 64, 64), 0.5)
+            return np.full((len(scans), 64, 64), 0.5)
 
     occupied = mapped(network_arm(Half(), with_hits=True), course((20.0, 25.0, 0.0, 0.0)))
     assert set(np.unique(occupied)) == {0.5, 1.0}

@@ -1,8 +1,15 @@
-import pytest
+import dataclasses
 
-from repro.networks import weights
+import numpy as np
+import pytest
+from conftest import ROOT, world_spec
+
+from repro.learning.networks.trained import load_trained
 from repro.networks.predictor import load_predictor
 from repro.networks.weights import locate
+from repro.scans import Scans
+from repro.simulation.simulator import simulate
+from repro.simulation.worlds import sample_world
 
 SIDES_M = {"buildings": 25.0, "rooms": 25.0, "drive": 50.0, "exp1": 50.0, "exp2": 50.0, "exp3": 50.0, "exp4": 50.0}
 
@@ -12,6 +19,21 @@ def test_the_weights_of_the_package_have_names(name):
     predictor = load_predictor(name)
     assert (predictor.grid.size_px, predictor.grid.size_m) == (128, SIDES_M[name])
     assert predictor.statistics
+
+
+@pytest.mark.parametrize("name", SIDES_M)
+def test_the_named_networks_are_their_weights_of_torch_in_onnx(name):
+    predictor = load_predictor(name)
+    if predictor.grid.size_m == 50:
+        window = simulate(sample_world(world_spec("4"), 17)).scans
+    else:
+        log = np.load(ROOT / "examples" / "rooms.npz")
+        window = Scans(log["ranges"][:100], log["angles"], log["poses"][:100])
+    expected = load_trained(name)
+    assert dataclasses.replace(predictor, network=expected.network) == expected
+    free, free_of_torch = (each.predict(window)[0] for each in (predictor, expected))
+    np.testing.assert_allclose(free, free_of_torch, rtol=0, atol=1e-5)
+    assert np.array_equal(free < 0.5, free_of_torch < 0.5)
 
 
 def test_a_path_is_taken_before_the_hub(tmp_path, monkeypatch):
@@ -33,7 +55,7 @@ def test_a_repository_of_the_hub_is_downloaded_without_code(tmp_path, monkeypatc
         return str(locate("exp4"))
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(weights, "snapshot_download", download)
+    monkeypatch.setattr("huggingface_hub.snapshot_download", download)
     assert load_predictor("owner/name").grid.size_m == 50
     assert asked == [("owner/name", ["*.json", "*.safetensors", "*.onnx"])]
 
@@ -43,6 +65,11 @@ def test_a_repository_that_cannot_be_had_is_named(tmp_path, monkeypatch):
         raise OSError("no route to host")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(weights, "snapshot_download", download)
+    monkeypatch.setattr("huggingface_hub.snapshot_download", download)
     with pytest.raises(ValueError, match=r"^owner/name: no such path, and not to be had from the Hub \(no route to h"):
         load_predictor("owner/name")
+
+
+def test_weights_of_torch_name_what_reads_them():
+    with pytest.raises(ValueError, match=r"exp4-unet has no model.onnx: weights of torch need the study \(pip install"):
+        load_predictor("reproduce/results/workstation/exp4-unet")

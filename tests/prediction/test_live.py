@@ -9,6 +9,7 @@ import torch
 from conftest import ROOT
 from messages import Ros
 
+from repro.learning.networks.trained import TorchNetwork
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
@@ -22,6 +23,7 @@ from repro.prediction.windows import cut
 ROS = Ros(2)
 STEPS, STEP_S, START_S = 20, 0.1, 1000
 EXAMPLE = np.load(ROOT / "examples" / "rooms.npz")
+ANGLES = EXAMPLE["angles"]
 POSES = EXAMPLE["poses"].astype(float)
 MOUNT_M = 0.2
 
@@ -29,7 +31,7 @@ MOUNT_M = 0.2
 def predictor_of(encoding) -> Predictor:
     """Return a predictor with a small network, not trained, of which each pixel depends on many of the input."""
     torch.manual_seed(0)
-    return Predictor(torch.nn.Conv2d(encoding.channels, 1, 9, padding=4), encoding, Grid(32, 50.0))
+    return Predictor(TorchNetwork(torch.nn.Conv2d(encoding.channels, 1, 9, padding=4)), encoding, Grid(32, 50.0))
 
 
 PREDICTOR = predictor_of(Projection())
@@ -161,19 +163,32 @@ def test_a_lidar_that_nobody_places_has_no_maps_and_a_reason():
     assert robot.warnings[0].startswith("a scan is skipped: it is without a pose: no transform of laser")
 
 
-@pytest.mark.parametrize("first", [0, 20])
-def test_misses_free_the_smallest_maximum_range(first):
-    """The window begins again where it becomes less."""
+def test_misses_free_up_to_the_maximum_range():
     predictor = predictor_of(create_encoding("series10", {"frames": 10}))
-    robot = driven(45, {step: scan(step, range_max=12.0) for step in range(first, 30)}, predictor)
-    changes = ["the maximum range changes to 12 m: the window begins again"] * (first > 0)
+    robot = driven(45, predictor=predictor, range_max=12.0)
     note = "misses show free space up to the maximum range of the lidar, 12 m; the network was trained with 30 m"
-    assert robot.warnings == [*changes, note]
-    assert len(robot.maps) == (45 - STEPS + 1 if not first else 1 + 45 - first - STEPS + 1)
+    assert robot.warnings == [note]
     ranges = np.where(EXAMPLE["ranges"] < 12, EXAMPLE["ranges"], np.inf)
     free = robot.maps[-1][2].free
     assert free == pytest.approx(expected(predictor.with_range(12.0), 45, ranges=ranges)[-1].free, abs=1e-5)
     assert not np.allclose(free, expected(predictor, 45, ranges=ranges)[-1].free, atol=1e-3)
+
+
+@pytest.mark.parametrize("odd", [0, 7, 33])
+def test_a_scan_with_another_maximum_range_is_left_out_and_the_window_goes_on(odd):
+    robot = driven(45, {odd: scan(odd, range_max=0.001)})
+    reason = "with another maximum range than 30 m, which range_max_m replaces"
+    assert robot.warnings == [f"a scan is skipped: it is {reason}"]
+    assert len(robot.maps) == 45 - STEPS + 1 - (odd in (0, 33))
+    assert robot.maps[10][2].unknown.mean() == pytest.approx(usual(45)[10].unknown.mean(), rel=0.01)
+
+
+def test_a_driver_that_states_the_largest_reading_has_all_maps():
+    finite = np.where(EXAMPLE["ranges"] < 30, EXAMPLE["ranges"], 0)
+    robot = driven(45, {step: scan(step, range_max=float(finite[step].max())) for step in range(45)})
+    assert [text[:27] for text in robot.warnings] == ["the maximum range of the sc"]
+    for (_, _, predicted), batch in zip(robot.maps, usual(45), strict=True):
+        assert predicted.free == pytest.approx(batch.free, abs=1e-5)
 
 
 def test_scans_that_cannot_be_used_are_skipped_with_their_reason():

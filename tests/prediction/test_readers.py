@@ -29,6 +29,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from repro.prediction.intake import LogScan
 from repro.prediction.logs import ScanLog, collect
+from repro.prediction.readings import readings
 
 COUNTS = "101, 180, 181, 201, 360, 361, 401, 540, 541"  # of readings of FLASER
 
@@ -74,11 +75,20 @@ def test_a_scan_that_cannot_be_used_is_skipped_and_counted(number, line, reason,
     assert np.isfinite(np.delete(log.ranges, 40, axis=1)).all(), "hits do not become misses"
 
 
-def test_the_smallest_of_the_maximum_ranges_holds_for_misses(tmp_path):
-    log = read(carmen(tmp_path / "log", lines(robotlaser, {7: robotlaser(7).replace("81.83", "2.5", 1)})))
-    assert log.range_max_m == 2.5
-    assert np.isinf(log.ranges[7]).sum() == (RANGES[7] >= 2.5).sum()
-    assert np.isfinite(np.delete(np.delete(log.ranges, 7, axis=0), 40, axis=1)).all()
+def test_a_scan_with_another_maximum_range_than_most_is_left_out(tmp_path):
+    log = read(carmen(tmp_path / "log", lines(robotlaser, {7: robotlaser(7).replace("81.83", "0.001", 1)})))
+    assert log.range_max_m == 81.83
+    assert log.skipped == {"with another maximum range than 81.83 m, which range_max_m replaces": 1}
+    assert np.isfinite(np.delete(log.ranges, 40, axis=1)).all()
+
+
+def test_a_maximum_range_that_varies_is_not_known(tmp_path):
+    """As of a driver that states the largest reading of each scan."""
+    varied = {number: robotlaser(number).replace("81.83", f"{2.9 + 0.01 * number}", 1) for number in range(SCANS)}
+    log = read(carmen(tmp_path / "log", lines(robotlaser, varied)))
+    assert (log.range_max_m, len(log), log.skipped) == (math.inf, SCANS, {})
+    assert np.isfinite(log.ranges).all()
+    assert log.notes[0].startswith("the maximum range of the scans varies from 2.9 to 3.09 m, as of a driver")
 
 
 @pytest.mark.parametrize("stated", ["81.83", "2.5", "0", "nan"])
@@ -155,9 +165,9 @@ def test_scans_with_a_varying_number_of_readings_are_resampled(caplog):
 
 def test_readings_at_the_minimum_are_valid_at_the_maximum_misses_and_others_invalid():
     """In the words of LaserScan, values below range_min or above range_max are to be discarded."""
-    scan = log_scan(0, ranges=np.float32([np.nan, -1, 0, 0.05, 0.1, 0.2, 30, 90]), range_min_m=np.float32(0.1))
+    reported = np.float32([np.nan, -1, 0, 0.05, 0.1, 0.2, 30, 90])
     expected = np.float32([np.nan, np.nan, np.nan, np.nan, 0.1, 0.2, np.inf, np.inf])
-    assert np.array_equal(scan.valid_ranges(), expected, equal_nan=True)
+    assert np.array_equal(readings(reported, np.float32(0.1), 30.0), expected, equal_nan=True)
 
 
 def test_a_full_turn_has_no_beam_twice(tmp_path):

@@ -9,15 +9,16 @@ import torch
 from conftest import ROOT
 from log_files import npz, read
 
+from repro.learning.networks.convgru import ConvGRU
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.convgru import ConvGRU
-from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.logs import ScanLog
-from repro.prediction.stream import EXTRA, PredictionStream
+from repro.prediction.stream import EXTRA, PredictionStream, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
 from repro.scans import Scans
@@ -31,13 +32,13 @@ ANGLES = LOG.angles
 @pytest.fixture(scope="module", params=[Projection(), SERIES], ids=lambda encoding: encoding.name)
 def predictor(request) -> Predictor:
     torch.manual_seed(0)
-    return Predictor(create_network(paper_model("unet"), request.param.channels).eval(), request.param, GRID)
+    return Predictor(TorchNetwork(create_network(paper_model("unet"), request.param.channels)), request.param, GRID)
 
 
 @pytest.fixture(scope="module")
 def small() -> Predictor:
     torch.manual_seed(0)
-    return Predictor(create_network(paper_model("fpn")).eval(), Projection(), Grid(32, 50.0))
+    return Predictor(TorchNetwork(create_network(paper_model("fpn"))), Projection(), Grid(32, 50.0))
 
 
 def windows(log: ScanLog, center) -> dict[float, Window]:
@@ -59,11 +60,11 @@ def test_every_map_is_that_of_the_window_of_the_log(predictor, center):
     encoded = []
     for each in maps[STEPS - 1 :]:
         window = expected[each.stamp]
-        assert torch.equal(torch.as_tensor(each.free), predictor.predict(window.scans)[0])
+        assert np.array_equal(each.free, predictor.predict(window.scans)[0])
         assert (each.origin, each.resolution_m) == (window.origin, GRID.resolution_m)
-        encoded.append(predictor.encoding.encode(window.scans.tensors(), GRID))
-    together = predictor.predict_images(torch.cat(encoded), batch=1)[:, 0]
-    assert torch.equal(together, torch.stack([torch.as_tensor(each.free) for each in maps[STEPS - 1 :]]))
+        encoded.append(predictor.encoding.encode(window.scans.batched(), GRID))
+    together = predictor.predict_images(encoded)[:, 0]
+    assert np.array_equal(together, np.stack([each.free for each in maps[STEPS - 1 :]]))
 
 
 @pytest.mark.parametrize("rate", [7, 23])
@@ -88,7 +89,7 @@ def test_uneven_scans_are_resampled_to_the_steps(small, rate):
         index = [min(kept, key=lambda scan: abs(stamps[scan] - stamp + 0.1 * age)) for age in range(STEPS)][::-1]
         turns = np.round(poses[index][:, 2:] / (2 * np.pi))
         window = Scans(ranges[index], angles, poses[index] - [0, 0, 2 * np.pi] * turns)
-        assert np.abs(predicted.free - small.predict(window)[0].numpy()).max() < 1e-6
+        assert np.abs(predicted.free - small.predict(window)[0]).max() < 1e-6
         count += 1
     assert count > 20
 
@@ -109,7 +110,7 @@ def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(
 
 
 def test_the_stream_of_a_lidar_that_reaches_less_far_is_that_of_the_predictor_with_its_range():
-    predictor = Predictor(ConvGRU(20, 10, hidden=16).eval(), SERIES, Grid(32, 50.0))
+    predictor = Predictor(TorchNetwork(ConvGRU(20, 10, hidden=16)), SERIES, Grid(32, 50.0))
     ranges = np.where(LOG.ranges[:100] < 12, LOG.ranges[:100], np.float32(np.inf))
     *_, predicted = feed(PredictionStream(predictor, ANGLES, center=(25.0, 25.0), range_max_m=12.0), None, ranges)
     window = Scans(ranges, ANGLES, LOG.poses[:100])
@@ -140,10 +141,19 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ranges": np.ones(7)}, r"expected ranges \(91,\) and a pose \(3,\), got \(7,\)"),
+        ({"ranges": np.ones(7)}, r"ranges: expected the shape \(91,\), got \(7,\)"),
+        ({"ranges": np.ones(91, bool)}, r"ranges \[m\]: expected floating-point numbers, got bool"),
+        ({"ranges": np.full(91, 3)}, r"ranges \[m\]: expected floating-point numbers, got int64"),
+        ({"ranges": np.full(91, 3).astype("m8[s]")}, r"expected floating-point numbers, got timedelta64\[s\]"),
+        ({"ranges": np.full(91, "3.0")}, "expected floating-point numbers, got <U3"),
+        ({"ranges": np.full(91, 3 + 0j)}, "expected floating-point numbers, got complex128"),
+        ({"pose": np.array([True, False, True])}, "pose: expected real numbers, got bool"),
+        ({"pose": np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0])}, "pose: expected a plain array .*, got a masked one"),
+        ({"pose": np.ones(2)}, r"pose: expected the shape \(3,\), got \(2,\)"),
+        ({"pose": [1e17, 25.0, 0.0]}, r"pose: expected a finite one within 1e\+07 m"),
         ({"ranges": np.full(91, np.nan)}, "no valid reading"),
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
-        ({"pose": np.array([0, np.nan, 0])}, "finite pose"),
+        ({"pose": np.array([0, np.nan, 0])}, "pose: expected a finite one"),
         ({"pose": np.array([25, 25, 90.0])}, "headings look like degrees, the largest is 90: expected radians"),
         ({"stamp": float("nan")}, "expected finite seconds, got nan"),
         ({"stamp": "1.5"}, "expected finite seconds, got '1.5'"),
@@ -159,6 +169,13 @@ def test_a_scan_that_cannot_be_is_refused_and_left_out(small, change, message):
     with pytest.raises(ValueError, match=message):
         stream.update(**scan | change)
     assert np.array_equal(stream.update(**scan).free, feed(undisturbed, np.arange(0, 1.55, 0.1))[-1].free)
+
+
+@pytest.mark.parametrize("origin", [None, "ab", (1.0,), (np.nan, 0.0), (True, False)])
+def test_a_map_has_an_origin(small, origin):
+    window = Scans(LOG.ranges[:STEPS], ANGLES, LOG.poses[:STEPS])
+    with pytest.raises(ValueError, match="origin"):
+        predict_map(small, window, origin, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -190,15 +207,15 @@ def test_the_last_beam_of_a_full_turn_is_left_out_as_in_a_log(small, tmp_path):
     *_, found = feed(PredictionStream(small, angles, center=(25.0, 25.0), steps=STEPS), stamps, ranges)
     (window,) = windows(read(path), (25.0, 25.0)).values()
     assert window.scans.ranges.shape[-1] == 360
-    assert torch.equal(torch.as_tensor(found.free), small.predict(window.scans)[0])
+    assert np.array_equal(found.free, small.predict(window.scans)[0])
 
 
 def test_a_window_of_reversed_beams_or_another_byte_order_is_predicted(predictor):
     """As of a lidar that is mounted upside down, whose arrays are views with negative strides."""
     ranges, poses = LOG.ranges[:STEPS], LOG.poses[:STEPS]
     free = predictor.predict(Scans(ranges, ANGLES, poses))
-    assert torch.equal(predictor.predict(Scans(ranges[:, ::-1], ANGLES[::-1], poses)), free)
-    assert torch.equal(predictor.predict(Scans(ranges.astype(">f4"), ANGLES.astype(">f8"), poses)), free)
+    assert np.array_equal(predictor.predict(Scans(ranges[:, ::-1], ANGLES[::-1], poses)), free)
+    assert np.array_equal(predictor.predict(Scans(ranges.astype(">f4"), ANGLES.astype(">f8"), poses)), free)
 
 
 def test_a_stream_may_be_used_by_several_threads(small):
@@ -235,7 +252,7 @@ def test_pixels_that_no_reading_supports_are_unknown(small):
     *_, predicted = feed(
         PredictionStream(small, ANGLES, center=(25.0, 25.0), steps=STEPS), None, of_beams(slice(40, 51)), poses
     )
-    x, y = (Grid(32, 50.0).centers().numpy() - 25.0).T
+    x, y = (Grid(32, 50.0).centers() - 25.0).T
     is_supported = ~predicted.unknown.ravel()
     assert is_supported.any()
     assert (x[is_supported] > -1.6).all()

@@ -13,9 +13,11 @@ import torch
 from conftest import ROOT
 
 from repro.cli import prediction
+from repro.cli.settings import Prediction
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 
@@ -26,14 +28,14 @@ EXAMPLE = ROOT / "examples" / "rooms.npz"
 def run(tmp_path, monkeypatch):
     """Return a function that predicts a log to `tmp_path`."""
     torch.manual_seed(0)
-    predictor = Predictor(create_network(paper_model("fpn")).eval(), Projection(), Grid(32, 50.0))
-    monkeypatch.setattr(prediction, "load_predictor", lambda path: predictor)
+    predictor = Predictor(TorchNetwork(create_network(paper_model("fpn"))), Projection(), Grid(32, 50.0))
+    monkeypatch.setattr(prediction, "load", lambda path: predictor)
 
     def call(scans: Path = EXAMPLE, **changes: object) -> None:
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot"}
         settings |= dict.fromkeys(("pose", "mounting", "frame"), None) | {"spacing": "time"}
-        settings |= {"fov_deg": None, "range_max_m": None, "scan_topic": None, "odometry_topic": None}
-        chosen = SimpleNamespace(**settings | changes)
+        settings |= {"fov_deg": None, "range_max_m": None, "misses": "free", "scan_topic": None, "odometry_topic": None}
+        chosen = Prediction(**settings | changes)
         job = SimpleNamespace(
             call=SimpleNamespace(prediction=chosen, scans=str(scans)), outputs=SimpleNamespace(path=tmp_path)
         )

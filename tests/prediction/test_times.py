@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,7 +20,7 @@ ANGLES = np.linspace(-0.5, 0.5, 5)
 
 def stream_windows(stamps: list[float]) -> dict[float, list[int]]:
     """Return the scans of the windows that a stream predicts, by their end."""
-    predictor = Predictor(torch.nn.Identity(), Projection(), Grid(32, 50.0))
+    predictor = Predictor(lambda images: images, Projection(), Grid(32, 50.0))
     stream, found = PredictionStream(predictor, ANGLES, steps=WINDOWS.steps), {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("repro.prediction.stream.predict_map", lambda _, window, *others: window)

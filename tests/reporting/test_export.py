@@ -1,5 +1,6 @@
 from functools import partial
 
+import numpy as np
 import onnx
 import pandas as pd
 import pytest
@@ -9,14 +10,15 @@ import yaml
 from conftest import ROOT, fake_run, prepared
 from huggingface_hub import ModelCard
 
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, load_trained, save_trained
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
-from repro.networks.create import create_network
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.format import spec_fingerprint
-from repro.reporting.export import CARD_METRICS, export_onnx, export_weights, hub_metadata, make_card
+from repro.reporting.export import CARD_METRICS, export_run, export_weights, hub_metadata, make_card
 from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
 from repro.world_config import read_world, world_spec
@@ -30,7 +32,8 @@ def run(tmp_path) -> Run:
     run = fake_run(tmp_path / "laptop", "3", "unet", 0.4)
     values = {name: 0.1 * number for number, name in enumerate(CARD_METRICS, 1)}
     pd.DataFrame([values]).to_csv(run.metrics, index=False)
-    Predictor(create_network(paper_model("unet")), Projection(), Grid(32, 50.0)).save(run.model)
+    network = TorchNetwork(create_network(paper_model("unet")))
+    save_trained(Predictor(network, Projection(), Grid(32, 50.0)), run.model)
     return run
 
 
@@ -48,14 +51,14 @@ def check_card(text: str) -> ModelCard:
 @pytest.mark.slow
 def test_an_onnx_export_predicts_as_the_run_does(run, tmp_path):
     target = tmp_path / "exports" / "exp3-unet"
-    assert export_onnx(run, target) < 1e-4
+    assert export_run(run, target) < 1e-4
     assert {path.name for path in target.iterdir()} == {"model.onnx", "README.md"}
-    expected = load_predictor(run.model)
-    images = torch.randint(0, 256, (3, 1, 32, 32), dtype=torch.uint8)
+    expected = load_trained(run.model)
+    images = np.random.default_rng(0).integers(0, 256, (3, 1, 32, 32), np.uint8)
     for path in (target, target / "model.onnx"):
         found = load_predictor(path)
         assert (found.encoding, found.grid) == (expected.encoding, expected.grid)
-        assert torch.allclose(found.predict_images(images), expected.predict_images(images), atol=1e-4)
+        assert np.allclose(found.predict_images([images]), expected.predict_images([images]), atol=1e-4)
     text = (target / "README.md").read_text()
     properties = {each.key: each.value for each in onnx.load(target / "model.onnx").metadata_props}
     assert properties["repro.model_card"] == text
@@ -74,7 +77,7 @@ def test_existing_weights_and_files_beside_are_not_replaced(run, tmp_path):
         export_weights(run, target)
     export_weights(run, target, force=True)
     (target / "notes.txt").write_text("mine")
-    for export in (partial(export_weights, force=True), export_onnx):
+    for export in (partial(export_weights, force=True), export_run):
         with pytest.raises(ValueError, match=r"has files such as .*move them"):
             export(run, target)
     assert (target / "notes.txt").read_text() == "mine"
@@ -94,7 +97,7 @@ def test_the_published_card_and_statistics_are_complete():
     row = runs.query("experiment == '4' and model == 'unet' and encoding == 'projection' and seed == '0.0'").iloc[0]
     measured = {each.metric_type: each.metric_value for each in card.data.eval_results}
     assert measured == pytest.approx({name: row[name] for name in CARD_METRICS}, abs=1e-4)
-    statistics = load_predictor(PUBLISHED).statistics
+    statistics = load_trained(PUBLISHED).statistics
     assert statistics.windows == 3000
     assert set(statistics.quantiles) == {*TITLES} - {"valid_share"}  # younger than these weights
 
@@ -136,7 +139,7 @@ def test_exported_weights_predict_as_the_run_does(evaluated, tmp_path):
     example = card.split("```python")[1].split("```")[0]
     where = f"reproduce/results/{tmp_path.name}/weights"
     assert where in example
-    names = {"ranges": 30 * torch.rand(2, 9, 7), "angles": torch.rand(7), "poses": torch.full((2, 9, 3), 25.0)}
+    names = {"ranges": np.full((2, 9, 7), 5.0), "angles": np.linspace(-1, 1, 7), "poses": np.full((2, 9, 3), 25.0)}
     exec(example.replace(where, str(target)), names)
     assert names["free"].shape == (2, 32, 32)
     assert names["free"].min() >= 0

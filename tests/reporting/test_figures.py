@@ -77,7 +77,7 @@ def test_the_representation_shows_one_projection_per_experiment_with_the_meaning
 def test_the_image_of_an_example_is_the_projection_of_its_scans(evaluated):
     outputs, key = Outputs(evaluated.path.parents[4]), evaluated.config().key
     example = load_example(outputs, key)
-    drawn = Projection().encode(example.scans.tensors(), Grid(32, 50.0))[0, 0].numpy()
+    drawn = Projection().encode(example.scans.batched(), Grid(32, 50.0))[0, 0]
     assert np.array_equal(example.projection, drawn)
 
 

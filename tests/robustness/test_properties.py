@@ -16,10 +16,10 @@ from repro.cli.errors import Refused
 from repro.config import Training
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.learning.losses import MapLoss
+from repro.learning.networks.create import create_network
 from repro.learning.training import TrainingModule
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.create import create_network
 from repro.networks.model import NETWORKS, paper_model
 from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.recordings.format import shards_of
@@ -163,6 +163,6 @@ def test_accepted_settings_train_a_step(keys, data):
         return
     generator = np.random.default_rng(config.seed)
     shape = (config.scale.pairs.train, 1, config.scale.size_px, config.scale.size_px)
-    images = torch.as_tensor(generator.integers(0, 256, shape, dtype=np.uint8))
+    images = torch.from_numpy(generator.integers(0, 256, shape, dtype=np.uint8))
     encoding = create_encoding(config.encoding.name, config.encoding.parameters)
     learn(Pairs(images, images // 128, encoding), config.train, config.model.name)

@@ -13,7 +13,7 @@ from conftest import prepared, spent_budget
 
 from repro.learning.training import train
 from repro.runs.provenance import Status
-from repro.system.files import open_arrays
+from repro.system.arrays import open_arrays
 
 pytestmark = pytest.mark.slow
 

@@ -11,14 +11,15 @@ from repro.maps.validity import check_windows
 from repro.networks.predictor import load_predictor
 from repro.prediction.readings import readings
 from repro.scans import Scans
+from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
-from repro.system.files import open_arrays, read_mapping
+from repro.system.files import read_mapping
 
 GRID = repro.Grid(32, 50.0)
 
 
 def window(angles: np.ndarray) -> Scans:
-    return Scans(np.full((10, len(angles)), 5.0), angles, np.full((10, 3), 25.0) * [1, 1, 0]).tensors()
+    return Scans(np.full((10, len(angles)), 5.0), angles, np.full((10, 3), 25.0) * [1, 1, 0]).batched()
 
 
 VALUES = {

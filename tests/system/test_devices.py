@@ -3,8 +3,8 @@ import subprocess
 import pytest
 import torch
 
-from repro.system import devices
-from repro.system.devices import resolve_device, resolve_precision
+from repro.runs import devices
+from repro.runs.devices import resolve_device, resolve_precision
 
 
 @pytest.mark.parametrize(("native", "auto"), [(True, "bf16-mixed"), (False, "32-true")])
@@ -26,7 +26,7 @@ def test_a_missing_device_is_refused(monkeypatch):
 
 PEAK = """
 import torch
-from repro.system.devices import forget_peak_memory, peak_memory_gb
+from repro.runs.devices import forget_peak_memory, peak_memory_gb
 
 forget_peak_memory()
 before = peak_memory_gb()

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from repro.runs.tables import read_table
 from repro.system.files import (
     clear_leftovers,
     lock,
     read_mapping,
-    read_table,
     replacing,
     write_text,
 )

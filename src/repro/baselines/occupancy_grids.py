@@ -3,9 +3,8 @@
 import math
 from collections.abc import Iterator
 
-import torch
-from torch import Tensor
-from torch.nn import functional as F
+import numpy as np
+from scipy.ndimage import correlate
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
@@ -20,7 +19,7 @@ PRIOR_LOGIT = math.log(PRIOR / (1 - PRIOR))
 HIT_GAIN, PASSED_GAIN = (math.log(p / (1 - p)) - PRIOR_LOGIT for p in (HIT, PASSED))  # of the log-odds in a step
 
 
-def log_odds_grid(recorded: Recorded, forgetting: float) -> Tensor:
+def log_odds_grid(recorded: Recorded, forgetting: float) -> np.ndarray:
     """Filter a log-odds occupancy grid with forgetting (Elfes 1989; forgetting as in Yguel et al. 2007).
 
     Every step computes l <- (1 - forgetting) l, then l <- l + log(p / (1 - p)) - log(prior / (1 - prior)) with
@@ -35,16 +34,16 @@ def log_odds_grid(recorded: Recorded, forgetting: float) -> Tensor:
     """
     maps = []
     for scans in _parts(recorded):
-        log_odds = torch.zeros(len(scans), recorded.grid.size_px, recorded.grid.size_px)
+        log_odds = np.zeros((len(scans), recorded.grid.size_px, recorded.grid.size_px), np.float32)
         for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
             log_odds *= 1 - forgetting
             log_odds += HIT_GAIN * hit + PASSED_GAIN * passed
-            log_odds.clamp_(-8, 8)
-        maps.append(torch.sigmoid(log_odds + PRIOR_LOGIT))
-    return torch.cat(maps)
+            log_odds.clip(-8, 8, out=log_odds)
+        maps.append(1 / (1 + np.exp(-(log_odds + PRIOR_LOGIT))))
+    return np.concatenate(maps)
 
 
-def transitional_grid(recorded: Recorded, moving: float) -> Tensor:
+def transitional_grid(recorded: Recorded, moving: float) -> np.ndarray:
     """Filter static and dynamic occupancy together, following transitional grid maps (arXiv 2401.06518).
 
     A pixel is free, static or dynamic. In every step, dynamic occupancy spreads to the eight neighboring pixels with
@@ -58,35 +57,36 @@ def transitional_grid(recorded: Recorded, moving: float) -> Tensor:
     Returns:
         probability of an obstacle of either kind at the last step, (M, H, W).
     """
-    spread = torch.full((1, 1, 3, 3), moving / 8)
-    spread[..., 1, 1] = 1 - moving
+    spread = np.full((1, 3, 3), moving / 8, np.float32)
+    spread[0, 1, 1] = 1 - moving
     rest = 0.01
     hit_odds, passed_odds = (p / (1 - p) * (1 - PRIOR) / PRIOR for p in (HIT, PASSED))
     maps = []
     for scans in _parts(recorded):
-        static = torch.full((len(scans), recorded.grid.size_px, recorded.grid.size_px), PRIOR / 2)
-        dynamic = static.clone()
+        static = np.full((len(scans), recorded.grid.size_px, recorded.grid.size_px), PRIOR / 2, np.float32)
+        dynamic = static.copy()
         for hit, passed in _observations(scans, recorded.grid, recorded.range_max_m):
-            dynamic = F.conv2d(F.pad(dynamic[:, None], [1] * 4, mode="replicate"), spread)[:, 0]
+            dynamic = correlate(dynamic, spread, mode="nearest")
             static = static + rest * dynamic
-            dynamic = ((1 - rest) * dynamic).minimum(1 - static)
-            odds = torch.where(hit, hit_odds, torch.where(passed, passed_odds, 1.0))  # of occupied against free
+            dynamic = np.minimum((1 - rest) * dynamic, 1 - static)
+            odds = np.where(hit, hit_odds, np.where(passed, passed_odds, 1.0)).astype(np.float32)  # of occupied to free
             total = 1 - static - dynamic + odds * (static + dynamic)
-            static, dynamic = ((odds * each / total).clamp(1e-4, 0.999) for each in (static, dynamic))
-        maps.append((static + dynamic).clamp(max=1))
-    return torch.cat(maps)
+            static, dynamic = ((odds * each / total).clip(1e-4, 0.999) for each in (static, dynamic))
+        maps.append(np.minimum(static + dynamic, 1))
+    return np.concatenate(maps)
 
 
-def observation(scans: Scans, grid: Grid, range_max_m: float) -> tuple[Tensor, Tensor]:
+def observation(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the pixels in which beams of scans ended and those they only passed through, bool, each (B, H, W)."""
     hit = newest_hits(scans, grid) > 0
     return hit, (newest_passed(scans, grid, range_max_m) > 0) & ~hit
 
 
-def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tuple[Tensor, Tensor]]:
+def _observations(scans: Scans, grid: Grid, range_max_m: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the observation of every step."""
-    for ranges, poses in zip(scans.ranges.split(1, 1), scans.poses.split(1, 1), strict=True):
-        yield observation(Scans(ranges, scans.angles, poses), grid, range_max_m)
+    for step in range(scans.ranges.shape[1]):
+        one = Scans(scans.ranges[:, step : step + 1], scans.angles, scans.poses[:, step : step + 1])
+        yield observation(one, grid, range_max_m)
 
 
 def _parts(recorded: Recorded) -> list[Scans]:

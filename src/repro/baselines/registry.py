@@ -15,9 +15,7 @@ from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
-import torch
 from scipy.ndimage import distance_transform_edt, grey_dilation
-from torch import Tensor
 
 from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
 from repro.baselines.tracker import Prior, clusters, distances, track
@@ -25,14 +23,13 @@ from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
 from repro.metrics.scores import THRESHOLD
 from repro.recordings.recorded import Recorded
-from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.progress import progress
 from repro.world_config import WorldSpec
 
 Settings = dict[str, Any]
-Baseline = Callable[[Recorded, Recorded], tuple[Tensor, Settings]]
-Predict = Callable[..., Tensor]
+Baseline = Callable[[Recorded, Recorded], tuple[np.ndarray, Settings]]
+Predict = Callable[..., np.ndarray]
 RADII = tuple(0.01 * number for number in range(11))  # around hits, as shares of the side of the map
 FREE = tuple(0.1 * number for number in range(11))  # how long a pixel stays free after a beam, as a share of T
 TRACKER = {  # searched one after another; 1000 stands for no limit, a speed of 0.001 m/s for none
@@ -47,43 +44,43 @@ TRACKER = {  # searched one after another; 1000 stands for no limit, a speed of 
 }
 
 
-def all_free(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+def all_free(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
     """Predict free space everywhere."""
-    return torch.ones(test.maps.shape), {}
+    return np.ones(test.maps.shape, np.float32), {}
 
 
-def mean_map(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+def mean_map(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
     """Predict the mean of the validation maps, independent of the scans."""
-    return val.maps.float().mean(dim=0, keepdim=True).expand(test.maps.shape), {}
+    return np.broadcast_to(val.maps.mean(axis=0, dtype=np.float32, keepdims=True), test.maps.shape), {}
 
 
-def last_seen(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+def last_seen(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
     """Predict an obstacle within a radius of every hit."""
 
     def prepare(recorded: Recorded) -> Predict:
         distance = _distance_to_hits(recorded)  # [px]
-        return lambda radius_px: (distance > radius_px).float()
+        return lambda radius_px: (distance > radius_px).astype(np.float32)
 
     return tune(prepare, {"radius_px": range(1 + int(RADII[-1] * val.grid.size_px))}, val, test)
 
 
-def occupancy(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+def occupancy(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
     """Predict with a log-odds occupancy grid with forgetting; see `occupancy_grids.log_odds_grid`."""
     settings = {"forgetting": (0.0, 0.005, 0.02, 0.05), "radius_m": _radii_m(val)}
     return tune(partial(_dilated, log_odds_grid, "forgetting"), settings, val, test)
 
 
-def transitional(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+def transitional(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
     """Predict with a grid of static and dynamic occupancy; see `occupancy_grids.transitional_grid`."""
     settings = {"moving": (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0), "radius_m": _radii_m(val)}
     return tune(partial(_dilated, transitional_grid, "moving"), settings, val, test, climbs=True)
 
 
-def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
+def tracker(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
     """Predict by tracking discs and rectangles; see `tracker.track`."""
 
     def prepare(recorded: Recorded) -> Predict:
-        scans = [_arrays(recorded.scans[index]) for index in range(len(recorded))]
+        scans = [recorded.scans[index] for index in range(len(recorded))]
         found = cache(lambda near_m: [clusters(each, recorded.step_s, near_m) for each in scans])
         tracks = cache(lambda near_m, prior: [track(each, prior) for each in found(near_m)])
 
@@ -91,8 +88,8 @@ def tracker(val: Recorded, test: Recorded) -> tuple[Tensor, Settings]:
         def nearest(near_m: float, coast_s: float, prior: Prior) -> np.ndarray:
             return np.stack([distances(each, recorded.grid, coast_s) for each in tracks(near_m, prior)])
 
-        def predict(near_m: float, coast_s: float, margin_m: float, **prior: float) -> Tensor:
-            return torch.from_numpy(nearest(near_m, coast_s, Prior(**prior)) > margin_m).float()[:, None]
+        def predict(near_m: float, coast_s: float, margin_m: float, **prior: float) -> np.ndarray:
+            return (nearest(near_m, coast_s, Prior(**prior)) > margin_m).astype(np.float32)[:, None]
 
         return predict
 
@@ -121,7 +118,7 @@ def tune(
     test: Recorded,
     *,
     climbs: bool = False,
-) -> tuple[Tensor, Settings]:
+) -> tuple[np.ndarray, Settings]:
     """Predict the test set with the settings that have the best obstacle IoU on the validation set.
 
     Every prediction is combined with several `free_steps`: a pixel is free if a beam has passed over it fewer steps ago
@@ -141,8 +138,8 @@ def tune(
     Raises:
         InputError: `prepare` leads to another shape.
     """
-    predict, occupied = prepare(val), val.maps.numpy() == 0
-    since, steps = steps_since_free(val).numpy(), val.scans.ranges.shape[1]
+    predict, occupied = prepare(val), val.maps == 0
+    since, steps = steps_since_free(val), val.scans.ranges.shape[1]
     kept = {number: since >= number for number in (round(share * steps) for share in FREE)}
 
     lengths = [len(values) for values in settings.values()]
@@ -153,9 +150,8 @@ def tune(
         tried.update()
         free = predict(**dict(zip(settings, values, strict=True)))
         if free.shape != val.maps.shape:
-            expected, got = tuple(val.maps.shape), tuple(free.shape)
-            raise InputError(f"expected probabilities of free, {expected} as the maps, got {got}")
-        found = free.numpy() < THRESHOLD
+            raise InputError(f"expected probabilities of free, {val.maps.shape} as the maps, got {free.shape}")
+        found = free < THRESHOLD
         return max(((_iou(found & mask, occupied), number) for number, mask in kept.items()), key=lambda each: each[0])
 
     if climbs:
@@ -164,7 +160,7 @@ def tune(
         best = max(itertools.product(*settings.values()), key=lambda values: score(*values)[0])
     tried.close()
     chosen, free_steps = dict(zip(settings, best, strict=True)), score(*best)[1]
-    free = prepare(test)(**chosen).masked_fill(steps_since_free(test) < free_steps, 1.0)
+    free = np.where(steps_since_free(test) < free_steps, np.float32(1), prepare(test)(**chosen))
     return free, {**chosen, "free_steps": free_steps}
 
 
@@ -198,18 +194,18 @@ def _iou(found: np.ndarray, occupied: np.ndarray) -> float:
     return float(np.count_nonzero(found & occupied) / union) if union else 0.0
 
 
-def steps_since_free(recorded: Recorded) -> Tensor:
+def steps_since_free(recorded: Recorded) -> np.ndarray:
     """Return the steps since a beam last passed over each pixel, (M, 1, H, W).
 
     The last step of a window was 0 steps ago. Pixels that no beam passed over after their last hit have T.
     """
     scans, grid = recorded.scans, recorded.grid
     steps = scans.ranges.shape[1]
-    passed = newest_passed(scans, grid, recorded.range_max_m).long()
-    return torch.where(passed > newest_hits(scans, grid), steps - passed, steps)[:, None]
+    passed = newest_passed(scans, grid, recorded.range_max_m)
+    return np.where(passed > newest_hits(scans, grid), steps - passed, steps)[:, None]
 
 
-def dilate(occupied: Tensor, radius_px: int) -> Tensor:
+def dilate(occupied: np.ndarray, radius_px: int) -> np.ndarray:
     """Dilate occupancy by a disc.
 
     Args:
@@ -221,30 +217,26 @@ def dilate(occupied: Tensor, radius_px: int) -> Tensor:
     """
     reach = np.arange(-radius_px, radius_px + 1)
     disc = np.square(reach[:, None]) + np.square(reach) <= radius_px**2
-    dilated = grey_dilation(occupied.float().numpy(), footprint=disc[None], mode="constant", cval=0.0)
-    return 1 - torch.from_numpy(dilated)[:, None]
+    dilated = grey_dilation(occupied.astype(np.float32), footprint=disc[None], mode="constant", cval=0.0)
+    return 1 - dilated[:, None]
 
 
-def _distance_to_hits(recorded: Recorded) -> Tensor:
+def _distance_to_hits(recorded: Recorded) -> np.ndarray:
     """Return the distance of each pixel to the nearest hit [px], infinite without hits, (M, 1, H, W)."""
-    hits = (newest_hits(recorded.scans, recorded.grid) > 0).numpy()
+    hits = newest_hits(recorded.scans, recorded.grid) > 0
     each = [distance_transform_edt(~hit) if hit.any() else np.full(hit.shape, np.inf) for hit in hits]
-    return torch.from_numpy(np.stack(each))[:, None]
+    return np.stack(each)[:, None]
 
 
 def _radii_m(recorded: Recorded) -> tuple[float, ...]:
     return tuple(share * recorded.grid.size_m for share in RADII)
 
 
-def _dilated(grid_filter: Callable[[Recorded, float], Tensor], setting: str, recorded: Recorded) -> Predict:
+def _dilated(grid_filter: Callable[[Recorded, float], np.ndarray], setting: str, recorded: Recorded) -> Predict:
     """Return a predictor that filters a grid, once per value of `setting`, and dilates its occupancy by a radius."""
     occupancy = cache(partial(grid_filter, recorded))
 
-    def predict(radius_m: float, **settings: float) -> Tensor:
+    def predict(radius_m: float, **settings: float) -> np.ndarray:
         return dilate(occupancy(settings[setting]), int(np.rint(radius_m / recorded.grid.resolution_m)))
 
     return predict
-
-
-def _arrays(scans: Scans) -> Scans:
-    return Scans(scans.ranges.numpy(), scans.angles.numpy(), scans.poses.numpy())

@@ -10,9 +10,10 @@ from repro.cli.prediction import name_of, read
 from repro.cli.settings import Prediction
 from repro.learning.adaptation import Labeled, adapt, label
 from repro.learning.held_out import View
-from repro.networks.predictor import Predictor, load_predictor
+from repro.learning.networks.trained import load_trained, save_trained
+from repro.networks.predictor import Predictor
+from repro.runs.devices import few_threads, resolve_device, resolve_precision
 from repro.runs.provenance import environment
-from repro.system.devices import few_threads, resolve_device, resolve_precision
 from repro.system.errors import InputError
 from repro.system.files import sha256, write_json
 
@@ -31,7 +32,7 @@ def adapt_to_logs(job: Job) -> None:
     target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(paths[0]) + others)
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
-    predictor = load_predictor(settings.weights)
+    predictor = load_trained(settings.weights)
     device = resolve_device(runtime.accelerator)
     with few_threads():
         logs = [_labeled(path, predictor, settings, seed=number) for number, path in enumerate(paths)]
@@ -40,7 +41,7 @@ def adapt_to_logs(job: Job) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as directory:
         new = Path(directory) / target.name
-        adapted.save(new)
+        save_trained(adapted, new)
         checksums = {path.name: sha256(path) for path in paths if path.is_file()}
         losses = {"validation_loss": after, "validation_loss_before": before}
         write_json(new / "source.json", {"weights": settings.weights, "logs": checksums, **losses, **origin})

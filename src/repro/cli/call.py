@@ -142,7 +142,7 @@ def _model_errors(model: Model) -> list[ConfigError]:
     usual = model.kind in NETWORKS and model.encoder_name == PAPER_ENCODER
     if usual and model.encoder_weights in (None, "imagenet") and not model.parameters:
         return []
-    from repro.networks.create import architecture_errors  # takes some seconds
+    from repro.learning.networks.create import architecture_errors  # takes some seconds
 
     return architecture_errors(model)
 

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import replace
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from repro.cli.prediction_report import describe, percent, say_left_out, summari
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import SHARES, compare
 from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import draw, write_map, write_probabilities
@@ -42,7 +44,7 @@ def predict_log(job: Job) -> None:
     path = Path(job.call.scans)
     target = job.outputs.path / "predictions" / name_of(path)
     _check_target(target, path, Path(settings.weights))
-    predictor = load_predictor(settings.weights)
+    predictor = load(settings.weights)
     print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings)
     describe(log, windows, predictor.reach_m)
@@ -60,6 +62,19 @@ def predict_log(job: Job) -> None:
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
     print(target)
+
+
+def load(weights: str) -> Predictor:
+    """Load the network of a prediction, from weights of torch where there is no ONNX file.
+
+    Raises:
+        InputError: there are no such weights, or they are of torch, and the study is not installed.
+    """
+    if onnx_file(locate(weights)) or not find_spec("torch"):
+        return load_predictor(weights)
+    from repro.learning.networks.trained import load_trained  # takes seconds
+
+    return load_trained(weights)
 
 
 def name_of(log: Path) -> str:
@@ -99,7 +114,8 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
     if settings.spacing == "distance" and settings.step_s is not None:
         raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
-    windows = window_of(predictor, center, settings.steps, settings.step_s, settings.range_max_m)
+    others = {"center": center, "range_max_m": settings.range_max_m, "misses": settings.misses}
+    windows = window_of(predictor, settings.steps, settings.step_s, **others)
     if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
@@ -146,7 +162,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m:
         "unknown_share": float(predicted.unknown.mean()),
     }
     line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
-    statistics = {name: float(value[0]) for name, value in measure(window.scans.tensors(), grid).items()}
+    statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
     row |= statistics | {"outside_training": " ".join(outside)}
     compared = compare(window, predicted.free, grid, min(range_max_m, COMPARED_M))

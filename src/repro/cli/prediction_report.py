@@ -33,6 +33,8 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
     invalid = np.isnan(log.ranges).mean()
     if invalid:
         print(f"invalid: {invalid:.1%} of the readings (NaN, zero, below the minimum): neither a hit nor free space")
+    for note in log.notes:
+        print(f"warning: {note}", flush=True)
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
     notes = note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), sharper_convention(log, settings)

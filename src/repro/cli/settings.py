@@ -87,6 +87,7 @@ class Prediction:
     mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
     fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
     range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
+    misses: Literal["free", "invalid"]
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None

@@ -1,17 +1,18 @@
 """Networks for the page: ONNX with weights stored as float16, checked against PyTorch."""
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import onnx
-import torch
 from onnx import TensorProto, helper, numpy_helper
 
+from repro.learning.networks.export import TOLERANCE
+from repro.learning.networks.trained import export_onnx, load_trained
 from repro.maps.encodings import kind_of
-from repro.networks.onnx_files import TOLERANCE, OnnxNetwork
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.onnx_files import OnnxNetwork
+from repro.networks.predictor import Predictor
 from repro.system.errors import InputError
 
 DRAWN_ENCODINGS = ("projection", "stack", "series")  # those that assets/encodings.js draws
@@ -34,13 +35,13 @@ class DemoNetwork:
 
 
 def load_demo_network(title: str) -> DemoNetwork:
-    """Load a network for the page by the name or the path of its weights, see `load_predictor`.
+    """Load a network for the page by the name or the path of its weights, see `load_trained`.
 
     Raises:
         InputError: there is no such predictor of torch, it was trained with fixed obstacles, the page cannot draw its
             encoding, or float16 weights change its output by more than 0.001.
     """
-    predictor = load_predictor(title)
+    predictor = load_trained(title)
     if predictor.has_fixed:
         raise InputError(f"{title} was trained with fixed obstacles, which the demo does not have")
     if predictor.is_centered:
@@ -80,17 +81,16 @@ def _onnx_of(predictor: Predictor) -> bytes:
     """Return the ONNX file of a predictor of torch."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "model.onnx"
-        predictor.save_onnx(file)
+        export_onnx(predictor, file)
         return file.read_bytes()
 
 
 def _check(content: bytes, predictor: Predictor, title: str) -> None:
     """Compare with PyTorch on images of random gray values of which most are white."""
-    generator = torch.Generator().manual_seed(0)
+    rng = np.random.default_rng(0)
     shape = (1, predictor.encoding.channels, predictor.grid.size_px, predictor.grid.size_px)
-    gray = torch.randint(0, 256, shape, generator=generator, dtype=torch.uint8)
-    images = torch.where(torch.rand(shape, generator=generator) < 0.1, gray, 255)
-    free = OnnxNetwork(content)(predictor.encoding.to_input(images)).sigmoid()
-    error = float((free - predictor.predict_images(images)).abs().max())
+    images = np.where(rng.random(shape) < 0.1, rng.integers(0, 256, shape), 255).astype(np.uint8)
+    exported = replace(predictor, network=OnnxNetwork(content))
+    error = float(np.abs(exported.predict_images([images]) - predictor.predict_images([images])).max())
     if not error <= TOLERANCE:
         raise InputError(f"{title}: ONNX with float16 weights differs from PyTorch by {error:.4f}, over {TOLERANCE}")

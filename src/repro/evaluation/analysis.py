@@ -20,10 +20,10 @@ from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import read_per_image, read_quantized
 from repro.evaluation.recency import RECENCY
+from repro.learning.networks.create import create_network
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
-from repro.networks.create import create_network
 from repro.networks.model import NETWORKS
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import open_recordings

@@ -57,7 +57,7 @@ def load_test_set(recordings: Recordings, grid: Grid) -> TestSet:
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     first = 0
     for shard in recordings.shards("test"):
-        parts["truth"].append(true_maps(shard, grid).numpy())
+        parts["truth"].append(true_maps(shard, grid))
         parts["groups"].append(pixel_groups(shard.scans, grid, lidar.range_max))
         parts["masks"].append(obstacle_masks(shard, grid))
         parts["recording"].append(first + 2 * shard.world + np.array([[0], [1]]))

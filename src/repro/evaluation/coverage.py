@@ -28,8 +28,8 @@ def coverage_and_visibility(recordings: Recordings, split: str, grid: Grid) -> d
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in recordings.shards(split):
         free = true_maps(shard, grid)[::2]  # a world and its twin share their map
-        covered_px += (1 - free).sum().item()
-        maps_px += free.numel()
+        covered_px += (1 - free).sum(dtype=int)
+        maps_px += free.size
         area = obstacle_masks(shard, grid).sum((1, 2))
         rank = np.arange(len(area)) - np.searchsorted(shard.world, shard.world)  # index of an obstacle in its world
         for twin in (0, 1):

@@ -11,23 +11,24 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from torch import Tensor
 
 from repro.baselines.registry import PREDICTORS
-from repro.metrics.bootstrap import IN_INTERVALS
+from repro.evaluation.image_metrics import IMAGE_METRICS, IN_INTERVALS
+from repro.learning.networks.trained import load_trained
 from repro.metrics.counts import counts_of, pooled_scores, quantize
-from repro.metrics.scores import IMAGE_METRICS, checked_probabilities
-from repro.networks.predictor import load_predictor
+from repro.metrics.scores import checked_probabilities
 from repro.recordings.datasets import grid_of, load_pairs_of_run
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.runs.config import RunConfig
+from repro.runs.devices import resolve_device
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
-from repro.system.devices import resolve_device
+from repro.runs.tables import read_table
+from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
-from repro.system.files import open_arrays, read_table, replacing, sha256, write_text
+from repro.system.files import replacing, sha256, write_text
 
 FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
 
@@ -62,8 +63,8 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         else:
             device = resolve_device(accelerator)
             pairs = load_pairs_of_run(opened, "test", config, device)
-            maps = pairs.maps
-            probability = load_predictor(run.model).to(device).predict_images(pairs.image_batches(32))
+            maps = pairs.maps.numpy(force=True)
+            probability = load_trained(run.model, device).predict_images(pairs.image_batches(32))
         try:
             row, per_image = measure(probability, maps)
         except InputError as error:
@@ -93,17 +94,16 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
     evaluate(run, recordings)
 
 
-def measure(free: Tensor | np.ndarray, maps: Tensor) -> tuple[pd.Series, pd.DataFrame]:
+def measure(free: np.ndarray, maps: np.ndarray) -> tuple[pd.Series, pd.DataFrame]:
     """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image.
 
     Raises:
-        ValueError: see `checked_probabilities`.
+        InputError: see `checked_probabilities`.
     """
     probability = checked_probabilities(free, maps)
-    truth = maps.cpu().float()
     counts = counts_of(probability, maps)
-    of_images = {name: metric(probability, truth) for name, metric in IMAGE_METRICS.items()}
-    per_image = pd.DataFrame({name: values.numpy() for name, values in of_images.items()} | pooled_scores(counts))
+    of_images = {name: metric(probability, maps) for name, metric in IMAGE_METRICS.items()}
+    per_image = pd.DataFrame(of_images | pooled_scores(counts))
     means = {name: values.mean() for name, values in of_images.items()}
     return pd.Series((means | pooled_scores(counts.sum(0))), dtype=float), per_image
 
@@ -118,7 +118,7 @@ def read_per_image(run: Run) -> dict[str, np.ndarray]:
     return {name: table[name].to_numpy() for name in IN_INTERVALS}
 
 
-def write_predictions(run: Run, probability: Tensor) -> None:
+def write_predictions(run: Run, probability: np.ndarray) -> None:
     """Write the probabilities of free (M, 1, H, W), quantized to uint8."""
     free = quantize(probability)
     with replacing(run.path / "predictions.npz") as temporary, temporary.open("wb") as file:

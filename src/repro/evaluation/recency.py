@@ -5,7 +5,6 @@ range but always hidden is `occluded`; one that never was is `never in view`."""
 
 import numpy as np
 import shapely
-import torch
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import areas_of, rasterize
@@ -30,10 +29,10 @@ def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
     Returns:
         the index in `RECENCY` of the group of each pixel, uint8, (B, H, W).
     """
-    windows = scans.tensors()
+    windows = scans.batched()
     half = grid.resolution_m / 2  # the margin makes a hit surface visible
-    visible = newest_visible(windows, grid, range_max_m, margin_m=half).numpy()
-    in_view = newest_in_view(windows, grid, range_max_m).numpy()
+    visible = newest_visible(windows, grid, range_max_m, margin_m=half)
+    in_view = newest_in_view(windows, grid, range_max_m)
     group = age_group(windows.ranges.shape[1] - visible + 1)
     return np.where(visible > 0, group, np.where(in_view > 0, OCCLUDED, NEVER_IN_VIEW)).astype(np.uint8)
 
@@ -53,11 +52,11 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
     Returns:
         the step, counted from 1, or 0 for never, (2, K); the first row is of direction 1, the second of -1.
     """
-    points, hit = (part.numpy() for part in shard.scans.tensors(dtype=torch.float64).points())
+    points, hit = shard.scans.batched(np.float64).points()
     newest = np.zeros((2, len(shard.world)), dtype=np.int64)
-    areas, reach_m = areas_of(torch.as_tensor(shard.outlines)).abs(), TOUCH_M + 3 * noise_m
+    areas, reach_m = np.abs(areas_of(shard.outlines)), TOUCH_M + 3 * noise_m
     hulls = shapely.area(shapely.convex_hull(shapely.linestrings(shard.outlines.astype(float))))
-    is_convex = (hulls > 0) & (hulls <= (1 + 1e-6) * areas.numpy())  # outlines are stored with 24 bits
+    is_convex = (hulls > 0) & (hulls <= (1 + 1e-6) * areas)  # outlines are stored with 24 bits
     for number, world in enumerate(shard.world):
         outline, states = shard.outlines[number].astype(float), shard.states[number].astype(float)
         closed = np.concatenate([outline, outline[:1]])
@@ -84,6 +83,5 @@ def _steps_touching(
 
 def obstacle_masks(shard: ShardContent, grid: Grid) -> np.ndarray:
     """Draw each single obstacle at the last step, bool, (K, H, W)."""
-    outlines, states = torch.as_tensor(shard.outlines), torch.as_tensor(shard.states[:, -1])
     number = len(shard.world)
-    return rasterize(outlines, states, torch.arange(number), number, grid).numpy() == 0
+    return rasterize(shard.outlines, shard.states[:, -1], np.arange(number), number, grid) == 0

@@ -4,6 +4,7 @@ The last fifth of each log is for validation, or a part of little more than a wi
 those of the epoch with the least validation loss.
 """
 
+import copy
 import functools
 import math
 import tempfile
@@ -20,9 +21,10 @@ from repro.config import Training
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
 from repro.learning.losses import bce_loss
+from repro.learning.networks.convgru import ConvGRU, is_centered
+from repro.learning.networks.trained import TorchNetwork, module_of
 from repro.learning.training import TrainingModule, fit, load_best
 from repro.maps.statistics import Statistics, summarize
-from repro.networks.convgru import ConvGRU, is_centered
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, last_hits
 from repro.prediction.logs import ScanLog
@@ -164,11 +166,11 @@ def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor, reach_m:
     encoding, grid = predictor.encoding, predictor.grid
     images, maps = [], []
     for scans, shown in windows:
-        images.append(packed(encoding.encode(scans.tensors(), grid), encoding))
+        images.append(packed(encoding.encode(scans.batched(), grid), encoding))
         values = np.where(shown.hits, 0, np.where(shown.passed, 1, UNKNOWN))
         values += SEEN * last_hits(scans, grid, reach_m)[1]
         maps.append(torch.from_numpy(values.astype(np.uint8))[None, None])
-    statistics = summarize((scans.tensors() for scans, _ in windows), grid)
+    statistics = summarize((scans.batched() for scans, _ in windows), grid)
     return Labeled(Pairs(torch.cat(images), torch.cat(maps), encoding), statistics)
 
 
@@ -196,7 +198,7 @@ def adapt(
         InputError: the network cannot be trained, or the validation loss does not fall.
     """
     train, val = (_joined(part, device) for part in zip(*logs, strict=True))
-    network = predictor.copied_network()
+    network = copy.deepcopy(module_of(predictor))
     if isinstance(network, ConvGRU) and not (network.centered or predictor.has_fixed):
         network = network.with_distances()
     network.to(device)
@@ -213,7 +215,7 @@ def adapt(
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
     statistics = functools.reduce(Statistics.widened, [*known, *(first.statistics for first, _ in logs)])
-    adapted = replace(predictor, network=network.cpu(), statistics=statistics, is_centered=is_centered(network))
+    adapted = replace(predictor, network=TorchNetwork(network), statistics=statistics, is_centered=is_centered(network))
     return adapted, before, after
 
 

@@ -12,7 +12,7 @@ import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 from torch import nn
 
-from repro.networks.torch_files import read_torch
+from repro.learning.networks.torch_files import read_torch
 from repro.networks.weights import locate
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, replacing
@@ -75,11 +75,14 @@ def _is_intact(path: Path) -> bool:
 def start_from(network: nn.Module, weights: str) -> None:
     """Load the weights of another network into a network of the same form.
 
+    What the other network lacks and has no effect yet, since its weights are zero, stays so.
+
     Raises:
         InputError: there are no such weights, or they are of a network of another form.
     """
     try:
-        network.load_state_dict(read_torch(locate(weights))[0].state_dict())
+        without_effect = {name: values for name, values in network.state_dict().items() if not values.any()}
+        network.load_state_dict(without_effect | read_torch(locate(weights))[0].state_dict())
     except RuntimeError as error:
         raise InputError(
             f"train.weights={weights}: expected a network of the same form, got another: {error}"

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.networks.create import replace_slow_modules
+from repro.learning.networks.create import replace_slow_modules
 
 
 class DepthwiseConv2d(nn.Conv2d):

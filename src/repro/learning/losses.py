@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from repro.recordings.datasets import HIDDEN
 
-HIDDEN_WEIGHT = 0.1  # ours, of a pixel that a lidar does not show
+HIDDEN_WEIGHT = 0.1  # ours, of a pixel that standing obstacles hide
 
 
 def bce_loss(logits: Tensor, target: Tensor, known: Tensor | None = None) -> Tensor:
@@ -49,10 +49,11 @@ class MapLoss(nn.Module):
 
 
 class ShownLoss(nn.Module):
-    """Binary cross-entropy, Eq. 1, in which what a lidar shows at the last step counts ten times the rest.
+    """Binary cross-entropy, Eq. 1, in which what standing obstacles hide from a lidar at the last step counts a tenth.
 
     Most of a map of rooms is behind walls. Far from all hits, an obstacle is much less probable if a lidar shows the
-    pixel than if a wall may hide it.
+    pixel than if a wall may hide it. What moves hides nothing: else the far side of people would count a tenth, too,
+    and half of their area would be missing in the maps.
     """
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:

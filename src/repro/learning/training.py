@@ -26,16 +26,17 @@ from repro.learning.callbacks import Budget, Checkpoint, History, Stop
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from, start_from
 from repro.learning.kernels import accelerate, create_optimizer
 from repro.learning.losses import MapLoss, ShownLoss
+from repro.learning.networks.convgru import is_centered
+from repro.learning.networks.create import check_interface, create_network
+from repro.learning.networks.trained import TorchNetwork, save_trained
 from repro.maps.statistics import Statistics
-from repro.networks.convgru import is_centered
-from repro.networks.create import check_interface, create_network
 from repro.networks.predictor import Predictor
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import Recordings, open_recordings
 from repro.runs.config import RunConfig
+from repro.runs.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
-from repro.system.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.system.errors import InputError
 from repro.system.memory import keep_freed_memory
 from repro.world_config import WorldSpec
@@ -151,7 +152,7 @@ def train(
             run.end_step(Status.paused, **facts)
             return run.status
         load_best(module, run.path)
-        checksum = _predictor(module.network, opened.spec, config, statistics).save(run.model)
+        checksum = save_trained(_predictor(module.network, opened.spec, config, statistics), run.model)
         run.end_step(Status.trained, **facts, weights_sha256=checksum)
         shutil.rmtree(run.path / "checkpoints", ignore_errors=True)
         return run.status
@@ -160,7 +161,7 @@ def train(
 def _predictor(network: nn.Module, spec: WorldSpec, config: RunConfig, statistics: Statistics) -> Predictor:
     """Return a trained network with what a prediction needs."""
     window = (spec.steps, spec.world.step_time, bool(spec.fixed), is_centered(network))
-    return Predictor(network, encoding_of(config), grid_of(config), statistics, *window)
+    return Predictor(TorchNetwork(network), encoding_of(config), grid_of(config), statistics, *window)
 
 
 def _training_module(recordings: Recordings, config: RunConfig, device: str) -> TrainingModule:

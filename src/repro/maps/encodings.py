@@ -1,21 +1,21 @@
 """Encodings: from a window of scans to the input of a network.
 
 An encoding is a frozen dataclass of its parameters, selected by conf/encoding and created by `create_encoding`. It
-draws the uint8 images of a batch of windows at any resolution, on the CPU or a GPU, and converts them to the input of a
-network. The paper's encoding is `projection.Projection`. A new encoding needs a class here, a line in `ENCODINGS` and a
+draws the uint8 images of a batch of windows at any resolution; `to_input` converts them to the input of a network. The
+paper's encoding is `projection.Projection`. A new encoding needs a class here, a line in `ENCODINGS` and a
 file in conf/encoding.
 """
 
 from inspect import signature
 from typing import Any, Protocol
 
+import numpy as np
 from pydantic import ValidationError
-from torch import Tensor
 
 from repro.fields import config_errors_of
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.maps.series import Series, Stack
+from repro.maps.series import Recent, Series, Stack
 from repro.scans import Scans
 from repro.system.errors import InputError
 
@@ -40,23 +40,25 @@ class Encoding(Protocol):
         """Whether the images have no other values than 0 and 255, so that a bit per pixel is stored."""
 
     @property
+    def is_inverted(self) -> bool:
+        """Whether the input of a network is 1 where an image is black, see `to_input`."""
+
+    @property
     def reach_m(self) -> float:
         """How far the images show the pixels on the way of a miss as free [m], 0 if they do not."""
 
     def with_range(self, range_max_m: float) -> "Encoding":
         """Return the encoding for a lidar of another maximum range [m]."""
 
-    def encode(self, scans: Scans, grid: Grid) -> Tensor:
-        """Draw the images of a batch of scans, uint8, (B, C, H, W)."""
-
-    def to_input(self, images: Tensor) -> Tensor:
-        """Convert images to the input of a network, float32 in [0, 1], of the same shape."""
+    def encode(self, scans: Scans, grid: Grid) -> np.ndarray:
+        """Draw the images of a batch of scans, see `Scans.batched`, uint8, (B, C, H, W)."""
 
 
 ENCODINGS: dict[str, type[Encoding]] = {  # by their names, without the number of parts
     "projection": Projection,
     "stack": Stack,
     "series": Series,
+    "recent": Recent,
 }
 
 
@@ -64,7 +66,7 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
     """Create an encoding from its name and parameters; one that is None has its default.
 
     Raises:
-        ValueError: the name or a parameter is unknown, or a value is not allowed.
+        InputError: the name or a parameter is unknown, or a value is not allowed.
     """
     kind = ENCODINGS.get(kind_of(name))
     if kind is None:
@@ -81,6 +83,17 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
     if encoding.name != name:
         raise InputError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
     return encoding
+
+
+def to_input(images: np.ndarray, *, inverted: bool) -> np.ndarray:
+    """Convert images, uint8, to the input of a network, float32 in [0, 1], of the same shape; inverted, black is 1.
+
+    Adds in place, because the memory of a temporary is returned to the system and fetched again in every call.
+    """
+    values = images.astype(np.float32)
+    if not inverted:
+        return np.divide(values, 255, out=values)
+    return np.add(np.divide(values, -255, out=values), 1, out=values)
 
 
 def kind_of(name: str) -> str:

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from numbers import Integral
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from repro.system.errors import InputError
 
@@ -23,7 +22,7 @@ class Grid:
         size_m: length of each side [m].
 
     Raises:
-        ValueError: `size_px` is no positive whole number, or `size_m` not positive and finite.
+        InputError: `size_px` is no positive whole number, or `size_m` not positive and finite.
     """
 
     size_px: int
@@ -40,32 +39,15 @@ class Grid:
         """Side of one pixel [m]."""
         return self.size_m / self.size_px
 
-    def pixels(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the pixel that contains each point.
-
-        Args:
-            points: world coordinates [m], (..., 2).
-
-        Returns:
-            index: flat pixel index, row-major, (...); 0 for a point outside the map.
-            inside: whether the point lies on the map, (...).
-        """
-        column = torch.floor(points[..., 0] / self.resolution_m)
-        row = self.size_px - 1 - torch.floor(points[..., 1] / self.resolution_m)
-        inside = (column >= 0) & (column < self.size_px) & (row >= 0) & (row < self.size_px)
-        index = torch.where(inside, row * self.size_px + column, 0.0).long()
-        return index, inside
-
-    def centers(self) -> Tensor:
+    def centers(self) -> np.ndarray:
         """Return the world coordinates of all pixel centers [m], row-major from the top, (H W, 2)."""
         y = self.row_centers()
-        return torch.stack([y.flip(0).repeat(self.size_px), y.repeat_interleave(self.size_px)], dim=-1)
+        return np.stack([np.tile(y[::-1], self.size_px), np.repeat(y, self.size_px)], axis=-1)
 
-    def row_centers(self, device: torch.device | str = "cpu") -> Tensor:
+    def row_centers(self) -> np.ndarray:
         """Return the world y of the pixel centers of each row [m], (H,), decreasing from top to bottom."""
-        rows = torch.arange(self.size_px, dtype=torch.float32, device=device)
-        return (self.size_px - 0.5 - rows) * self.resolution_m
+        return (self.size_px - np.float32(0.5) - np.arange(self.size_px, dtype=np.float32)) * self.resolution_m
 
-    def first_column(self, x: Tensor) -> Tensor:
+    def first_column(self, x: np.ndarray) -> np.ndarray:
         """Return the first column with its pixel center at or to the right of `x` [m], clipped to [0, W]."""
-        return torch.ceil(x / self.resolution_m - 0.5).clamp(0, self.size_px).long()
+        return np.ceil(x / self.resolution_m - 0.5).clip(0, self.size_px).astype(np.int64)

@@ -1,14 +1,16 @@
 """The paper's encoding, the cumulative dynamic sensor projection."""
 
+import math
 from typing import ClassVar
 
-import torch
+import numpy as np
 from pydantic.dataclasses import dataclass
-from torch import Tensor
 
 from repro.fields import OLDEST_GRAY, STRICT, Gray
 from repro.maps.grid import Grid
 from repro.scans import Scans
+from repro.system.compiled import compiled
+from repro.system.threads import in_threads
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -34,6 +36,7 @@ class Projection:
     channels: ClassVar[int] = 1
     frames: ClassVar[int] = 1
     is_binary: ClassVar[bool] = False
+    is_inverted: ClassVar[bool] = False
     reach_m: ClassVar[float] = 0.0
 
     decay: bool = True
@@ -42,65 +45,64 @@ class Projection:
     def with_range(self, range_max_m: float) -> "Projection":
         return self
 
-    def encode(self, scans: Scans, grid: Grid) -> Tensor:
+    def encode(self, scans: Scans, grid: Grid) -> np.ndarray:
         """Draw the projection of each window.
 
         Args:
-            scans: a batch of windows, as tensors.
+            scans: a batch of windows, see `Scans.batched`.
             grid: grid of the images.
 
         Returns:
             gray images, uint8, (B, 1, H, W); darker is more recent.
         """
-        newest, steps = newest_hits(scans, grid), scans.ranges.shape[1]
-        shades = torch.zeros(steps + 1)
+        steps = scans.ranges.shape[1]
+        shades = np.zeros(steps + 1, dtype=np.float32)
         if self.decay:
-            shades[1:] = torch.linspace(0, self.oldest_gray, steps).flip(0)
+            shades[1:] = np.linspace(0, self.oldest_gray, steps)[::-1]
         shades[0] = 1
-        shades = (255 * shades).round().to(newest.device, torch.uint8)
-        return shades.index_select(0, newest.flatten()).view_as(newest)[:, None]  # much faster than indexing
-
-    def to_input(self, images: Tensor) -> Tensor:
-        return images.to(torch.float32, copy=True).div_(255)
+        return np.rint(255 * shades).astype(np.uint8)[newest_hits(scans, grid)][:, None]
 
 
-def inverted(images: Tensor) -> Tensor:
-    """Convert images, uint8, to the input of a network with inverted intensities: 1 is black, 0 is white.
-
-    Adds in place, because the memory of a temporary is returned to the system and fetched again in every call.
-    """
-    return images.to(torch.float32, copy=True).div_(-255).add_(1)
-
-
-def newest_hits(scans: Scans, grid: Grid) -> Tensor:
+def newest_hits(scans: Scans, grid: Grid) -> np.ndarray:
     """Return the newest step at which each pixel was hit.
 
     Args:
-        scans: a batch of windows, as tensors.
+        scans: a batch of windows, see `Scans.batched`.
         grid: grid of the images.
 
     Returns:
-        the step, counted from 1, 0 without a hit, int64, (B, H, W).
+        the step, counted from 1, 0 without a hit, int32, (B, H, W).
     """
-    pixels, hit = hit_pixels(scans, grid)
-    batch, steps, _ = hit.shape
-    step = torch.arange(1, steps + 1, device=hit.device)[:, None]
-    newest = torch.zeros(batch, grid.size_px**2, dtype=torch.long, device=hit.device)
-    newest.scatter_reduce_(1, pixels.flatten(1), torch.where(hit, step, 0).flatten(1), reduce="amax")
-    return newest.view(batch, grid.size_px, grid.size_px)
+    newest = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int32)
+    resolution_m = scans.ranges.dtype.type(grid.resolution_m)
+    in_threads(lambda part: _draw_hits(newest, scans.ranges, scans.angles, scans.poses, part, resolution_m), len(scans))
+    return newest
 
 
-def hit_pixels(scans: Scans, grid: Grid) -> tuple[Tensor, Tensor]:
-    """Return the pixel of each hit, from its range, beam angle and pose.
+@compiled
+def _draw_hits(
+    newest: np.ndarray, ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, part: np.ndarray, resolution_m: float
+) -> None:
+    """Draw the hits of some windows, oldest first: the step of each, counted from 1, in its pixel.
 
     Args:
-        scans: a batch of windows, as tensors.
-        grid: grid of the images.
-
-    Returns:
-        pixels: flat pixel index, row-major, (B, T, N); 0 where there is no hit.
-        hit: whether the beam hits something on the map, (B, T, N).
+        newest: the images, (B, H, W).
+        ranges: ranges [m], (B, T, N); one that is not finite is no hit.
+        angles: beam angles [rad], (N,).
+        poses: x, y [m], heading [rad], (B, T, 3); one that is not finite has no hits.
+        part: indices of the windows.
+        resolution_m: side of a pixel [m], in the type of the others, as all sums and products.
     """
-    points, hit = scans.points()
-    pixels, inside = grid.pixels(points)
-    return pixels, hit & inside
+    size = newest.shape[1]
+    for window in part:
+        for step in range(ranges.shape[1]):
+            x, y, heading = poses[window, step]
+            for beam in range(len(angles)):
+                distance = ranges[window, step, beam]
+                if not math.isfinite(distance):
+                    continue
+                bearing = heading + angles[beam]
+                column = np.floor((x + distance * math.cos(bearing)) / resolution_m)
+                above = np.floor((y + distance * math.sin(bearing)) / resolution_m)
+                if 0 <= column < size and 0 <= above < size:  # false for NaN
+                    newest[window, size - 1 - int(above), int(column)] = step + 1

@@ -6,7 +6,6 @@ A network gives some map for any scans. Scans whose statistics no training windo
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import torch
 from pydantic.dataclasses import dataclass
 
 from repro.maps.grid import Grid
@@ -79,38 +78,44 @@ def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:
     """Compute the statistics of windows of scans.
 
     Args:
-        scans: a batch of windows, as tensors, whose poses are on the map.
+        scans: a batch of windows, see `Scans.batched`, whose poses are on the map.
         grid: grid of the map.
 
     Returns:
         one value per window, (B,), by the name of the statistic; NaN where a window has no hit.
     """
-    ranges, angles, poses = scans.ranges.double(), scans.angles.double(), scans.poses.double()
+    ranges, angles, poses = (array.astype(float) for array in (scans.ranges, scans.angles, scans.poses))
     count, steps, beams = ranges.shape
-    newest = newest_hits(scans, grid).flatten(1)
+    newest = newest_hits(scans, grid).reshape(count, -1)
     is_occupied = newest > 0
-    moves = poses.diff(dim=1)
-    turns = wrapped(moves[..., 2])
-    hits = torch.where(torch.isfinite(ranges), ranges, torch.nan).flatten(1)
-    values = {
-        "valid_share": 1 - torch.isnan(ranges).double().mean(dim=(1, 2)),
-        "hit_share": torch.isfinite(ranges).double().mean(dim=(1, 2)),
-        "occupied_share": is_occupied.double().mean(dim=1),
-        "hit_age_steps": ((steps - newest) * is_occupied).sum(dim=1) / is_occupied.sum(dim=1),
-        "hit_range_m": hits.nanmedian(dim=1).values,
-        "path_m": moves[..., :2].norm(dim=-1).sum(dim=1),
-        "turn_deg": turns.abs().sum(dim=1).rad2deg(),
-        "fov_deg": (angles[-1] - angles[0]).rad2deg().expand(count),
-        "beams": torch.full((count,), float(beams)),
+    moves = np.diff(poses, axis=1)
+    hits = np.where(np.isfinite(ranges), ranges, np.nan).reshape(count, -1)
+    with np.errstate(invalid="ignore"):  # of a window without a hit
+        age_steps = ((steps - newest) * is_occupied).sum(1) / is_occupied.sum(1)
+    return {
+        "valid_share": 1 - np.isnan(ranges).mean((1, 2)),
+        "hit_share": np.isfinite(ranges).mean((1, 2)),
+        "occupied_share": is_occupied.mean(1),
+        "hit_age_steps": age_steps,
+        "hit_range_m": lower_median(hits),
+        "path_m": np.linalg.norm(moves[..., :2], axis=-1).sum(1),
+        "turn_deg": np.degrees(np.abs(wrapped(moves[..., 2])).sum(1)),
+        "fov_deg": np.full(count, np.degrees(angles[-1] - angles[0])),
+        "beams": np.full(count, float(beams)),
     }
-    return {name: value.cpu().numpy() for name, value in values.items()}
+
+
+def lower_median(values: np.ndarray) -> np.ndarray:
+    """Return the median without NaN over the last axis, the lower of two values in the middle; NaN of none."""
+    counts = np.isfinite(values).sum(-1, keepdims=True)
+    return np.take_along_axis(np.sort(values, axis=-1), np.maximum(counts - 1, 0) // 2, axis=-1)[..., 0]
 
 
 def summarize(batches: Iterable[Scans], grid: Grid) -> Statistics:
     """Compute the quantiles of the statistics of windows in batches, see `measure`; windows without a hit are left out.
 
     Raises:
-        ValueError: no window has a hit.
+        InputError: no window has a hit.
     """
     measured = [measure(batch, grid) for batch in batches]
     table = np.stack([np.concatenate([each[name] for each in measured]) for name in TITLES])

@@ -5,11 +5,11 @@ Without these checks a broken sensor yields a map that is free everywhere, the w
 
 import math
 
-import torch
-from torch import Tensor
+import numpy as np
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
+from repro.maps.statistics import lower_median
 from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
@@ -25,62 +25,62 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     """Check the values of scans before a map is predicted from them.
 
     Args:
-        windows: a batch of windows, as tensors.
+        windows: a batch of windows, see `Scans.batched`.
         grid: grid of the map.
         allow_empty: accept windows without a hit on the map, or of a robot outside it.
 
     Raises:
-        ValueError: a window has no valid reading, a range is not positive, an angle or pose is not finite or seems to
+        InputError: a window has no valid reading, a range is not positive, an angle or pose is not finite or seems to
             be in degrees; or, unless `allow_empty`, less than `MIN_VALID` of the readings are valid, a window has no
             hit on the map, or the robot is outside the map at the last step or at most steps.
     """
     ranges, angles, poses = windows.ranges, windows.angles, windows.poses
     expected = "expected meters, inf for a miss, NaN for an invalid reading"
-    _refuse(torch.isnan(ranges).flatten(1).all(1), "windows", "without a valid reading", expected)
+    _refuse(np.isnan(ranges).all((1, 2)), "windows", "without a valid reading", expected)
     _refuse(ranges <= 0, "ranges", "zero or negative", expected)
     check_angles(angles)
-    _refuse(~torch.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
-    _refuse(poses[..., 2].abs() > MAX_HEADING, "headings", "beyond ten turns", RADIANS)
+    _refuse(~np.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
+    _refuse(np.abs(poses[..., 2]) > MAX_HEADING, "headings", "beyond ten turns", RADIANS)
     _refuse(jumps(poses[..., 2]), "windows", "of headings that jump at most steps", RADIANS)
     if allow_empty:
         return
-    valid = 1 - torch.isnan(ranges).float().flatten(1).mean(1)
+    valid = 1 - np.isnan(ranges).mean((1, 2))
     expected = f"expected at least {MIN_VALID:.0%} of them, of which the fewest have {valid.min():.1%}"
     _refuse(valid < MIN_VALID, "windows", "with too few valid readings", expected)
-    inside = ((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m)).all(-1)  # (B, T)
+    inside = np.all((poses[..., :2] >= 0) & (poses[..., :2] <= grid.size_m), axis=-1)  # (B, T)
     expected = f"expected the last pose and most others on the map, x and y from 0 to {grid.size_m:g} m"
     _refuse(~inside[:, -1], "windows", "of a robot that is outside the map at the last step", expected)
-    _refuse(inside.float().mean(1) < 0.5, "windows", "of a robot that is outside the map at most steps", expected)
-    empty = (newest_hits(windows, grid) == 0).flatten(1).all(1)
+    _refuse(inside.mean(1) < 0.5, "windows", "of a robot that is outside the map at most steps", expected)
+    empty = (newest_hits(windows, grid) == 0).all((1, 2))
     if empty.any():
-        finite = ranges[empty][torch.isfinite(ranges[empty])]
-        median = f"their median range is {finite.median():.4g}" if len(finite) else "all of their beams are misses"
+        finite = ranges[empty][np.isfinite(ranges[empty])]
+        median = f"their median range is {lower_median(finite):.4g}" if len(finite) else "all of their beams are misses"
         raise InputError(
-            f"{int(empty.sum())} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
+            f"{empty.sum()} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
             "expected ranges in meters, and poses in the frame of the map"
         )
 
 
-def check_angles(angles: Tensor) -> None:
+def check_angles(angles: np.ndarray) -> None:
     """Check the angles of the beams, (N,).
 
     Raises:
-        ValueError: one is not finite or seems to be in degrees, or they are more than a turn apart.
+        InputError: one is not finite or seems to be in degrees, or they are more than a turn apart.
     """
-    _refuse(~torch.isfinite(angles), "angles", "not finite", "expected radians")
-    _refuse(angles.abs() > 2 * math.pi + 1e-3, "angles", "beyond a full turn", "expected radians, in the lidar's frame")
+    _refuse(~np.isfinite(angles), "angles", "not finite", "expected radians")
+    expected = "expected radians, in the lidar's frame"
+    _refuse(np.abs(angles) > 2 * math.pi + 1e-3, "angles", "beyond a full turn", expected)
     expected = "expected radians, all within one turn"
     _refuse(angles - angles.min() > FULL_TURN, "angles", "more than a turn from the first", expected)
 
 
-def jumps(headings: Tensor) -> Tensor:
+def jumps(headings: np.ndarray) -> np.ndarray:
     """Return whether headings (..., T) change by more than `JUMP` at most steps, as in degrees; bool, (...)."""
     if headings.shape[-1] < MIN_STEPS:
-        return torch.zeros(headings.shape[:-1], dtype=torch.bool)
-    turns = wrapped(headings.diff(dim=-1))
-    return turns.abs().median(dim=-1).values > JUMP
+        return np.zeros(headings.shape[:-1], dtype=bool)
+    return lower_median(np.abs(wrapped(np.diff(headings, axis=-1)))) > JUMP
 
 
-def _refuse(wrong: Tensor, name: str, problem: str, expected: str) -> None:
+def _refuse(wrong: np.ndarray, name: str, problem: str, expected: str) -> None:
     if wrong.any():
-        raise InputError(f"{int(wrong.sum())} of {wrong.numel()} {name} are {problem}: {expected}")
+        raise InputError(f"{wrong.sum()} of {wrong.size} {name} are {problem}: {expected}")

@@ -1,30 +1,28 @@
 """Visibility of pixels to a lidar: the newest step at which each pixel was in view and not occluded."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.scans import Scans
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
+from repro.system.threads import in_threads
 
 _RAYS = 720  # of `shown_pixels`, one every half degree, a pixel apart at 22 m for one of 0.2 m
-_AT_ONCE = 20  # maps, whose rays are in memory
 
 
-def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> Tensor:
+def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: float = 0.0) -> np.ndarray:
     """Return the newest step at which each pixel was visible.
 
     A pixel is in view at a step if its center is within the range of the lidar and within half the beam spacing of a
     beam. It is visible if it is also no farther away than the range of that beam. The result depends only on the scans,
-    not on the true map. Compiled code computes it on the CPU, also for scans on a GPU.
+    not on the true map.
 
     Args:
-        scans: a batch of windows, as tensors; the beam angles are evenly spaced and increasing.
+        scans: a batch of windows, see `Scans.batched`; the beam angles are evenly spaced and increasing.
         grid: grid of the images.
         range_max_m: maximum range of the lidar [m].
         margin_m: distance behind the end of a beam up to which a pixel counts as visible [m]: plus half a pixel
@@ -34,55 +32,47 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
         the step, counted from 1, 0 for never, int16, (B, H, W).
 
     Raises:
-        ValueError: the beam angles are not evenly spaced and increasing, or a window has too many steps for int16.
+        InputError: the beam angles are not evenly spaced and increasing, or a window has too many steps for int16.
     """
     spacing = beam_spacing(scans.angles)
     steps, most = scans.ranges.shape[1], np.iinfo(np.int16).max
     if steps > most:
         raise InputError(f"expected windows of at most {most} steps, got {steps}")
     # a miss reaches the maximum range, or less by the margin if that is negative
-    reach = (scans.ranges.clamp(max=range_max_m) + margin_m).clamp(max=range_max_m)
-    reach = reach.double().cpu().numpy() / grid.resolution_m
-    poses = scans.poses.double().cpu().numpy()
+    reach = np.minimum(np.minimum(scans.ranges, range_max_m) + margin_m, range_max_m)
+    reach = reach.astype(float) / grid.resolution_m
+    poses = scans.poses.astype(float)
     poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)
     bounds = float(scans.angles[0]) + spacing * (np.arange(len(scans.angles) + 1) - 0.5)  # of the beams' sectors
     bounds = np.stack([np.cos(bounds), np.sin(bounds)], axis=-1)
     newest = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int16)
 
-    def draw(part: np.ndarray) -> None:
-        _draw_windows(newest, reach, poses, part, bounds, spacing)
-
-    threads = torch.get_num_threads()
-    if threads == 1:
-        draw(np.arange(len(scans)))  # starting a thread takes as long as drawing a window
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(draw, np.array_split(np.arange(len(scans)), threads)))
-    return torch.from_numpy(newest).to(scans.ranges.device)
+    in_threads(lambda part: _draw_windows(newest, reach, poses, part, bounds, spacing), len(scans))
+    return newest
 
 
-def newest_passed(scans: Scans, grid: Grid, range_max_m: float) -> Tensor:
+def newest_passed(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
     """Return the newest step at which a beam passed over each pixel, observed free, see `newest_visible`."""
     return newest_visible(scans, grid, range_max_m, margin_m=-grid.resolution_m / 2)
 
 
-def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> Tensor:
+def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
     """Return the newest step at which each pixel was in view, occluded or not, see `newest_visible`."""
-    return newest_visible(Scans(torch.full_like(scans.ranges, torch.inf), scans.angles, scans.poses), grid, range_max_m)
+    return newest_visible(Scans(np.full_like(scans.ranges, np.inf), scans.angles, scans.poses), grid, range_max_m)
 
 
-def beam_spacing(angles: Tensor) -> float:
+def beam_spacing(angles: np.ndarray) -> float:
     """Return the angle between two adjacent beams [rad].
 
     Args:
         angles: beam angles [rad], (N,).
 
     Raises:
-        ValueError: the angles are not evenly spaced and increasing, or are half a turn apart or more.
+        InputError: the angles are not evenly spaced and increasing, or are half a turn apart or more.
     """
-    gaps = angles.double().diff()
+    gaps = np.diff(angles.astype(float))
     spacing = float(gaps.mean()) if len(gaps) else 0.0
-    if not 0 < spacing < math.pi or (gaps - spacing).abs().max() > 0.01 * spacing:
+    if not 0 < spacing < math.pi or np.abs(gaps - spacing).max() > 0.01 * spacing:
         raise InputError("the beam angles must rise evenly, by less than half a turn from beam to beam")
     return spacing
 
@@ -177,7 +167,7 @@ def _whole(low: float, high: float, size: int) -> range:
     return range(int(low), int(high) + 1) if low <= high else range(0)
 
 
-def shown_pixels(maps: Tensor, poses: Tensor, grid: Grid) -> Tensor:
+def shown_pixels(maps: np.ndarray, poses: np.ndarray, grid: Grid) -> np.ndarray:
     """Return the pixels that a lidar of 360 degrees would show: those before the first obstacle of a ray, and this one.
 
     Args:
@@ -188,16 +178,27 @@ def shown_pixels(maps: Tensor, poses: Tensor, grid: Grid) -> Tensor:
     Returns:
         whether each pixel is shown, bool, (B, H, W).
     """
-    bearings = torch.arange(_RAYS, device=maps.device) * (2 * math.pi / _RAYS)
-    reach_m = math.sqrt(2) * grid.size_m
-    distances = torch.arange(0, reach_m, grid.resolution_m / 2, device=maps.device)
-    ways = torch.stack([bearings.cos(), bearings.sin()], -1)[:, None] * distances[:, None]  # (rays, samples, 2)
-    shown = torch.zeros_like(maps, dtype=torch.uint8).flatten(1)
-    for part in torch.arange(len(maps), device=maps.device).split(_AT_ONCE):
-        pixels, inside = grid.pixels(poses[part, None, None, :2] + ways)
-        blocks = (maps[part].flatten(1).gather(1, pixels.flatten(1)).view_as(pixels) == 0) & inside
-        before = blocks.cumsum(-1, dtype=torch.int16) - blocks.to(torch.int16)
-        shown[part] = shown[part].scatter_reduce(
-            1, pixels.flatten(1), ((before == 0) & inside).to(torch.uint8).flatten(1), reduce="amax"
-        )
-    return shown.view_as(maps).bool()
+    bearings = np.arange(_RAYS, dtype=np.float32) * np.float32(2 * math.pi / _RAYS)
+    distances = np.arange(0, math.sqrt(2) * grid.size_m, grid.resolution_m / 2).astype(np.float32)
+    ways = np.stack([np.cos(bearings), np.sin(bearings)], -1)[:, None] * distances[:, None]  # (rays, samples, 2)
+    shown, places = np.zeros(maps.shape, dtype=bool), poses[:, :2].astype(np.float32)
+    in_threads(lambda part: _draw_shown(shown, maps, places, ways, part, np.float32(grid.resolution_m)), len(maps))
+    return shown
+
+
+@compiled
+def _draw_shown(
+    shown: np.ndarray, maps: np.ndarray, places: np.ndarray, ways: np.ndarray, part: np.ndarray, resolution_m: Any
+) -> None:
+    """Draw what lidars show of some maps, see `shown_pixels`, given the samples of their rays, (rays, samples, 2)."""
+    size = maps.shape[1]
+    for index in part:
+        for ray in range(ways.shape[0]):
+            for sample in range(ways.shape[1]):
+                column = np.floor((places[index, 0] + ways[ray, sample, 0]) / resolution_m)
+                above = np.floor((places[index, 1] + ways[ray, sample, 1]) / resolution_m)
+                if not (0 <= column < size and 0 <= above < size):
+                    continue
+                shown[index, size - 1 - int(above), int(column)] = True
+                if maps[index, size - 1 - int(above), int(column)] == 0:
+                    break

@@ -8,15 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from torch import Tensor
 
-from repro.metrics.counts import confusion_of, counts_of
-from repro.metrics.names import TABLE_METRICS
-from repro.metrics.scores import IMAGE_METRICS, scores
+from repro.metrics.counts import confusion_of
+from repro.metrics.scores import scores
 
 DRAWS = 2000
 LEVEL = 0.95
-IN_INTERVALS = tuple(name for name in IMAGE_METRICS if name in TABLE_METRICS)  # metrics of images
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class Measured:
 
     Args:
         counts: number of pixels by truth and quantized probability in each world, (S, W, 2, 256).
-        per_world: means of `IN_INTERVALS` over the two images of each world, each (S, W).
+        per_world: means of metrics of images over the two images of each world, each (S, W).
     """
 
     counts: np.ndarray
@@ -47,20 +44,6 @@ class Difference(Interval):
     """The difference of a metric between two predictions, and whether its interval excludes zero."""
 
     excludes_zero: bool
-
-
-def measured_of(probability: Tensor, maps: Tensor) -> Measured:
-    """Count the pixels of quantized probabilities and compute the metrics of images by world, as one seed.
-
-    Args:
-        probability: probability of free, (M, 1, H, W), in [0, 1].
-        maps: true maps, (M, 1, H, W); recordings 2 w and 2 w + 1 are of world w.
-    """
-    of_images = {name: IMAGE_METRICS[name](probability, maps.float()).numpy() for name in IN_INTERVALS}
-    return Measured(
-        by_world(counts_of(probability, maps))[None],
-        {name: by_world(each)[None] / 2 for name, each in of_images.items()},
-    )
 
 
 def draw_weights(worlds: int, draws: int = DRAWS) -> np.ndarray:

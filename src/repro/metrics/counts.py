@@ -6,8 +6,6 @@ of single worlds, summed with weights, give the bootstrap (`metrics.bootstrap`).
 """
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from repro.metrics.scores import THRESHOLD, scores
 
@@ -15,9 +13,9 @@ LEVELS = 256  # number of quantized probability values
 PROBABILITY = np.arange(LEVELS) / (LEVELS - 1)  # of free, for each quantized value
 
 
-def quantize(probability: Tensor) -> np.ndarray:
+def quantize(probability: np.ndarray) -> np.ndarray:
     """Quantize probabilities (M, 1, H, W) in [0, 1] to uint8, 0 to 255, (M, H, W)."""
-    return (probability * 255).round().to(torch.uint8).squeeze(1).numpy()
+    return np.rint(np.asarray(probability, np.float32)[:, 0] * 255).astype(np.uint8)
 
 
 def count_quantized(
@@ -42,9 +40,9 @@ def count_quantized(
     return counts.reshape(len(free), number, 2, LEVELS)
 
 
-def counts_of(probability: Tensor, maps: Tensor) -> np.ndarray:
+def counts_of(probability: np.ndarray, maps: np.ndarray) -> np.ndarray:
     """Count the pixels of every image from probabilities of free and true maps, both (M, 1, H, W), (M, 2, 256)."""
-    return count_quantized(quantize(probability), maps[:, 0].cpu().numpy())[:, 0]
+    return count_quantized(quantize(probability), maps[:, 0])[:, 0]
 
 
 def confusion_of(counts: np.ndarray) -> np.ndarray:

@@ -2,14 +2,10 @@
 
 The paper's positive class is FREE space (see reporting/paper_tables: every row of its tables implies the same
 prevalence in two independent ways). We pool the counts over the test set, which the paper does not state: DEVIATIONS
-D10. Formulas and eps follow Segmentation-Metrics-PyTorch, which the paper names; SSIM is computed by piqa.
+D10. Formulas and eps follow Segmentation-Metrics-PyTorch, which the paper names.
 """
 
-from collections.abc import Callable
-
 import numpy as np
-import torch
-from torch import Tensor
 
 from repro.system.errors import InputError
 
@@ -17,22 +13,22 @@ THRESHOLD = 0.5
 EPS = 1e-5  # Segmentation-Metrics-PyTorch adds it to numerator and denominator
 
 
-def checked_probabilities(free: Tensor | np.ndarray, maps: Tensor) -> Tensor:
-    """Return predictions as a tensor on the CPU, float32, after a check.
+def checked_probabilities(free: np.ndarray, maps: np.ndarray) -> np.ndarray:
+    """Return predictions in float32 after a check.
 
     Args:
         free: probability of free, (M, 1, H, W).
         maps: the true maps, (M, 1, H, W).
 
     Raises:
-        ValueError: they are no probabilities of free, or their shape is not that of the maps.
+        InputError: they are no probabilities of free, or their shape is not that of the maps.
     """
-    if not isinstance(free, Tensor | np.ndarray) or tuple(free.shape) != tuple(maps.shape):
+    if not isinstance(free, np.ndarray) or free.shape != maps.shape:
         got = tuple(getattr(free, "shape", ())) or type(free).__name__
-        raise InputError(f"expected probabilities of free, {tuple(maps.shape)} as the maps, got {got}")
-    probability = torch.as_tensor(free).cpu().float()
-    if not bool(((probability >= 0) & (probability <= 1)).all()):
-        low, high = probability.min().item(), probability.max().item()
+        raise InputError(f"expected probabilities of free, {maps.shape} as the maps, got {got}")
+    probability = free.astype(np.float32)
+    if not ((probability >= 0) & (probability <= 1)).all():
+        low, high = probability.min(), probability.max()
         raise InputError(
             f"expected probabilities of free from 0 to 1, got values from {low:g} to {high:g}: logits need a sigmoid"
         )
@@ -64,18 +60,3 @@ def _scores(tp: np.ndarray, fp: np.ndarray, tn: np.ndarray, fn: np.ndarray) -> d
         "recall": (tp + EPS) / (tp + fn + EPS),
         "specificity": (tn + EPS) / (tn + fp + EPS),
     }
-
-
-def ssim(probability: Tensor, target: Tensor, batch: int = 64) -> Tensor:
-    """Compute the structural similarity (piqa, window of 11 px) of images (M, 1, H, W) in [0, 1], (M,)."""
-    from piqa import SSIM  # imports torchvision, which takes seconds
-
-    measure = SSIM(n_channels=1, reduction="none").to(probability.device)
-    pairs = zip(probability.float().split(batch), target.float().split(batch), strict=True)
-    return torch.cat([measure(p, t) for p, t in pairs])
-
-
-IMAGE_METRICS: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
-    "ssim": ssim,
-    "ssim_binary": lambda probability, target: ssim((probability >= THRESHOLD).float(), target),
-}  # of each image, (M,), from probabilities of free and true maps, (M, 1, H, W); a test set has their mean

@@ -6,16 +6,15 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
-import torch
 
 from repro.baselines.occupancy_grids import HIT_GAIN, PASSED_GAIN, PRIOR_LOGIT, observation
 from repro.baselines.tracker import Prior, clusters, distances, track
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.maps.outlines import padded
 from repro.navigation.courses import TURN_STEPS, Course
 from repro.navigation.planner import HORIZON_S, LAYER_S
 from repro.networks.predictor import Predictor
-from repro.outlines import padded
 from repro.scans import Scans
 
 AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of an arm that knows velocities, from now on
@@ -58,8 +57,8 @@ class Seen:
         """Add the scans of the next step, (K, N), at poses (K, 3), of K robots that still drive."""
         self.ranges[who, self.step % TURN_STEPS], self.poses[who, self.step % TURN_STEPS] = ranges, poses
         self.step += 1
-        scans = Scans(ranges[:, None], self.angles, poses[:, None]).tensors()
-        hit, passed = (pixels.numpy() for pixels in observation(scans, self.grid, self.range_max_m))
+        scans = Scans(ranges[:, None], self.angles, poses[:, None]).batched()
+        hit, passed = observation(scans, self.grid, self.range_max_m)
         self.hit[who] = np.where(hit, self.step, self.hit[who])
         self.passed[who] = np.where(passed, self.step, self.passed[who])
         if self.forgetting is not None:
@@ -109,7 +108,7 @@ def _log_odds(seen: Seen, who: np.ndarray, *, forgetting: float) -> np.ndarray:
 
 
 def _network(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
-    return 1 - predictor.predict(seen.window(who), allow_empty=True).numpy()[:, None]
+    return 1 - predictor.predict(seen.window(who), allow_empty=True)[:, None]
 
 
 def _network_and_hits(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
@@ -142,16 +141,16 @@ def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
     velocity = [(new - old) / seen.step_s for old, new in zip(before, now, strict=True)]
     states = [place + later * speed for place, speed in zip(now, velocity, strict=True) for later in ahead_s]
     outlines = [each.outlines for each in courses for _ in ahead_s]
-    owner = torch.repeat_interleave(torch.tensor([len(each) for each in states]))
+    owner = np.repeat(np.arange(len(states)), [len(each) for each in states])
     longest = max(each.shape[1] for each in outlines)
     free = rasterize(
-        torch.from_numpy(np.concatenate([padded(each, longest) for each in outlines])),
-        torch.from_numpy(np.concatenate(states)),
+        np.concatenate([padded(each, longest) for each in outlines]),
+        np.concatenate(states),
         owner,
         len(states),
         seen.grid,
     )
-    return 1 - free.view(len(who), len(ahead_s), *free.shape[1:]).numpy().astype(np.float32)
+    return 1 - free.reshape(len(who), len(ahead_s), *free.shape[1:]).astype(np.float32)
 
 
 AGES_S = (1.0, 3.0, 10.0, 30.0)

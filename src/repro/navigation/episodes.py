@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from repro.maps.grid import Grid
+from repro.maps.outlines import padded, placed
 from repro.navigation.arms import Arm, Seen
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, Course
 from repro.navigation.planner import Planner, Settings
-from repro.outlines import padded, placed
 from repro.scans import wrapped
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import beam_angles

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
-from repro.outlines import placed
+from repro.maps.outlines import placed
 from repro.system.compiled import compiled
 
 HORIZON_S = 2.0  # of an arc

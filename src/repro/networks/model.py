@@ -1,4 +1,4 @@
-"""The description of a network: what `networks.create` creates."""
+"""The description of a network: what `learning.networks.create` creates."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +15,8 @@ class Model:
 
     Args:
         name: name of the model in paths and tables.
-        architecture: one of our own (`networks.create`) or of segmentation-models-pytorch; None means the name is one.
+        architecture: one of our own (`learning.networks.create`) or of segmentation-models-pytorch; None means that the
+            name is one.
         encoder_name: encoder of segmentation-models-pytorch; None for a network with an encoder of its own.
         encoder_weights: pretrained weights of the encoder; None trains from scratch.
         parameters: further parameters of one of our own networks.

@@ -1,46 +1,42 @@
 """A trained network together with its encoding and grid, which can be applied to any scans.
 
-    predictor = load_predictor("buildings")
-    free = predictor.predict(Scans(ranges, angles, poses))
-
-The directory has the format of segmentation-models-pytorch (`smp.from_pretrained` can read it, except for an own
-architecture) and one additional file, predictor.json, with the encoding of the scans, the grid of the map, and the
-statistics and the window of the training scans, see `torch_files`. The other form is an ONNX file, see `onnx_files`.
+predictor = load_predictor("buildings")
+free = predictor.predict(Scans(ranges, angles, poses))
 """
 
-import copy
 import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
-import torch
-from huggingface_hub import PyTorchModelHubMixin
-from torch import Tensor, nn
+import numpy as np
 
-from repro.maps.encodings import Encoding, create_encoding
+from repro.maps.encodings import Encoding, create_encoding, to_input
 from repro.maps.grid import Grid
 from repro.maps.statistics import Statistics
 from repro.maps.validity import check_windows
-from repro.networks.torch_files import DESCRIPTION, read_torch, write_torch
-from repro.networks.weights import locate
+from repro.networks.onnx_files import read_onnx
+from repro.networks.weights import ONNX, locate, onnx_file
 from repro.scans import Scans
-from repro.system.devices import few_threads
 from repro.system.errors import InputError
 from repro.system.progress import progress
 
-ONNX = "model.onnx"
-LARGEST_CHECKED_PX = 512  # side of the images with which a network of torch is checked, since a file may claim any
+STUDY = "pip install '.[study]' in a clone, or make setup"
 
 
-@dataclass(frozen=True)
+class Network(Protocol):
+    """A function from encoded scans in [0, 1], float32, (B, C, H, W), to logits, float32, (B, 1, H, W)."""
+
+    def __call__(self, images: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, repr=False)
 class Predictor:
     """A network from encoded scans to logits, with the encoding of its input and the grid of its maps.
 
     Args:
-        network: a network of torch, or one in ONNX Runtime.
+        network: the network.
         encoding: the encoding of the scans.
         grid: the grid of the maps.
         statistics: statistics of the training scans; None if they are unknown.
@@ -50,7 +46,7 @@ class Predictor:
         is_centered: the network takes the robot to be in the middle of the map.
     """
 
-    network: nn.Module
+    network: Network
     encoding: Encoding
     grid: Grid
     statistics: Statistics | None = None
@@ -58,6 +54,10 @@ class Predictor:
     step_s: float = 0.1
     has_fixed: bool = False
     is_centered: bool = False
+
+    def __repr__(self) -> str:
+        size, window = f"{self.grid.size_px} px of {self.grid.size_m:g} m", f"{self.steps} steps of {self.step_s:g} s"
+        return f"Predictor({self.encoding.name}, {window}, maps of {size})"
 
     @property
     def reach_m(self) -> float:
@@ -71,19 +71,19 @@ class Predictor:
             range_max_m: maximum range of the lidar [m], up to which a miss shows free space.
 
         Raises:
-            ValueError: the range is not positive.
+            InputError: the range is not positive.
         """
         if not range_max_m > 0:
             raise InputError(f"range_max_m: expected a positive range [m], got {range_max_m}")
         if range_max_m >= self.reach_m:
             return self
-        return dataclasses.replace(self, encoding=self.encoding.with_range(range_max_m))
+        return dataclasses.replace(self, encoding=self.encoding.with_range(float(range_max_m)))
 
     def check_center(self, center: str | tuple[float, float]) -> None:
         """Check that the map may have this center in the frame of the poses: `robot`, `start`, or x, y [m].
 
         Raises:
-            ValueError: the network has learned another one.
+            InputError: the network has learned another one.
         """
         if self.is_centered and center != "robot":
             raise InputError(
@@ -97,144 +97,96 @@ class Predictor:
                 f"frame of the poses [m], got {center}"
             )
 
-    def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> Tensor:
+    def predict(self, scans: Scans, batch: int = 32, *, allow_empty: bool = False) -> np.ndarray:
         """Predict the map at the last step of each window of scans.
 
         Args:
             scans: one window or a batch, in meters and radians; a miss is inf, an invalid reading NaN. The accuracy
                 falls where a window has fewer or more steps than those of the training, `steps`.
-            batch: windows per forward pass.
+            batch: windows per call of the network.
             allow_empty: accept windows without a hit on the map, or of a robot outside it.
 
-        On the CPU, one thread computes unless the user has chosen more, see `devices.chosen_threads`.
-
         Returns:
-            probability of free, (B, H, W), on the CPU; row 0 is the top of the map, and below 0.5 is an obstacle.
+            probability of free, float32, (B, H, W); row 0 is the top of the map, and below 0.5 is an obstacle.
 
         Raises:
             TypeError: the scans are arrays instead of `Scans`.
-            ValueError: the scans cannot be those of a lidar on this map, see `validity.check_windows`, or `batch` is
+            InputError: the scans cannot be those of a lidar on this map, see `validity.check_windows`, or `batch` is
                 less than 1.
         """
         if not isinstance(scans, Scans):
             raise TypeError(f"expected Scans(ranges, angles, poses), got {type(scans).__name__}")
         if batch < 1:
             raise InputError(f"batch: expected 1 window or more, got {batch}")
-        with few_threads():
-            device = next((weights.device for weights in self.network.parameters()), torch.device("cpu"))
-            windows = scans.tensors(device)
-            check_windows(windows, self.grid, allow_empty=allow_empty)
-            parts = (windows[first : first + batch] for first in range(0, len(windows), batch))
-            return self.predict_images(self.encoding.encode(part, self.grid) for part in parts)[:, 0]
+        windows = scans.batched()
+        check_windows(windows, self.grid, allow_empty=allow_empty)
+        parts = (windows[first : first + batch] for first in range(0, len(windows), batch))
+        return self.predict_images(self.encoding.encode(part, self.grid) for part in parts)[:, 0]
 
-    @torch.inference_mode()
-    def predict_images(self, images: Tensor | Iterable[Tensor], batch: int = 32) -> Tensor:
-        """Predict the probability of free, (M, 1, H, W), on the CPU, from encoded scans, uint8, (M, C, H, W).
+    def predict_images(self, batches: Iterable[np.ndarray]) -> np.ndarray:
+        """Predict the probability of free, (M, 1, H, W), from batches of encoded scans, uint8, (B, C, H, W)."""
+        shown, inverted = progress(batches, "predicting"), self.encoding.is_inverted
+        return np.concatenate([_sigmoid(self.network(to_input(images, inverted=inverted))) for images in shown])
 
-        Args:
-            images: all encoded scans, or batches of them.
-            batch: images that the network receives at once, where `images` are no batches.
-        """
-        self.network.eval()
-        batches = images.split(batch) if isinstance(images, Tensor) else images
-        shown = progress(batches, "predicting")
-        return torch.cat([self.network(self.encoding.to_input(each)).sigmoid().cpu() for each in shown])
 
-    def to(self, device: str) -> "Predictor":
-        """Move the network to a device, in place, and return the predictor."""
-        self.network.to(device)
-        return self
-
-    def save(self, directory: Path | str, dtype: torch.dtype = torch.float32) -> str:
-        """Write the network with its encoding and grid to a directory, atomically.
-
-        Args:
-            directory: directory to create, or to replace if it is empty or holds a predictor.
-            dtype: type of the stored weights.
-
-        Returns:
-            the SHA-256 checksum of the weights file.
-
-        Raises:
-            ValueError: the network was loaded from an ONNX file, or the directory holds something else.
-        """
-        return write_torch(Path(directory), self.copied_network().to(dtype), self._description())
-
-    def save_onnx(self, path: Path | str, card: str = "") -> float:
-        """Write the network with its encoding and grid to an ONNX file, see `onnx_files.write_onnx`.
-
-        Args:
-            path: the file to create or replace.
-            card: the model card, which the metadata of the file hold.
-
-        Returns:
-            the largest difference of a probability from that of torch.
-
-        Raises:
-            ValueError: the network was loaded from an ONNX file, or ONNX Runtime gives other maps than torch.
-        """
-        description = self._description() | {"channels": self.encoding.channels}
-        return _onnx_files().write_onnx(Path(path), self.copied_network(), description, card)
-
-    def copied_network(self) -> nn.Module:
-        """Return a copy of the network.
-
-        Raises:
-            InputError: it is in ONNX Runtime.
-        """
-        if not isinstance(self.network, PyTorchModelHubMixin):
-            raise InputError("the network is in ONNX Runtime: save or export the predictor of torch that it came from")
-        return copy.deepcopy(self.network)
-
-    def _description(self) -> dict[str, Any]:
-        content: dict[str, Any] = {
-            "encoding": {"name": self.encoding.name, "parameters": vars(self.encoding)},
-            "grid": dataclasses.asdict(self.grid),
-            "window": {"steps": self.steps, "step_s": self.step_s, "has_fixed": self.has_fixed},
-        }
-        if self.is_centered:
-            content["window"]["is_centered"] = True
-        return content | ({"statistics": dataclasses.asdict(self.statistics)} if self.statistics else {})
+def _sigmoid(logits: np.ndarray) -> np.ndarray:
+    small = np.exp(-np.abs(logits))  # which does not overflow
+    return np.where(logits >= 0, 1, small) / (1 + small)
 
 
 def load_predictor(weights: str | Path) -> Predictor:
-    """Load a predictor in float32 on the CPU; the content of its path decides its kind.
+    """Load a predictor from an ONNX file.
 
     Args:
-        weights: `buildings`, `rooms`, `drive`, `exp1` to `exp4`; a directory that `Predictor.save` wrote, a run that
-            has one, or an ONNX file; or owner/name of a repository of the Hugging Face Hub.
+        weights: `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one; or owner/name
+            of a repository of the Hugging Face Hub. `learning.networks.trained.load_trained` reads weights of torch.
 
     Raises:
-        InputError: there are no such weights, their files differ from the saved checksum, or the network is not one
-            from encoded scans to one map of finite logits.
+        InputError: there are no such weights, the file differs from its checksum, or the network is not one from
+            encoded scans to one map of finite logits.
     """
-    with few_threads():
-        path = locate(weights)
-        if path.is_dir() and not (path / DESCRIPTION).is_file():
-            path = next((path / name for name in (ONNX, "model") if (path / name).exists()), path)
-        network, content = _onnx_files().read_onnx(path) if path.is_file() else read_torch(path)
-        try:
-            encoding, grid = create_encoding(**content["encoding"]), Grid(**content["grid"])
-            statistics = Statistics(**content["statistics"]) if "statistics" in content else None
-            predictor = Predictor(network, encoding, grid, statistics, **content.get("window", {}))
-            size_px = grid.size_px if path.is_file() else min(grid.size_px, LARGEST_CHECKED_PX)
-            _check_logits(network, encoding.channels, size_px)
-        except Exception as error:  # of torch or ours: the files are complete, and describe no predictor
-            raise InputError(f"{path} cannot be used ({error}): train or export it again") from error
-        return predictor
+    path = locate(weights)
+    file = onnx_file(path)
+    if file is None:
+        raise InputError(
+            f"{path} has no {ONNX}: weights of torch need the study ({STUDY}); there, task=predict takes them, "
+            "repro.learning.networks.trained.load_trained reads them, and task=export format=onnx exports a run"
+        )
+    return create_predictor(*read_onnx(file), file)
 
 
-@torch.inference_mode()
-def _check_logits(network: nn.Module, channels: int, size_px: int) -> None:
-    """Refuse weights that are not finite, and a network that does not map images to one map of finite logits."""
-    if not all(torch.isfinite(weights).all() for weights in network.state_dict().values()):
-        raise InputError("some of its weights are not finite")
-    logits = network.eval()(torch.zeros(1, channels, size_px, size_px))
-    if logits.shape != (1, 1, size_px, size_px) or not torch.isfinite(logits).all():
-        raise InputError(f"it must map {channels} images of {size_px} px to one map of finite logits")
+def create_predictor(network: Network, description: dict[str, Any], path: Path, largest_px: int = 4096) -> Predictor:
+    """Create a predictor from a network and its description, see `description_of`, and check that they fit.
+
+    Args:
+        network: the network.
+        description: what its file says of it.
+        path: the file, for messages.
+        largest_px: side of the images with which it is checked, if its maps are larger.
+
+    Raises:
+        InputError: the description is of no predictor, or the network does not map images to one map of finite logits.
+    """
+    try:
+        encoding, grid = create_encoding(**description["encoding"]), Grid(**description["grid"])
+        statistics = Statistics(**description["statistics"]) if "statistics" in description else None
+        predictor = Predictor(network, encoding, grid, statistics, **description.get("window", {}))
+        size_px = min(grid.size_px, largest_px)
+        logits = network(np.zeros((1, encoding.channels, size_px, size_px), np.float32))
+        if logits.shape != (1, 1, size_px, size_px) or not np.isfinite(logits).all():
+            raise InputError(f"it must map {encoding.channels} images of {size_px} px to one map of finite logits")
+    except Exception as error:  # of the network or ours: the files are complete, and describe no predictor
+        raise InputError(f"{path} cannot be used ({error}): train or export it again") from error
+    return predictor
 
 
-def _onnx_files() -> ModuleType:
-    from repro.networks import onnx_files  # imports onnx and ONNX Runtime, which nothing else needs
-
-    return onnx_files
+def description_of(predictor: Predictor) -> dict[str, Any]:
+    """Return what a file says of a predictor beside its network: encoding, grid, window, statistics."""
+    content: dict[str, Any] = {
+        "encoding": {"name": predictor.encoding.name, "parameters": vars(predictor.encoding)},
+        "grid": dataclasses.asdict(predictor.grid),
+        "window": {"steps": predictor.steps, "step_s": predictor.step_s, "has_fixed": predictor.has_fixed},
+    }
+    if predictor.is_centered:
+        content["window"]["is_centered"] = True
+    return content | ({"statistics": dataclasses.asdict(predictor.statistics)} if predictor.statistics else {})

@@ -47,9 +47,9 @@ def observed(scan: Scans, grid: Grid, range_max_m: float) -> Observed:
         grid: grid of the map.
         range_max_m: maximum range of the lidar [m], up to which a miss passes over pixels.
     """
-    scan = scan.tensors()
-    hits = (newest_hits(scan, grid) > 0)[0].numpy()
-    passed = (newest_visible(scan, grid, range_max_m, margin_m=-grid.resolution_m) > 0)[0].numpy()
+    scan = scan.batched()
+    hits = newest_hits(scan, grid)[0] > 0
+    passed = newest_visible(scan, grid, range_max_m, margin_m=-grid.resolution_m)[0] > 0
     return Observed(hits, passed & ~hits)
 
 
@@ -90,9 +90,9 @@ def last_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray,
     Returns:
         probability of free, 0 or 1, (H, W), and the pixels that any beam of the window has hit or passed over, bool.
     """
-    window = scans.tensors()
-    hit = newest_hits(window, grid)[0].numpy()
-    passed = newest_passed(window, grid, range_max_m)[0].numpy()
+    window = scans.batched()
+    hit = newest_hits(window, grid)[0]
+    passed = newest_passed(window, grid, range_max_m)[0]
     return np.where((hit > 0) & (hit >= passed), 0.0, 1.0), (hit > 0) | (passed > 0)
 
 

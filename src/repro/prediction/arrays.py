@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from repro.prediction.intake import LogScan
+from repro.system.arrays import open_arrays, real
 from repro.system.errors import InputError
-from repro.system.files import first_line, open_arrays
+from repro.system.files import first_line
 
 ARRAYS = ("ranges", "angles", "poses", "stamps")
 RANGE_MAX = "range_max_m"
@@ -59,19 +60,19 @@ def _read(path: Path, *, needs_poses: bool) -> dict[str, np.ndarray]:
     except InputError:
         raise
     except Exception as error:  # NumPy and zipfile raise many types for damaged files
+        if "pickle" in str(error):
+            raise InputError(f"{path}: has Python objects: expected arrays of numbers, {', '.join(ARRAYS)}") from error
         expected = f"expected {', '.join(ARRAYS)}"
         raise InputError(f"{path}: cannot be read ({type(error).__name__}: {first_line(error)}): {expected}") from error
-    for name, array in arrays.items():
-        if array.dtype.kind not in "fiu":
-            raise InputError(f"{path}: {name}: expected real numbers, got {array.dtype}")
-    return arrays
+    kinds = {"ranges": "f"}  # whole numbers are rounded, or mm
+    return {name: real(f"{path}: {name}", array, kinds=kinds.get(name, "fiu")) for name, array in arrays.items()}
 
 
 def _check_resolution(path: Path, poses: np.ndarray) -> None:
     """Refuse poses whose type does not resolve positions of their size, as float32 in coordinates of a country."""
     places = poses[..., :2]
     farthest_m = np.abs(places[np.isfinite(places)]).max(initial=0)
-    step_m = np.spacing(farthest_m)
+    step_m = np.spacing(farthest_m) if poses.dtype.kind == "f" else 1
     if step_m > RESOLUTION_M:
         raise InputError(
             f"{path}: poses: {poses.dtype} resolves {step_m:.2g} m at positions of {farthest_m:.3g} m: "

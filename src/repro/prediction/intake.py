@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from repro.maps.validity import FULL_TURN
+from repro.prediction.misses import MissCheck
 from repro.prediction.readings import beams_of_turn, readings
+from repro.prediction.times import WindowSettings
 from repro.system.errors import InputError
 
 LOGGER = logging.getLogger(__name__)
@@ -50,10 +52,6 @@ class LogScan:
         """Return whether the maximum range is positive and above the minimum, so that misses can be told."""
         return self.range_max_m > max(self.range_min_m, 0)  # false for NaN
 
-    def valid_ranges(self) -> np.ndarray:
-        """Return the ranges with inf for a miss and NaN for an invalid reading, see `readings`."""
-        return readings(self.ranges, self.range_min_m, self.range_max_m)
-
     def has_beams_of(self, other: "LogScan") -> bool:
         """Return whether another scan has the same number of beams at the same angles."""
         angles, others = ((each.first_angle, each.spacing) for each in (self, other))
@@ -93,22 +91,28 @@ class LogScan:
 class Intake:
     """Takes the scans of a lidar one by one and passes on those that can be used, with valid ranges at the same beams.
 
-    The beams are the most frequent ones of the first `FIRST_SCANS` scans with a pose, which wait for one another. A
-    scan of the same field of view with another number of beams is resampled.
+    The beams and the maximum range are the most frequent ones of the first `FIRST_SCANS` scans with a pose, which wait
+    for one another. A scan of the same field of view with another number of beams is resampled, one with another
+    maximum range is left out. If most of them differ, the driver states no maximum range but, for example, the largest
+    reading: the range is not known, and inf alone is a miss.
 
     Args:
         source: what the scans are from, for messages.
-        range_max_m: maximum range [m] that replaces that of the scans; None keeps it.
+        settings: their maximum range replaces that of the scans, and they say what a miss is taken for.
 
     Attributes:
         angles: the angles of the beams [rad], (N,), increasing; empty before they are known.
+        range_max_m: smallest range that means a miss [m].
+        notes: what is wrong with the scans that were taken, by kind.
         left_out: number of scans that were left out, by reason.
         reasons: those of the scans that were left out by the last call.
     """
 
-    def __init__(self, source: str, range_max_m: float | None = None) -> None:
-        self.source, self.range_max_m = source, range_max_m
-        self.angles = np.zeros(0)
+    def __init__(self, source: str, settings: WindowSettings) -> None:
+        self.source, self.settings = source, settings
+        self.angles, self.range_max_m = np.zeros(0), math.inf
+        self.notes: dict[str, str] = {}
+        self._misses = MissCheck()
         self.left_out: Counter[str] = Counter()
         self.reasons: list[str] = []
         self._first: LogScan | None = None
@@ -123,8 +127,8 @@ class Intake:
             InputError: the first scans have no beams that a lidar can have.
         """
         self.reasons = []
-        if self.range_max_m is not None:
-            scan = replace(scan, range_max_m=self.range_max_m)
+        if self.settings.range_max_m is not None:
+            scan = replace(scan, range_max_m=self.settings.range_max_m)
         if reason := _why_unplaced(scan):
             self._leave_out(reason)
             return []
@@ -146,7 +150,20 @@ class Intake:
         first = max(good, key=lambda scan: sum(scan.has_beams_of(other) for other in good))
         _check_beams(first, self.source)
         self._first, (self.angles, self._index) = first, first.in_order()
+        self.range_max_m = self._usual_range(good)
         return self._usable(waiting, first)
+
+    def _usual_range(self, scans: list[LogScan]) -> float:
+        """Return the maximum range of most of the scans [m], inf if most differ from each other."""
+        found = sorted(scan.range_max_m for scan in scans)
+        usual = found[len(found) // 2]
+        if 2 * sum(_is_near(each, usual) for each in found) > len(found):
+            return usual
+        self.notes["range"] = (
+            f"the maximum range of the scans varies from {found[0]:.4g} to {found[-1]:.4g} m, as of a driver that "
+            "states the largest reading: only inf is a miss; set range_max_m to that of the lidar [m]"
+        )
+        return math.inf
 
     def _usable(self, scans: list[LogScan], first: LogScan) -> list[LogScan]:
         """Return those of some scans that can be used, with valid ranges at the beams of the first one, in order."""
@@ -158,12 +175,22 @@ class Intake:
                 self._leave_out(OTHER_BEAMS[1] if has_as_many else f"{OTHER_BEAMS[0]} than {len(first.ranges)}")
             elif not scan.has_valid_range:
                 self._leave_out("without a valid maximum range")
-            elif np.isnan(ranges := resampled.valid_ranges()).all():
+            elif not (_is_near(scan.range_max_m, self.range_max_m) or math.isinf(self.range_max_m)):
+                self._leave_out(f"with another maximum range than {self.range_max_m:.4g} m, which range_max_m replaces")
+            elif np.isnan(ranges := self._valid(resampled)).all():
                 self._leave_out("without a valid reading")
             else:
                 self._say_resampled(scan, resampled)
-                found.append(replace(resampled, ranges=ranges[self._index]))
+                found.append(replace(resampled, ranges=ranges[self._index], range_max_m=self.range_max_m))
         return found
+
+    def _valid(self, scan: LogScan) -> np.ndarray:
+        """Return the ranges of a scan with inf for a miss and NaN for an invalid reading, and count the misses."""
+        ranges = readings(scan.ranges, scan.range_min_m, self.range_max_m, self.settings.misses)
+        assert scan.pose is not None, "others are left out"
+        self._misses.add(scan.ranges, ranges, scan.pose[2], self.range_max_m)
+        self.notes |= self._misses.notes
+        return ranges
 
     def _say_resampled(self, scan: LogScan, resampled: LogScan) -> None:
         if resampled is not scan and not self._resampled:
@@ -177,6 +204,11 @@ class Intake:
     def _leave_out(self, reason: str) -> None:
         self.left_out[reason] += 1
         self.reasons.append(reason)
+
+
+def _is_near(range_m: float, other_m: float) -> bool:
+    """Return whether two maximum ranges are that of one lidar, which is a constant."""
+    return range_m == other_m or abs(range_m - other_m) <= 1e-4 * abs(other_m)
 
 
 def _check_beams(scan: LogScan, source: str) -> None:

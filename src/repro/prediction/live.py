@@ -56,8 +56,8 @@ class LiveMapper:
 
     def _begin_again(self) -> None:
         """Begin a window, of a lidar whose beams are not known."""
-        self.intake = Intake("scan", self.settings.range_max_m)
-        self.stream: PredictionStream | None = None  # whose misses reach the smallest maximum range
+        self.intake = Intake("scan", self.settings)
+        self.stream: PredictionStream | None = None
         self.root: str | None = None  # frame of the poses in the stream
 
     def add_scan(self, message: Any) -> None:
@@ -120,19 +120,16 @@ class LiveMapper:
         for reason in self.intake.reasons:
             why = f": {self.transforms.why_unplaced(frame, middle_s)}" if reason == WITHOUT_POSE else ""
             self.warn(f"a scan is skipped: it is {reason}{why}")
+        for kind, note in self.intake.notes.items():
+            self.scans.warn_once(kind, note)
         for each in found:
             self._map(each)
 
     def _map(self, scan: LogScan) -> None:
         """Predict the map of the window that ends with a scan, and publish it."""
         try:
-            if self.stream is None:
-                self.stream = self._stream(scan)
-            elif scan.range_max_m < self.stream.range_max_m:  # up to which misses show free space
-                self.warn(f"the maximum range changes to {scan.range_max_m:.4g} m: the window begins again")
-                self.stream = self._stream(scan)
-            assert scan.pose is not None, "the intake leaves out others"
-            predicted = self.stream.update(scan.ranges, np.array(scan.pose), scan.stamp)
+            self.stream = self.stream or self._stream()
+            predicted = self.stream.extend(scan)
         except InputError as error:
             self.warn(str(error))
             return
@@ -141,8 +138,8 @@ class LiveMapper:
         elif self.stream.reason and "later" in self.stream.reason:
             self.warn(f"a scan is skipped: {self.stream.reason}")
 
-    def _stream(self, scan: LogScan) -> PredictionStream:
-        if message := note_on_range(scan.range_max_m, self.predictor.reach_m):
+    def _stream(self) -> PredictionStream:
+        if message := note_on_range(self.intake.range_max_m, self.predictor.reach_m):
             self.warn(message)
         return PredictionStream(
             self.predictor,
@@ -150,5 +147,5 @@ class LiveMapper:
             center=self.settings.center,
             steps=self.settings.steps,
             step_s=self.settings.step_s,
-            range_max_m=scan.range_max_m,
+            range_max_m=self.intake.range_max_m,
         )

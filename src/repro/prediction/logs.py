@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
@@ -63,6 +62,7 @@ class ScanLog:
         skipped: number of scans that were left out, by reason.
         range_max_m: smallest range that means a miss [m].
         uncropped: the log before `crop`; None if it was not cropped.
+        notes: what is wrong with the readings, such as misses that are none.
     """
 
     stamps: np.ndarray
@@ -72,6 +72,7 @@ class ScanLog:
     skipped: dict[str, int] = field(default_factory=dict)
     range_max_m: float = math.inf
     uncropped: "ScanLog | None" = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stamps)
@@ -152,7 +153,7 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         InputError: the times do not order the scans, fewer than two scans can be used, the beams are not those of a
             lidar, the ranges are not meters, or the headings are not radians.
     """
-    intake, clock = Intake(str(path), settings.range_max_m), Clock(settings)
+    intake, clock = Intake(str(path), settings), Clock(settings)
     kept = list[LogScan]()
     for number, scan in enumerate(_usable(scans, intake)):
         if settings.spacing == "distance":
@@ -171,7 +172,9 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise InputError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
     ranges, poses = np.stack([scan.ranges for scan in kept]), np.array([scan.pose for scan in kept], float)
-    log = ScanLog(stamps, ranges, intake.angles, poses, dict(skipped), min(scan.range_max_m for scan in kept))
+    log = ScanLog(
+        stamps, ranges, intake.angles, poses, dict(skipped), intake.range_max_m, None, (*intake.notes.values(),)
+    )
     _check_values(log, path)
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
@@ -201,5 +204,5 @@ def _check_values(log: ScanLog, path: Path) -> None:
     if len(finite) and np.median(finite) > MAX_MEDIAN_M:
         raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
     check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
-    if jumps(torch.as_tensor(log.poses[:, 2])):
+    if jumps(log.poses[:, 2]):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")

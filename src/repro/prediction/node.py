@@ -5,8 +5,6 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import torch
-
 from repro.networks.predictor import load_predictor
 from repro.prediction.live import KEEP_S, LiveMapper
 from repro.prediction.ros import grid_message, occupancy
@@ -14,6 +12,7 @@ from repro.prediction.stream import StreamMap
 from repro.prediction.times import window_of
 from repro.prediction.transforms import Transforms
 from repro.system.errors import InputError
+from repro.system.threads import use_threads
 
 PARAMETERS: dict[str, tuple[Any, str]] = {  # by name: default, of the type of the parameter, and description
     "weights": ("buildings", "name or directory of the weights"),
@@ -25,6 +24,7 @@ PARAMETERS: dict[str, tuple[Any, str]] = {  # by name: default, of the type of t
     "steps": (0, "steps of a window; 0 for those of the training"),
     "step_s": (0.0, "time of a step [s]; 0 for that of the training"),
     "range_max_m": (0.0, "maximum range of the lidar [m]; 0 for that of the scans"),
+    "misses": ("free", "what a miss shows: free; or invalid, if lost beams arrive as misses"),
     "threads": (1, "threads of the network"),
 }
 NUMBERS = ("mounting", "center")  # parameters whose text of numbers may also be a list of them
@@ -51,10 +51,11 @@ def create_mapper(
     center = "robot" if values["center"] == "robot" else _numbers(values, "center", 2)
     if center is None:
         raise InputError("center: expected robot or x,y [m], got an empty text")
-    torch.set_num_threads(values["threads"])
+    use_threads(values["threads"])
     predictor = load_predictor(values["weights"])
     steps, step_s, range_max_m = (values[name] or None for name in ("steps", "step_s", "range_max_m"))
-    settings = window_of(predictor, center, steps, step_s, range_max_m)
+    others = {"center": center, "range_max_m": range_max_m, "misses": values["misses"]}
+    settings = window_of(predictor, steps, step_s, **others)
 
     def send(header: Any, frame: str, predicted: StreamMap) -> None:
         data = array.array("b", occupancy(predicted.free, predicted.unknown).tobytes())

@@ -62,8 +62,8 @@ def draw(window: Window, free: np.ndarray, grid: Grid) -> Figure:
     figure = Figure(figsize=(10, 3.7))  # without pyplot, whose backend may be one of a notebook
     axes = figure.subplots(1, 3, sharey=True)
     figure.subplots_adjust(left=0.07, right=0.985, bottom=0.11, top=0.95, wspace=0.05)  # faster than a fitted layout
-    hits = Projection().encode(window.scans.tensors(), grid)[0, 0]
-    _image(axes[0], hits.numpy(), extent, "hits of the window, dark is recent")
+    hits = Projection().encode(window.scans.batched(), grid)[0, 0]
+    _image(axes[0], hits, extent, "hits of the window, dark is recent")
     _image(axes[1], 255 * free, extent, f"predicted map at {window.stamp:.1f} s")
     held_out = ", red; held out, orange" if window.held_out else ""
     _image(axes[2], np.full_like(free, 255), extent, f"last scan{held_out}")

@@ -6,6 +6,7 @@ from numbers import Real
 import numpy as np
 
 from repro.maps.validity import MAX_HEADING, RADIANS
+from repro.system.arrays import real
 from repro.system.errors import InputError
 
 MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
@@ -28,20 +29,22 @@ def check_stamp(stamp: float, step_s: float) -> None:
     raise InputError(f"time: expected seconds, not ms, us or ns, got {stamp:.4g}: {resolution}")
 
 
-def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float) -> np.ndarray:
+def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float, misses: str = "free") -> np.ndarray:
     """Return ranges [m] with inf for a miss, at or beyond the maximum, and NaN for an invalid reading, float32.
 
-    Invalid are negative readings, zero, what is below the minimum, NaN, and what is masked. Many lidars report a lost
-    beam in these ways; it must not mark the pixels along it as free.
+    Invalid are negative readings, zero, what is below the minimum, NaN, what is masked, and misses if they are taken as
+    `invalid`, see `misses`. Many lidars report a lost beam in these ways; it must not mark the pixels along it as free.
 
     Raises:
-        ValueError: the maximum is not positive and above the minimum.
+        ValueError: the maximum is not positive and above the minimum, or the readings are no floating-point numbers.
     """
     if not range_max_m > max(range_min_m, 0):  # false for NaN
         raise InputError(f"expected a maximum range above the minimum, got {range_min_m} to {range_max_m} m")
-    ranges = np.ma.filled(np.ma.asarray(ranges).astype(np.float32), np.nan)
-    is_valid = (ranges >= range_min_m) & (ranges > 0)  # false for NaN
-    return np.where(is_valid, np.where(ranges < range_max_m, ranges, np.inf), np.nan).astype(np.float32)
+    mask = np.ma.getmask(ranges)
+    ranges = real("ranges [m]", np.ma.getdata(ranges) if np.ma.isMA(ranges) else ranges, kinds="f").astype(np.float32)
+    is_valid = (ranges >= range_min_m) & (ranges > 0) & ~mask  # false for NaN
+    miss = np.inf if misses == "free" else np.nan
+    return np.where(is_valid, np.where(ranges < range_max_m, ranges, miss), np.nan).astype(np.float32)
 
 
 def note_on_range(range_max_m: float, reach_m: float) -> str | None:

@@ -1,23 +1,29 @@
 """Maps from scans as they arrive: the window of each scan, as `windows.cut` makes it, in constant memory."""
 
+import logging
 import math
 import threading
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import torch
 
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import last_hits
+from repro.prediction.intake import LogScan
+from repro.prediction.misses import MissCheck
+from repro.prediction.poses import MAX_PLACE_M
 from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
 from repro.prediction.windows import on_map
 from repro.scans import Scans
+from repro.system.arrays import real
 from repro.system.errors import InputError
 
+LOGGER = logging.getLogger(__name__)
 REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: as in the training
 EXTRA = 6  # scans: the one before the window, one with a wrong time, and those of the tolerance of half a step
 
@@ -56,10 +62,13 @@ def predict_map(
     Raises:
         InputError: the window cannot be predicted, see `Predictor.predict`.
     """
+    place = real("origin", origin, (2,)).astype(float)
+    if not np.isfinite(place).all() or not np.isfinite(real("stamp", stamp, ())):
+        raise InputError(f"expected a finite origin x, y [m] and time [s], got {origin} and {stamp}")
     predictor = predictor.with_range(range_max_m)
-    free = predictor.predict(window)[0].numpy()
+    free = predictor.predict(window)[0]
     _, seen = last_hits(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
-    return StreamMap(free, origin, predictor.grid.resolution_m, stamp, ~seen)
+    return StreamMap(free, (float(place[0]), float(place[1])), predictor.grid.resolution_m, stamp, ~seen)
 
 
 class PredictionStream:
@@ -80,6 +89,7 @@ class PredictionStream:
         steps: steps of a window, T; None for those of the training.
         step_s: time of a step [s]; None for that of the training.
         range_max_m: maximum range of the lidar [m], see `Predictor.with_range`; None if it is not known.
+        misses: `free`, or `invalid` if lost beams arrive as misses, see `misses`.
 
     Attributes:
         reason: why the last update has no map; None if it has one.
@@ -97,22 +107,23 @@ class PredictionStream:
         steps: int | None = None,
         step_s: float | None = None,
         range_max_m: float | None = None,
+        misses: str = "free",
     ) -> None:
-        self.settings = window_of(predictor, center, steps, step_s, range_max_m)
+        self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=range_max_m, misses=misses)
         if self.settings.center == "start":
             raise InputError("center: expected robot or x, y [m], got 'start', which a log has")
         self.range_max_m = math.inf if range_max_m is None else range_max_m
-        self.predictor, self.angles = predictor, np.array(angles, dtype=float)
+        self.predictor, self.angles = predictor, real("angles", angles).astype(float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
-        check_angles(torch.as_tensor(self.angles))
-        beam_spacing(torch.as_tensor(self.angles))  # refuses beams that are not evenly spaced
+        check_angles(self.angles)
+        beam_spacing(self.angles)  # refuses beams that are not evenly spaced
         self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
         most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
-        self._clock = Clock(self.settings)
+        self._clock, self._misses = Clock(self.settings), MissCheck()
         self._lock = threading.Lock()
 
     def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
@@ -131,10 +142,28 @@ class PredictionStream:
             InputError: the scan cannot be one of this lidar, and is left out; or its window cannot be predicted, see
                 `Predictor.predict`.
         """
-        ranges, pose = self._checked(ranges, pose, stamp)
+        raw, pose = ranges, self._checked_pose(pose)
+        ranges = readings(raw, 0.0, self.range_max_m, self.settings.misses)
+        if ranges.shape != (self.beams,):
+            raise InputError(f"ranges: expected the shape ({self.beams},), got {ranges.shape}")
+        if np.isnan(ranges).all():
+            raise InputError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
         with self._lock:
-            self._add(float(stamp), ranges, pose)
-            return None if self.reason else self._predict()
+            known = set(self._misses.notes)
+            self._misses.add(np.asarray(raw), ranges, float(pose[2]), self.range_max_m)
+            for kind in self._misses.notes.keys() - known:
+                LOGGER.warning("%s", self._misses.notes[kind])
+            return self._take(ranges[: len(self.angles)], pose, stamp)
+
+    def extend(self, scan: LogScan) -> StreamMap | None:
+        """Take a scan from an `Intake`, whose beams are those of the stream, and predict the map at its time."""
+        with self._lock:
+            return self._take(scan.ranges, self._checked_pose(scan.pose), scan.stamp)
+
+    def _take(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
+        check_stamp(stamp, self.settings.step_s)
+        self._add(float(stamp), ranges, pose)
+        return None if self.reason else self._predict()
 
     def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> None:
         """Keep a scan, or state in `reason` why it is left out."""
@@ -159,16 +188,10 @@ class PredictionStream:
         window = on_map(np.stack([ranges[i] for i in index]), self.angles, np.stack([poses[i] for i in index]), origin)
         return predict_map(self.predictor, window, (float(origin[0]), float(origin[1])), stamps[-1], self.range_max_m)
 
-    def _checked(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return copies of the ranges in float32 and of the pose in float64, which the caller may change afterwards."""
-        check_stamp(stamp, self.settings.step_s)
-        ranges, pose = readings(ranges, 0.0, self.range_max_m), np.array(pose, dtype=float)
-        if ranges.shape != (self.beams,) or pose.shape != (3,):
-            raise InputError(f"expected ranges ({self.beams},) and a pose (3,), got {ranges.shape} and {pose.shape}")
-        ranges = ranges[: len(self.angles)]
-        if np.isnan(ranges).all():
-            raise InputError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
-        if not np.isfinite(pose).all():
-            raise InputError(f"expected a finite pose, got {pose} at {stamp} s")
+    def _checked_pose(self, pose: Any) -> np.ndarray:
+        """Return a copy of a pose in float64, which the caller may change afterwards."""
+        pose = np.array(real("pose", pose, (3,)), dtype=float)
+        if not np.isfinite(pose).all() or np.abs(pose[:2]).max() > MAX_PLACE_M:
+            raise InputError(f"pose: expected a finite one within {MAX_PLACE_M:g} m, got {pose}")
         check_heading(float(pose[2]), "the headings look")
-        return ranges, pose
+        return pose

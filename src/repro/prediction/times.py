@@ -20,6 +20,7 @@ MAX_STEPS = 10_000  # of a window
 MIN_STEP_S = 0.001  # far above the resolution of times, so that a window has as many scans as steps
 TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
 SPACINGS = ("time", "distance")
+MISSES = ("free", "invalid")
 NOT_LATER = "not later than the one before"
 TOO_SOON = "less than half a step after the one before"
 OUT_OF_ORDER = "with a time out of order"
@@ -35,6 +36,7 @@ class WindowSettings:
         steps: steps of a window, T.
         step_s: time of a step [s]; with `distance`, scans between two steps.
         range_max_m: maximum range of the lidar [m], which replaces that of the scans; None keeps it.
+        misses: `free`: a miss shows free space; or `invalid`: it shows nothing, as of lost beams, see `misses`.
         spacing: `time`, or `distance`: the scans of a log count as evenly spaced, and time is their number.
 
     Raises:
@@ -46,6 +48,7 @@ class WindowSettings:
     step_s: float = 0.1
     range_max_m: float | None = None
     spacing: str = "time"
+    misses: str = "free"
 
     def __post_init__(self) -> None:
         has_steps = float(self.steps).is_integer() and 1 <= self.steps <= MAX_STEPS
@@ -58,6 +61,8 @@ class WindowSettings:
             raise InputError(f"range_max_m: expected a positive range [m], got {self.range_max_m}")
         if self.spacing not in SPACINGS:
             raise InputError(f"spacing: expected {' or '.join(SPACINGS)}, got {self.spacing}")
+        if self.misses not in MISSES:
+            raise InputError(f"misses: expected {' or '.join(MISSES)}, got {self.misses}")
         if isinstance(self.center, str) and self.center in ("robot", "start"):
             return
         try:
@@ -93,19 +98,15 @@ class WindowSettings:
 
 
 def window_of(
-    predictor: Predictor,
-    center: str | tuple[float, float] = "robot",
-    steps: int | None = None,
-    step_s: float | None = None,
-    range_max_m: float | None = None,
+    predictor: Predictor, steps: int | None = None, step_s: float | None = None, **others: Any
 ) -> WindowSettings:
-    """Return the windows for a network, those of its training where None is given.
+    """Return the windows for a network, with the steps of its training where None is given, and other settings.
 
     Raises:
         InputError: a value is outside of its range, or the network has learned fixed obstacles and the center moves.
     """
     steps, step_s = predictor.steps if steps is None else steps, predictor.step_s if step_s is None else step_s
-    settings, least = WindowSettings(center, steps, step_s, range_max_m), predictor.encoding.frames
+    settings, least = WindowSettings(steps=steps, step_s=step_s, **others), predictor.encoding.frames
     if settings.steps < least:
         raise InputError(f"steps: expected at least {least}, one for each part of the encoding, got {settings.steps}")
     predictor.check_center(settings.center)

@@ -19,7 +19,7 @@ from repro.runs.config import RunConfig
 from repro.system.errors import InputError
 from repro.system.progress import progress
 
-HIDDEN = 2  # added to the pixels of a map that no lidar shows
+HIDDEN = 2  # added to the pixels of a map that standing obstacles hide from every lidar
 STATISTICS_PAIRS = 4000  # more change the quantiles little
 
 
@@ -30,7 +30,7 @@ class Pairs:
     Args:
         stored: encoded scans, uint8, (M, C, H, W); those of a binary encoding as bits, (M, C, H, W / 8).
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle; if the training asks for
-            them, pixels that a lidar of 360 degrees does not show at the last step have 2 more.
+            them, pixels that standing obstacles hide from a lidar of 360 degrees at the last step have 2 more.
         encoding: the encoding that drew the images.
     """
 
@@ -46,13 +46,15 @@ class Pairs:
         """All encoded scans, uint8, (M, C, H, W)."""
         return self._drawn(self.stored)
 
-    def image_batches(self, size: int) -> Iterator[Tensor]:
+    def image_batches(self, size: int) -> Iterator[np.ndarray]:
         """Yield all encoded scans in batches, uint8, (B, C, H, W), without drawing them at once."""
-        return (self._drawn(stored) for stored in self.stored.split(size))
+        return (self._drawn(stored).numpy(force=True) for stored in self.stored.split(size))
 
     def batch(self, index: Tensor) -> tuple[Tensor, Tensor]:
         """Return the pairs of an index (B,) as float32: inputs in [0, 1], (B, C, H, W), and maps, (B, 1, H, W)."""
-        return self.encoding.to_input(self._drawn(self.stored[index])), self.maps[index].float()
+        images = self._drawn(self.stored[index]).to(torch.float32, copy=True)  # then as `maps.encodings.to_input`
+        images = images.div_(-255).add_(1) if self.encoding.is_inverted else images.div_(255)
+        return images, self.maps[index].float()
 
     def _drawn(self, stored: Tensor) -> Tensor:
         if not self.encoding.is_binary:
@@ -65,11 +67,9 @@ class Pairs:
         return self
 
 
-def packed(images: Tensor, encoding: Encoding) -> Tensor:
+def packed(images: np.ndarray, encoding: Encoding) -> Tensor:
     """Return images, uint8, (..., W), as `Pairs` stores them: those of a binary encoding as bits, (..., W / 8)."""
-    if not encoding.is_binary:
-        return images
-    return torch.from_numpy(np.packbits(images.cpu().numpy() > 0, axis=-1)).to(images.device)
+    return torch.from_numpy(np.packbits(images > 0, axis=-1) if encoding.is_binary else images)
 
 
 class Batches:
@@ -133,8 +133,8 @@ def load_pairs(
         grid: grid of the images and maps.
         encoding: the encoding that draws the scans.
         count: number of pairs to cover, from the first; None for all, see `Recordings.shards`.
-        device: device on which the images are drawn and kept.
-        marks_hidden: whether the maps mark the pixels that no lidar shows at the last step, see `Pairs`.
+        device: device on which the images are kept.
+        marks_hidden: whether the maps mark the pixels that standing obstacles hide at the last step, see `Pairs`.
 
     Raises:
         ValueError: a shard fails verification, see `Recordings.shards`, or the encoding draws other images
@@ -150,23 +150,23 @@ def load_pairs(
     first = 0
     for shard in shards:
         drawn = slice(first, first + len(shard.scans))
-        images = encoding.encode(shard.scans.tensors(device), grid)
+        images = encoding.encode(shard.scans.batched(), grid)
         _check_images(images, encoding, (len(shard.scans), *stored.shape[1:3], grid.size_px))
-        stored[drawn] = packed(images, encoding)
-        maps[drawn, 0] = true_maps(shard, grid, device)
+        stored[drawn] = packed(images, encoding).to(device)
+        free = true_maps(shard, grid)
         if marks_hidden:
-            ends = torch.as_tensor(shard.scans.poses[:, -1], device=device, dtype=torch.float32)
-            maps[drawn, 0] += HIDDEN * ~shown_pixels(maps[drawn, 0], ends, grid)
+            standing = true_maps(shard, grid, only_standing=True)
+            free[~shown_pixels(standing, shard.scans.poses[:, -1], grid)] += HIDDEN
+        maps[drawn, 0] = torch.from_numpy(free).to(device)
         first = drawn.stop
     return Pairs(stored, maps, encoding)
 
 
-def _check_images(images: Tensor, encoding: Encoding, shape: tuple[int, ...]) -> None:
+def _check_images(images: np.ndarray, encoding: Encoding, shape: tuple[int, ...]) -> None:
     """Check the type, the shape and, if a bit per pixel is stored, the values of the images of an encoding."""
-    got = (images.dtype, tuple(images.shape))
-    if got != (torch.uint8, shape):
+    if (images.dtype, images.shape) != (np.uint8, shape):
         raise InputError(
-            f"the encoding {encoding.name} must draw images of {torch.uint8}, {shape}, got {got[0]}, {got[1]}"
+            f"the encoding {encoding.name} must draw images of uint8, {shape}, got {images.dtype}, {images.shape}"
         )
     if encoding.is_binary and (images + 1).max() > 1:  # 255 + 1 is 0 in uint8
         raise InputError(f"the encoding {encoding.name} is binary and must draw no other values than 0 and 255")
@@ -184,7 +184,7 @@ def training_statistics(recordings: Recordings, config: RunConfig) -> Statistics
     """Compute the statistics of the training scans of a run, of the first `STATISTICS_PAIRS` at most."""
     count = min(config.data.pairs.train, STATISTICS_PAIRS)
     shards = recordings.shards("train", count)
-    return summarize((shard.scans.tensors() for shard in shards), grid_of(config))
+    return summarize((shard.scans.batched() for shard in shards), grid_of(config))
 
 
 def _flip(images: Tensor, flipped: Tensor) -> Tensor:

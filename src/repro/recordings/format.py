@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from repro.scans import Scans
+from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
-from repro.system.files import open_arrays
 from repro.world_config import WorldSpec
 
 FORMAT = 1

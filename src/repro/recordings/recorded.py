@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
@@ -13,13 +11,18 @@ from repro.recordings.reader import Recordings
 from repro.scans import Scans
 
 
-def true_maps(shard: ShardContent, grid: Grid, device: torch.device | str = "cpu") -> Tensor:
-    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free."""
-    outlines, states, owner = (
-        torch.as_tensor(array, device=device) for array in (shard.outlines, shard.states[:, -1], shard.world)
-    )
-    maps = rasterize(outlines, states, owner.long(), len(shard.scans) // 2, grid)
-    return maps.repeat_interleave(2, dim=0)  # a world and its twin share their map
+def true_maps(shard: ShardContent, grid: Grid, *, only_standing: bool = False) -> np.ndarray:
+    """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free.
+
+    Args:
+        shard: the recordings.
+        grid: grid of the maps.
+        only_standing: leave out obstacles that move during the recording.
+    """
+    kept = ~(np.ptp(shard.states, axis=1) > 0).any(-1) if only_standing else np.ones(len(shard.states), bool)
+    outlines, states, owner = (array[kept] for array in (shard.outlines, shard.states[:, -1], shard.world))
+    maps = rasterize(outlines, states, owner, len(shard.scans) // 2, grid)
+    return np.repeat(maps, 2, axis=0)  # a world and its twin share their map
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Recorded:
     """All recordings of one split with their true maps: the input of a baseline, which uses no images.
 
     Args:
-        scans: ranges (M, T, N), angles (N,) and poses (M, T, 3), as tensors.
+        scans: ranges (M, T, N), angles (N,) and poses (M, T, 3), see `Scans.batched`.
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle.
         grid: grid of the maps.
         range_max_m: maximum range of the lidar [m].
@@ -36,7 +39,7 @@ class Recorded:
     """
 
     scans: Scans
-    maps: Tensor
+    maps: np.ndarray
     grid: Grid
     range_max_m: float
     step_s: float
@@ -54,7 +57,7 @@ def load_recorded(recordings: Recordings, split: str, grid: Grid) -> Recorded:
     """
     shards = list(recordings.shards(split))
     ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))
-    maps = torch.cat([true_maps(shard, grid) for shard in shards])[:, None]
+    maps = np.concatenate([true_maps(shard, grid) for shard in shards])[:, None]
     spec = recordings.spec
-    scans = Scans(ranges, shards[0].scans.angles, poses).tensors()
+    scans = Scans(ranges, shards[0].scans.angles, poses).batched()
     return Recorded(scans, maps, grid, spec.lidar.range_max, spec.world.step_time, recordings)

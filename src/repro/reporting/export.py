@@ -6,9 +6,11 @@ from typing import Any
 import torch
 from huggingface_hub import EvalResult, ModelCardData
 
+from repro.learning.networks.torch_files import CARD, OWN_FILES
+from repro.learning.networks.trained import export_onnx, load_trained, save_trained
 from repro.metrics.names import METRICS
-from repro.networks.predictor import ONNX, Predictor, load_predictor
-from repro.networks.torch_files import CARD, OWN_FILES
+from repro.networks.predictor import Predictor
+from repro.networks.weights import ONNX
 from repro.reporting.names import SETUPS, model_title
 from repro.reporting.paper import are_papers, world_files
 from repro.runs.config import RunConfig
@@ -24,7 +26,7 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
 
     Args:
         run: an evaluated run directory.
-        target: the directory of the weights; `networks.predictor.load_predictor` and `smp.from_pretrained` read it.
+        target: the directory of the weights; `load_trained` and `smp.from_pretrained` read it.
         force: whether to replace existing weights.
 
     Raises:
@@ -37,12 +39,12 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
     # the lock is that of publishing, which moves the parent
     with lock(target.parents[1]), replacing_directory(target, OWN_FILES.__contains__) as new:
         clear_leftovers(target.parent, keep=new)
-        predictor.save(new, torch.float16)
+        save_trained(predictor, new, torch.float16)
         where = f"reproduce/results/{'/'.join(target.parts[-2:])}"
         write_text(new / CARD, make_card(run, where, "float16 weights"))
 
 
-def export_onnx(run: Run, target: Path) -> float:
+def export_run(run: Run, target: Path) -> float:
     """Write the best weights of a run as an ONNX file, model.onnx in float32, with a model card beside and in it.
 
     Args:
@@ -60,7 +62,7 @@ def export_onnx(run: Run, target: Path) -> float:
     target.parent.mkdir(parents=True, exist_ok=True)
     with lock(target.parent), replacing_directory(target, (ONNX, CARD).__contains__) as new:
         clear_leftovers(target.parent, keep=new)
-        difference = predictor.save_onnx(new / ONNX, card)
+        difference = export_onnx(predictor, new / ONNX, card)
         write_text(new / CARD, card)
     return difference
 
@@ -70,7 +72,7 @@ def _evaluated_predictor(run: Run) -> Predictor:
         raise InputError(
             f"{run} is not evaluated: the model card needs its metrics, evaluate it with task=evaluate first"
         )
-    return load_predictor(run.model)
+    return load_trained(run.model)
 
 
 def make_card(run: Run, path: str, form: str) -> str:
@@ -78,7 +80,7 @@ def make_card(run: Run, path: str, form: str) -> str:
 
     Args:
         run: an evaluated run directory.
-        path: what `load_predictor` is given in the example.
+        path: what is loaded in the example.
         form: form of the weights.
     """
     config, origin, metrics = run.config(), run.provenance(), run.read_metrics()
@@ -90,6 +92,9 @@ def make_card(run: Run, path: str, form: str) -> str:
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
+    is_onnx = path.endswith(ONNX)
+    imports = "" if is_onnx else "\nfrom repro.learning.networks.trained import load_trained"
+    loader = "repro.load_predictor" if is_onnx else "load_trained"
     library = "segmentation-models-pytorch" if encoder else "pytorch"
     return f"""---
 {hub_metadata(title, setup, measured, library)}
@@ -98,16 +103,15 @@ def make_card(run: Run, path: str, form: str) -> str:
 # {title}
 
 ```python
-from repro.networks.predictor import load_predictor
-from repro.scans import Scans
+import repro{imports}
 
-predictor = load_predictor("{path}")
-free = predictor.predict(Scans(ranges, angles, poses))  # probability of free at the last step, (B, H, W)
+predictor = {loader}("{path}")
+free = predictor.predict(repro.Scans(ranges, angles, poses))  # probability of free at the last step, (B, H, W)
 ```
 
 **Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
-in a map of {config.data.size_m:g} x {config.data.size_m:g} m with its origin at the lower left; NumPy arrays or \
-tensors. {"The metadata of the file define" if path.endswith(ONNX) else "`predictor.json` defines"} the encoding
+in a map of {config.data.size_m:g} x {config.data.size_m:g} m with its origin at the lower left; NumPy \
+arrays. {"The metadata of the file define" if is_onnx else "`predictor.json` defines"} the encoding
 ({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
 **Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 

@@ -64,9 +64,9 @@ def load_example(outputs: Outputs, key: RunKey) -> Example:
     return Example(
         key.experiment,
         key.encoding,
-        encoding_of(config).encode(shard.scans[:1].tensors(), grid)[0, 0].numpy(),
+        encoding_of(config).encode(shard.scans[:1].batched(), grid)[0, 0],
         read_predictions(run)[0],
-        true_maps(shard, grid)[0].numpy(),
+        true_maps(shard, grid)[0],
         shard.scans[0],
         config.encoding.parameters["oldest_gray"],
     )

@@ -4,7 +4,7 @@ runs/exp3/unet/projection/seed0/
     config.yaml      everything that determines its result (`RunConfig`), written first
     provenance.json  its status, and one entry per step: recordings, commit, hardware, versions, time
     history.csv      one row per epoch
-    model/           best weights with their encoding and grid; `networks.predictor.load_predictor` reads them
+    model/           best weights with their encoding and grid; `learning.networks.trained` reads them
     predictions.npz  probability of free on the test set, quantized to uint8
     metrics.csv      pooled test metrics, one row
     per_image.csv    metrics of every test image
@@ -25,8 +25,9 @@ from pydantic import TypeAdapter
 from repro.metrics.names import METRICS
 from repro.runs.config import RunConfig, differences
 from repro.runs.provenance import Provenance, Status, environment
+from repro.runs.tables import read_table
 from repro.system.errors import InputError
-from repro.system.files import clear_leftovers, lock, read_table, read_typed, sha256, write_json, write_text
+from repro.system.files import clear_leftovers, lock, read_typed, sha256, write_json, write_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -52,7 +52,7 @@ class Provenance:
 
 def environment() -> dict[str, Any]:
     """Describe the environment of a step: time, Python, packages, hardware, commit."""
-    from repro.system.devices import hardware  # torch is slow to import, and recording does not need it
+    from repro.runs.devices import hardware  # torch is slow to import, and recording does not need it
 
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),

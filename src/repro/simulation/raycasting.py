@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from repro.outlines import placed
+from repro.maps.outlines import placed
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 

@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 import numpy as np
 
-from repro.outlines import padded
+from repro.maps.outlines import padded
 from repro.parallel import process_pool
 from repro.recordings.format import (
     FORMAT,

@@ -11,17 +11,13 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
-import numpy as np
 import yaml
 from filelock import FileLock, Timeout
 from pydantic import TypeAdapter, ValidationError
 
 from repro.system.errors import InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -173,30 +169,6 @@ def read_typed(kind: type[T], path: Path, fix: str) -> T:
         raise InputError(f"{path} cannot be read ({errors}): {fix}") from error
 
 
-def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame":
-    """Read a CSV file that has at least one row and the required columns.
-
-    Args:
-        path: the file.
-        columns: the required columns, which must not have missing values.
-        fix: what to do if the file cannot be read; appended to the message.
-
-    Raises:
-        ValueError: the file is missing, truncated, empty, or lacks a column or a value.
-    """
-    import pandas as pd  # slow to import, and recording does not need it
-
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
-    missing = [name for name in columns if name not in table]
-    if missing or table.empty or table[list(columns)].isna().any(axis=None):
-        problem = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
-        raise InputError(f"{path} cannot be read ({problem}): {fix}")
-    return table
-
-
 def sha256(path: Path) -> str:
     """Compute the SHA-256 checksum of a file, in hexadecimal."""
     with path.open("rb") as file:
@@ -240,11 +212,3 @@ def is_locked(directory: Path, name: str = ".lock") -> bool:
 def first_line(error: Exception) -> str:
     """Return the first line of the message of an error, or its type if it has none."""
     return str(error).strip().split("\n")[0] or type(error).__name__
-
-
-@contextmanager
-def open_arrays(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
-    """Open an npz file without executing code; unlike np.load(path), a damaged file is closed, too."""
-    check_regular(path)
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        yield arrays

@@ -17,12 +17,12 @@ def _seed_suffix(key: RunKey) -> str:
 
 def run(job: Job) -> None:
     """Write the weights as float16 into reproduce/results, or with format=onnx an ONNX file into the outputs."""
-    from repro.reporting.export import export_onnx, export_weights
+    from repro.reporting.export import export_run, export_weights
 
     name = f"exp{job.key.experiment}-{job.key.model}"
     if job.call.format == "onnx":
         target = job.outputs.path / "exports" / f"{name}{suffix_of(job.key)}"
-        difference = export_onnx(job.run, target)
+        difference = export_run(job.run, target)
         print(f"{target}: the probabilities of ONNX Runtime differ from those of torch by {difference:.1e} at most")
         return
     target = job.published / f"{name}{_seed_suffix(job.key)}"

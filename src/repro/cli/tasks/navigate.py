@@ -22,8 +22,8 @@ def run(job: Job) -> None:
     from repro.navigation.study import Seeds, Study
     from repro.recordings.datasets import grid_of
     from repro.reporting.navigation import write_results
+    from repro.runs.devices import few_threads
     from repro.runs.provenance import environment
-    from repro.system.devices import few_threads
     from repro.world_config import world_spec
 
     settings, directory = job.call.navigation, job.outputs.path / "navigation"
@@ -42,13 +42,14 @@ def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
     """Return the name and the arm of a call; that of a network has the name of its architecture and encoding."""
     from repro.baselines.registry import TRACKER
     from repro.evaluation.evaluate import evaluate_baseline
+    from repro.learning.networks.trained import load_trained, module_of
     from repro.navigation.arms import CLASSICAL, HITS, network_arm, tracker_arm
     from repro.networks.predictor import load_predictor
     from repro.networks.weights import locate
 
     if name in NETWORK_ARMS:
         path = locate(job.call.prediction.weights)
-        predictor = load_predictor(path)
+        predictor = load_predictor(path) if path.is_file() else load_trained(path)
         if predictor.grid != grid:
             expected, found = (f"{one.size_px} px, {one.size_m:g} m" for one in (grid, predictor.grid))
             raise InputError(f"prediction.weights: its maps have {found}, expected those of the call, {expected}")
@@ -57,7 +58,8 @@ def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
                 "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
             )
         with_hits = name == "network_hits"
-        label = f"{type(predictor.network).__name__.lower()}-{predictor.encoding.name}{HITS if with_hits else ''}"
+        kind = "onnx" if path.is_file() else type(module_of(predictor)).__name__.lower()
+        label = f"{kind}-{predictor.encoding.name}{HITS if with_hits else ''}"
         return label, network_arm(predictor, with_hits=with_hits, weights=_checksum(path))
     if name == "tracker":
         evaluate_baseline(job.outputs, job.config, name)
@@ -70,7 +72,7 @@ def _checksum(path: Path) -> str:
     """Return the checksums of the files with weights."""
     from repro.system.files import sha256
 
-    files = [path] if path.is_file() else sorted([*path.rglob("*.safetensors"), *path.rglob("*.onnx")])
+    files = [path] if path.is_file() else sorted(path.rglob("*.safetensors"))
     return " ".join(map(sha256, files))
 
 

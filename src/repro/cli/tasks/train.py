@@ -12,14 +12,12 @@ def run(job: Job) -> None:
     from repro.learning.training import train
     from repro.parallel import use_idle_cores
     from repro.runs.provenance import Status
-    from repro.system.devices import resolve_device
 
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
         print(f"training {job.run}", flush=True)
-    if resolve_device(job.call.runtime.accelerator) == "cpu":
-        use_idle_cores()
+    use_idle_cores()
     runtime = job.call.runtime
     status = train(
         job.run,

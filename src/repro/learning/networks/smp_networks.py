@@ -69,7 +69,7 @@ def replace_slow_modules(network: torch.nn.Module) -> None:
 
 
 def create_smp_network(architecture: str, model: Model, in_channels: int) -> Any:
-    """Create a network of smp; see `networks.create.create_network`."""
+    """Create a network of smp; see `learning.networks.create.create_network`."""
     try:
         return smp.create_model(
             architecture,
@@ -89,7 +89,7 @@ def create_smp_network(architecture: str, model: Model, in_channels: int) -> Any
 
 
 def load_smp_network(directory: Path) -> Any:
-    """Load a network of smp that ends in logits; see `networks.create.load_network`.
+    """Load a network of smp that ends in logits; see `learning.networks.create.load_network`.
 
     The encoder is created without pretrained weights, which smp would otherwise download before it loads those of the
     directory.

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from repro.system import devices
-from repro.system.devices import few_threads
+from repro.runs import devices
+from repro.runs.devices import few_threads
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
 from repro.fields import ConfigError
-from repro.networks.convgru import ConvGRU
-from repro.networks.convlstm import ConvLSTM
+from repro.learning.networks.convgru import ConvGRU
+from repro.learning.networks.convlstm import ConvLSTM
 from repro.networks.model import Model
 from repro.system.errors import InputError
 
@@ -133,7 +133,7 @@ def architecture_errors(model: Model) -> list[ConfigError]:
 
 
 def _smp_networks() -> ModuleType:
-    from repro.networks import smp_networks  # imports smp and timm, which our own networks do not need
+    from repro.learning.networks import smp_networks  # imports smp and timm, which our own networks do not need
 
     return smp_networks
 

@@ -1,27 +1,22 @@
 """Outlines of obstacles: polygons and line strings in the frame of their obstacle, padded to one number of vertices."""
 
-from typing import Any
-
 import numpy as np
 
-from repro.scans import library_of
 
-
-def placed(outlines: Any, states: Any) -> Any:
+def placed(outlines: np.ndarray, states: np.ndarray) -> np.ndarray:
     """Transform outlines to the frame of the world.
 
     Args:
-        outlines: outlines in their own frames [m], (..., V, 2), as NumPy arrays or as tensors.
+        outlines: outlines in their own frames [m], (..., V, 2).
         states: obstacle poses x, y [m], heading [rad], (..., 3); the leading axes broadcast.
 
     Returns:
         outlines in the world [m], (..., V, 2).
     """
-    library = library_of(states)
     x, y, heading = (states[..., axis, None] for axis in range(3))
     own_x, own_y = outlines[..., 0], outlines[..., 1]
-    cos, sin = library.cos(heading), library.sin(heading)
-    return library.stack([own_x * cos - own_y * sin + x, own_x * sin + own_y * cos + y], -1)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.stack([own_x * cos - own_y * sin + x, own_x * sin + own_y * cos + y], -1)
 
 
 def padded(outlines: np.ndarray, vertices: int) -> np.ndarray:

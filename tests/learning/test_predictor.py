@@ -8,11 +8,12 @@ import segmentation_models_pytorch as smp
 import torch
 from conftest import ROOT, damage, world_spec
 
+from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, load_trained, module_of, save_trained
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
-from repro.networks.create import create_network
 from repro.networks.model import paper_model
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
 from repro.prediction.stream import PredictionStream
 from repro.scans import Scans
 from repro.simulation.simulator import simulate
@@ -26,13 +27,13 @@ def saved(tmp_path_factory):
     """Save a predictor with an unusual encoding and map; return it and its directory."""
     torch.manual_seed(0)
     predictor = Predictor(
-        create_network(paper_model("fpn")).eval(),
+        TorchNetwork(create_network(paper_model("fpn"))),
         Projection(decay=False, oldest_gray=0.5),
         Grid(64, 80.0),
         **{"steps": 40, "step_s": 0.5},
     )
     directory = tmp_path_factory.mktemp("predictor") / "model"
-    predictor.save(directory)
+    save_trained(predictor, directory)
     return predictor, directory
 
 
@@ -44,34 +45,34 @@ def scans():
 
 def test_encoding_and_grid_are_saved_with_the_weights(saved, scans):
     predictor, directory = saved
-    again = load_predictor(directory)
+    again = load_trained(directory)
     assert dataclasses.replace(again, network=predictor.network) == predictor
-    assert torch.equal(again.predict(scans), predictor.predict(scans))
+    assert np.array_equal(again.predict(scans), predictor.predict(scans))
     with pytest.raises(TypeError, match=r"expected Scans\(ranges, angles, poses\), got "):
         predictor.predict(scans.ranges)
 
 
 def test_windows_are_predicted_in_batches(saved, scans):
     predictor, passes = saved[0], []
-    hook = predictor.network.register_forward_hook(lambda _, inputs, __: passes.append(len(inputs[0])))
+    hook = module_of(predictor).register_forward_hook(lambda _, inputs, __: passes.append(len(inputs[0])))
     many = Scans.stack([scans[number % 2] for number in range(5)])
     together = predictor.predict(many, batch=3)
     assert passes == [3, 2]
     hook.remove()
-    assert torch.allclose(predictor.predict(scans[1])[0], together[1], atol=1e-6)
+    assert np.allclose(predictor.predict(scans[1])[0], together[1], atol=1e-6)
 
 
 @pytest.mark.parametrize("center", ["robot", "start"])
 def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_path, center):
     predictor, _ = saved
-    dataclasses.replace(predictor, has_fixed=True).save(tmp_path / "model")
-    fixed = load_predictor(tmp_path / "model")
+    save_trained(dataclasses.replace(predictor, has_fixed=True), tmp_path / "model")
+    fixed = load_trained(tmp_path / "model")
     predictor.check_center(center)
     fixed.check_center((10.0, 10.0))
     with pytest.raises(ValueError, match=rf"trained with fixed obstacles: its map of 80 x 80 m .* got {center}"):
         fixed.check_center(center)
     with pytest.raises(ValueError, match="trained with fixed obstacles"):
-        PredictionStream(fixed, torch.linspace(-1, 1, 5).numpy(), center=center)
+        PredictionStream(fixed, np.linspace(-1, 1, 5), center=center)
     centered = dataclasses.replace(predictor, is_centered=True)
     centered.check_center("robot")
     with pytest.raises(ValueError, match=r"expected robot, got \(10\.0, 10\.0\), .* such as rooms"):
@@ -79,11 +80,10 @@ def test_a_network_of_fixed_obstacles_needs_a_map_that_does_not_move(saved, tmp_
 
 
 def test_a_miss_of_a_lidar_that_reaches_less_far_shows_free_space_up_to_its_range(saved):
-    predictor = load_predictor(ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru")
-    steps = torch.arange(100)
-    poses = torch.stack([torch.full((100,), 25.0), torch.full((100,), 25.0), steps * 0.0], dim=-1)
-    misses = Scans(torch.full((100, 90), torch.inf), torch.linspace(-0.78, 0.78, 90), poses).tensors()
-    distance = (predictor.grid.centers() - 25).norm(dim=-1)
+    predictor = load_trained(ROOT / "reproduce" / "results" / "workstation-16000" / "exp4-convgru")
+    poses = np.tile([25.0, 25.0, 0.0], (100, 1))
+    misses = Scans(np.full((100, 90), np.inf), np.linspace(-0.78, 0.78, 90), poses).batched()
+    distance = np.linalg.norm(predictor.grid.centers() - 25, axis=-1)
     for range_max_m, expected in ((10.0, 10.0), (30.0, 30.0), (100.0, 30.0)):
         near = predictor.with_range(range_max_m)
         seen = near.encoding.encode(misses, near.grid)[0, near.encoding.frames] == 0
@@ -98,22 +98,22 @@ def test_a_miss_of_a_lidar_that_reaches_less_far_shows_free_space_up_to_its_rang
 def test_plain_smp_reads_the_same_weights(saved):
     predictor, directory = saved
     state = smp.from_pretrained(directory).state_dict()
-    assert all(torch.equal(value, state[name]) for name, value in predictor.network.state_dict().items())
+    assert all(torch.equal(value, state[name]) for name, value in module_of(predictor).state_dict().items())
 
 
 def test_saving_again_replaces_a_predictor_and_nothing_else(saved, tmp_path):
     predictor, _ = saved
     (tmp_path / "model").mkdir()
-    predictor.save(tmp_path / "model")
+    save_trained(predictor, tmp_path / "model")
     (tmp_path / "model" / "notes.txt").write_text("of a user")
     with pytest.raises(ValueError, match=r"has files such as notes\.txt: move them elsewhere"):
-        predictor.save(tmp_path / "model", torch.float16)
+        save_trained(predictor, tmp_path / "model", torch.float16)
     (tmp_path / "model" / "predictor.json").rename(tmp_path / "model" / "other.json")
     with pytest.raises(ValueError, match="exists and is no predictor: expected a new or an empty directory"):
-        predictor.save(tmp_path / "model")
+        save_trained(predictor, tmp_path / "model")
     (tmp_path / "model" / "other.json").rename(tmp_path / "model" / "predictor.json")
     (tmp_path / "model" / "notes.txt").unlink()
-    predictor.save(tmp_path / "model", torch.float16)
+    save_trained(predictor, tmp_path / "model", torch.float16)
     assert {path.name for path in tmp_path.iterdir()} == {"model"}
     assert {path.name for path in (tmp_path / "model").iterdir()} == {
         "README.md",
@@ -121,8 +121,8 @@ def test_saving_again_replaces_a_predictor_and_nothing_else(saved, tmp_path):
         "model.safetensors",
         "predictor.json",
     }
-    assert next(predictor.network.parameters()).dtype == torch.float32
-    assert next(load_predictor(tmp_path / "model").network.parameters()).dtype == torch.float32
+    assert next(module_of(predictor).parameters()).dtype == torch.float32
+    assert next(module_of(load_trained(tmp_path / "model")).parameters()).dtype == torch.float32
 
 
 @pytest.mark.parametrize("name", ["model.safetensors", "predictor.json"])
@@ -134,14 +134,14 @@ def test_a_damaged_predictor_is_refused(saved, tmp_path, name, how):
     with pytest.raises(
         ValueError, match=r"differs from its checksum|lacks model\.safetensors|predictor\.json cannot be read"
     ):
-        load_predictor(directory)
+        load_trained(directory)
 
 
 def test_the_published_weights_predict_obstacles_where_beams_hit(scans):
-    predictor = load_predictor(PUBLISHED)
+    predictor = load_trained(PUBLISHED)
     free = predictor.predict(scans)
     assert free.shape == (2, 128, 128)
-    hit = newest_hits(scans.tensors(), predictor.grid) > 0
+    hit = newest_hits(scans.batched(), predictor.grid) > 0
     assert free[hit].mean() < free[~hit].mean() - 0.2
 
 

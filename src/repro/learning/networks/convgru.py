@@ -7,7 +7,7 @@ from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from repro.networks.blocks import Residual, check_series, conv_block, each_part, last_state
+from repro.learning.networks.blocks import Residual, check_series, conv_block, each_part, last_state
 from repro.system.errors import InputError
 
 DETAIL = 16  # channels at full resolution
@@ -27,22 +27,29 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         stride: pixels per cell of the state along one side, 2 or 4.
         centered: the network also gets the distance to the middle of the map, where the robot is: in real logs, pixels
             that it sees for the first time are less often obstacles the farther away they are.
+        indexed: the network also learns what each part of the window has in common, such as its length.
 
     Raises:
         ValueError: a parameter is not allowed.
     """
 
     def __init__(
-        self, in_channels: int, frames: int, hidden: int = 48, stride: Literal[2, 4] = 4, centered: bool = False
+        self,
+        in_channels: int,
+        frames: int,
+        hidden: int = 48,
+        stride: Literal[2, 4] = 4,
+        centered: bool = False,
+        indexed: bool = False,
     ) -> None:
         check_series(in_channels, frames)
         are_whole = type(hidden) is int and type(stride) is int
         if not are_whole or hidden < 16 or hidden % 16 or stride not in (2, 4):
             raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden!r} and {stride!r}")
-        if type(centered) is not bool:  # any text would be true
-            raise InputError(f"centered must be true or false, got {centered!r}")
+        if not type(centered) is type(indexed) is bool:  # any text would be true
+            raise InputError(f"centered and indexed must be true or false, got {centered!r} and {indexed!r}")
         super().__init__()
-        self.frames, self.hidden, self.stride, self.centered = frames, hidden, stride, centered
+        self.frames, self.hidden, self.stride, self.centered, self.indexed = frames, hidden, stride, centered, indexed
         self.encoder = nn.Sequential(
             *conv_block(in_channels // frames, hidden // 2, stride=2),
             *conv_block(hidden // 2, hidden, stride=stride // 2),
@@ -59,6 +66,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         self.decode_full = nn.Sequential(nn.Conv2d(hidden // 2 + DETAIL, DETAIL, 3, padding=1), nn.ReLU(inplace=True))
         self.to_map = nn.Conv2d(DETAIL, 1, 3, padding=1)
 
+        if indexed:
+            self.of_part = nn.Parameter(torch.zeros(frames, 2 * hidden, 1, 1))
         if centered:
             self.from_distance, self.detail_from_distance = (nn.Conv2d(3, each, 1) for each in (hidden, DETAIL))
             for layer in (self.from_distance, self.detail_from_distance):
@@ -73,6 +82,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
             middle: row and column of the robot [px], if the images are a part of a map; None for the middle.
         """
         encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
+        if self.indexed:
+            encoded = encoded + self.of_part
         state = last_state(encoded, self.gate, self.candidate)
         detail = self.detail(images).relu()
         half_detail = self.half_detail(detail).relu()
@@ -86,7 +97,8 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
 
     def with_distances(self) -> "ConvGRU":
         """Return a network that is `centered` and, before it is trained further, predicts the same maps."""
-        new = ConvGRU(self.detail.in_channels, self.frames, self.hidden, self.stride, centered=True)
+        sizes = self.detail.in_channels, self.frames, self.hidden, self.stride
+        new = ConvGRU(*sizes, centered=True, indexed=self.indexed)
         new.load_state_dict(new.state_dict() | self.state_dict())
         return new
 

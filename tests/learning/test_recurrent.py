@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from repro.networks.convgru import ConvGRU, _distances
-from repro.networks.convlstm import ConvLSTM
-from repro.networks.create import create_network
+from repro.learning.networks.convgru import ConvGRU, _distances
+from repro.learning.networks.convlstm import ConvLSTM
+from repro.learning.networks.create import create_network
 from repro.networks.model import Model
 
 both = pytest.mark.parametrize("network_class", [ConvGRU, ConvLSTM])

@@ -4,43 +4,47 @@ predictor.json has the architecture, the description of the predictor, and a che
 """
 
 import contextlib
+import copy
 import hashlib
 import io
 import json
 from pathlib import Path
 from typing import Any
 
+import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import nn
 
-from repro.networks.create import architecture_of, load_network
+from repro.learning.networks.create import architecture_of, load_network
+from repro.networks.weights import ONNX
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, replacing_directory, sha256, write_json
 
 DESCRIPTION, NETWORK, WEIGHTS, CARD = "predictor.json", "config.json", "model.safetensors", "README.md"
-OWN_FILES = (DESCRIPTION, NETWORK, WEIGHTS, CARD)
+OWN_FILES = (DESCRIPTION, NETWORK, WEIGHTS, CARD, ONNX)  # the last is made from the others
 
 
-def write_torch(directory: Path, network: nn.Module, description: dict[str, Any]) -> str:
+def write_torch(directory: Path, network: nn.Module, dtype: torch.dtype, description: dict[str, Any]) -> str:
     """Write a network and its description to a directory, atomically.
 
     Args:
         directory: directory to create, or to replace if it is empty or holds a predictor.
-        network: a network of torch.
-        description: see `networks.predictor`.
+        network: a network of torch, which stays as it is.
+        dtype: type of the stored weights.
+        description: see `networks.predictor.description_of`.
 
     Returns:
         the SHA-256 checksum of the weights file.
 
     Raises:
-        ValueError: there is something else.
+        InputError: there is something else.
     """
     is_other = directory.exists() and not (directory / DESCRIPTION).is_file()
     if is_other and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"{directory} exists and is no predictor: expected a new or an empty directory")
     with replacing_directory(directory, OWN_FILES.__contains__) as new:
         assert isinstance(network, PyTorchModelHubMixin), "see `create.check_interface`"
-        network.save_pretrained(new)
+        copy.deepcopy(network).cpu().to(dtype).save_pretrained(new)
         content = {"architecture": architecture_of(network), **description}
         write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
         return sha256(new / WEIGHTS)
@@ -50,7 +54,7 @@ def read_torch(directory: Path) -> tuple[nn.Module, dict[str, Any]]:
     """Read the network and the description that `write_torch` wrote.
 
     Raises:
-        ValueError: files are missing, differ from the checksum, or hold no network.
+        InputError: files are missing, differ from the checksum, or hold no network.
     """
     content = read_mapping(directory / DESCRIPTION, f"{directory} must be written by task=train or task=export")
     expected = content.pop("sha256", None)

@@ -8,7 +8,7 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.networks.blocks import check_series, conv_block, each_part
+from repro.learning.networks.blocks import check_series, conv_block, each_part
 from repro.system.errors import InputError
 
 
