@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reproduce.movers import __main__ as script
 from reproduce.movers import bags, corridor, measures, tuning
-from reproduce.movers.cloud import Clouds, CloudSettings, cloud_map, passes
+from reproduce.movers.cloud import Clouds, CloudSettings, cloud_map, new_scans, passes
 from reproduce.movers.rates import GROUPS, KINDS, Rates, Sample, TrackSettings, kinds, parse, plain
 from reproduce.movers.scenes import BINS, PLACES, Place, bin_of, scenes, targets, touches, within
 from reproduce.real.bound import true_map
@@ -109,6 +109,12 @@ def test_first_and_last_pass_of_a_pixel():
     assert (first[0, 0], last[0, 0]) == (6, 0)
 
 
+def test_a_scan_that_stands_for_several_steps_counts_once():
+    ranges = np.array([[1.0], [1.0], [1.0], [2.0], [np.nan], [np.nan], [3.0], [3.0]])
+    scans = Scans(ranges, np.zeros(1), np.zeros((8, 3)))
+    assert np.flatnonzero(new_scans(scans)).tolist() == [1, 3, 4, 7]
+
+
 @pytest.fixture(scope="module")
 def passer():
     """Return the scans of a person who walks by a robot in a corridor."""
@@ -160,10 +166,11 @@ def test_two_clouds_keep_their_own_clusters():
 def test_rates_are_shares_of_the_pixels():
     rng = np.random.default_rng(0)
     group, kind = rng.integers(0, 2, 40_000), rng.integers(0, 2, 40_000)
-    taken = rng.random(40_000) < 0.1 + 0.4 * group + 0.2 * kind
+    odds = np.exp(-2 + 2 * group + kind)
+    taken = rng.random(40_000) < odds / (1 + odds)
     rates = Rates.fit([Sample(group, kind, taken)])
     assert rates.table.shape == (GROUPS, KINDS)
-    np.testing.assert_allclose(rates.table[:2, :2], [[0.1, 0.3], [0.5, 0.7]], atol=0.02)
+    np.testing.assert_allclose(rates.table[:2, :2], [[0.119, 0.269], [0.5, 0.731]], atol=0.02)
     assert rates.of(np.array([1]), np.array([0]))[0] == rates.table[1, 0]
 
 

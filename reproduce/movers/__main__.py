@@ -19,11 +19,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repro.cli.prediction import load
 from repro.maps.grid import Grid
-from repro.networks.predictor import Predictor, load_predictor
+from repro.networks.predictor import Predictor
+from repro.runs.devices import one_thread
 from repro.runs.provenance import environment
 from repro.scans import Scans
-from repro.system.devices import one_thread
 from repro.system.errors import InputError
 from repro.system.files import write_json, write_text
 from reproduce.movers import bags, corridor
@@ -35,7 +36,7 @@ from reproduce.movers.tuning import Asked, Tuned, tune
 TARGET = Path(__file__).parents[1] / "results" / "movers"
 WEIGHTS = ("buildings", "rooms", "exp3", "exp4")
 FIRST_SEED, FIRST_TUNED = 4_000_000, 5_000_000  # of the worlds, above those of all splits
-TUNED, SEARCHED = 200, 40  # worlds for the rates, of which the first ones choose the settings of the clouds
+TUNED, SEARCHED = 200, 100  # worlds for the rates, of which the first ones choose the settings of the clouds
 SIZE_PX = 128  # of the maps for tuning
 CORRIDOR, OF_BAGS = "rooms people", "places people"  # whose clouds follow people in the corridor and in bags
 
@@ -46,7 +47,7 @@ def networks_of(names: list[str], place: Place, size_m: float) -> dict[str, Pred
     Raises:
         InputError: a network takes other windows than the worlds have.
     """
-    loaded = {name.split("=")[0]: load_predictor(name.split("=")[-1]) for name in names}
+    loaded = {name.split("=")[0]: load(name.split("=")[-1]) for name in names}
     fitting = {
         name: each
         for name, each in loaded.items()

@@ -48,9 +48,9 @@ class CloudSettings:
     turn_rad: float = 2.0
     stop_share: float = 0.0
     survival_s: float = 20.0
-    place_m: float = 0.1
+    place_m: float = 0.08
     extent_m: float = 0.9
-    passed_share: float = 0.0
+    passed_share: float = 0.1
     least_width: float = 0.4
     gap_m: float = 0.4
     birth: float = 0.02
@@ -83,13 +83,27 @@ def cloud_map(scans: Scans, grid: Grid, settings: CloudSettings, step_s: float, 
         step_s: time of a step [s].
         range_max_m: maximum range of the lidar [m].
     """
-    found, steps = clusters(scans, grid, settings, range_max_m), len(scans.poses)
+    found, is_new = clusters(scans, grid, settings, range_max_m), new_scans(scans)
     clouds = Clouds(settings, step_s, grid, found.stands)
-    for step in range(int(found.step[found.moves].min(initial=steps)), steps):
+    for step in range(int(found.step[found.moves].min(initial=len(is_new))), len(is_new)):
         clouds.predict()
-        clouds.see(scans.ranges[step], scans.angles, scans.poses[step])
-        clouds.take(found.center[(found.step == step) & found.moves])
+        if is_new[step]:
+            clouds.see(scans.ranges[step], scans.angles, scans.poses[step])
+            clouds.take(found.center[(found.step == step) & found.moves])
     return clouds.draw()
+
+
+def new_scans(scans: Scans) -> np.ndarray:
+    """Return the steps of a window with a scan of their own, bool, (T,).
+
+    Where several steps have one scan, since scans are rarer, it belongs to the middle one, or to the end of the window.
+    """
+    values = np.nan_to_num(scans.ranges, nan=-1.0)
+    end = np.flatnonzero(np.append((values[1:] != values[:-1]).any(1), True))
+    begin = np.append(0, end[:-1] + 1)
+    is_new = np.zeros(len(values), bool)
+    is_new[np.append((begin[:-1] + end[:-1]) // 2, end[-1])] = True
+    return is_new
 
 
 def clusters(scans: Scans, grid: Grid, settings: CloudSettings, range_max_m: float) -> Clusters:
@@ -127,7 +141,7 @@ def passes(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray, np
 
 def _last_passed(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
     """Return the last step at which a beam passed at least a pixel before its end, (H, W)."""
-    return newest_visible(scans.tensors(), grid, range_max_m, margin_m=-grid.resolution_m)[0].numpy()
+    return newest_visible(scans.batched(), grid, range_max_m, margin_m=-grid.resolution_m)[0]
 
 
 class Clouds:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sklearn.linear_model import LogisticRegression
 
 from repro.baselines.tracker import Prior, distances, track
 from repro.baselines.tracker import clusters as clusters_in_time
@@ -25,7 +26,6 @@ KINDS = 2 * len(BINS) + 1  # of pixels: hit last, passed over last, in each bin 
 CLOUD = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)  # between the groups by clouds
 INSIDE_M = (-4.5, -3, -2, -1.2, -0.7, -0.35, -0.1, 0.1, 0.35, 0.7, 1.2, 2)  # from the outline, between those by tracks
 GROUPS = len(CLOUD) + 1
-PRIOR = 100  # pixels, with which the rate of a group stands for that of a kind in it
 STUDY = Path(__file__).parents[1] / "results" / "workstation" / "provenance.json"
 
 
@@ -73,9 +73,9 @@ def groups(scans: Scans, grid: Grid, follower: Follower, step_s: float, range_ma
 
 def kinds(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
     """Return the kind of each pixel of a window, (T, N), by what its scans show there, (H, W)."""
-    window = scans.tensors()
-    hit = newest_hits(window, grid)[0].numpy()
-    passed = newest_passed(window, grid, range_max_m)[0].numpy()
+    window = scans.batched()
+    hit = newest_hits(window, grid)[0]
+    passed = newest_passed(window, grid, range_max_m)[0]
     since = np.digitize(len(scans.poses) - np.maximum(hit, passed), LATER)
     kind = np.where((hit > 0) & (hit >= passed), since, since + len(BINS))
     return np.where(np.maximum(hit, passed) > 0, kind, KINDS - 1)
@@ -103,13 +103,15 @@ class Rates:
 
     @classmethod
     def fit(cls, samples: Iterable[Sample]) -> "Rates":
-        """Fit the rates to the pixels of regions."""
+        """Fit the log-odds as a sum of one number for the group and one for the kind to the pixels of regions."""
         counts = np.zeros((2, GROUPS, KINDS))
         for sample in samples:
             np.add.at(counts, (sample.taken.astype(int), sample.group, sample.kind), 1)
-        pixels, movers = counts.sum(0), counts[1]
-        of_group = (movers.sum(1) + 0.5) / (pixels.sum(1) + 1)
-        return cls((movers + PRIOR * of_group[:, None]) / (pixels + PRIOR))
+        group, kind = np.divmod(np.arange(GROUPS * KINDS), KINDS)
+        design = np.concatenate([np.eye(GROUPS)[group], np.eye(KINDS)[kind]], axis=1)
+        truth, weights = np.repeat([False, True], GROUPS * KINDS), counts.ravel()
+        model = LogisticRegression(solver="newton-cholesky").fit(np.tile(design, (2, 1)), truth, weights)
+        return cls(model.predict_proba(design)[:, 1].reshape(GROUPS, KINDS))
 
     def of(self, group: np.ndarray, kind: np.ndarray) -> np.ndarray:
         """Return the probability of an obstacle at pixels."""

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from repro.evaluation.recency import TOUCH_M
 from repro.maps.grid import Grid
-from repro.outlines import placed
+from repro.maps.outlines import placed
 from repro.prediction.agreement import last_hits
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings

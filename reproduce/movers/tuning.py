@@ -13,19 +13,19 @@ from reproduce.movers.rates import Follower, Rates, Sample, TrackSettings, group
 from reproduce.movers.scenes import BINS, Place, Scene, Target, bin_of, scenes, targets
 
 TRIED: dict[str, tuple[float, ...]] = {  # one after the other, as factors of the value
-    "passed_share": (),
-    "least_width": (),
+    "passed_share": (0.0, 3.0, 6.0),
+    "place_m": (0.7, 1.5, 2.2),
     "radius_m": (0.85, 1.15, 1.3),
+    "least_width": (0.0, 1.7),
     "turn_s": (0.5, 2.0),
-    "turn_rad": (0.2, 0.4),
-    "stop_share": (),
-    "place_m": (0.5, 0.7, 1.5),
+    "turn_rad": (0.4,),
     "survival_s": (0.5, 4.0),
     "birth": (0.3, 3.0),
     "gap_m": (1.5,),
     "extent_m": (1.5,),
+    "stop_share": (),
 }
-VALUES = {"stop_share": (0.2, 0.4), "passed_share": (0.1, 0.3, 0.6), "least_width": (0.0, 0.7)}
+VALUES = {"stop_share": (0.2, 0.4)}
 
 
 @dataclass(frozen=True)
@@ -109,15 +109,19 @@ def search(asked: list[Asked], place: Place) -> CloudSettings:
 
 
 def score(asked: list[Asked], settings: CloudSettings) -> float:
-    """Return the mean over the bins of the log loss over that of a constant; each half has the rates of the other."""
+    """Return the log loss over that of a constant, averaged over the bins by their movers.
+
+    Each half of the scenes has the rates of the other one.
+    """
     halves = [[sample for scene in half for sample in scene.samples(settings)] for half in (asked[::2], asked[1::2])]
     found: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in BINS]
     for own, other in (halves, halves[::-1]):
         rates = Rates.fit(sample for _, sample in other)
         for number, sample in own:
             found[number].append((losses(rates.of(sample.group, sample.kind), sample.taken), sample.taken))
-    ratios = []
-    for parts in filter(None, found):
-        loss, taken = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        ratios.append(loss.mean() / losses(np.full(taken.shape, taken.mean()), taken).mean())
-    return float(np.mean(ratios))
+    ratios = np.zeros(len(BINS))
+    for number, parts in enumerate(found):
+        if parts:
+            loss, taken = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+            ratios[number] = loss.mean() / losses(np.full(taken.shape, taken.mean()), taken).mean()
+    return float(np.average(ratios, weights=[len(parts) for parts in found]))
