@@ -36,7 +36,7 @@ from reproduce.movers.tuning import Asked, Tuned, tune
 TARGET = Path(__file__).parents[1] / "results" / "movers"
 WEIGHTS = ("buildings", "rooms", "exp3", "exp4")
 FIRST_SEED, FIRST_TUNED = 4_000_000, 5_000_000  # of the worlds, above those of all splits
-TUNED, SEARCHED = 200, 100  # worlds for the rates, of which the first ones choose the settings of the clouds
+TUNED, SEARCHED = 200, 60  # worlds for the rates, of which the first ones choose the settings of the clouds
 SIZE_PX = 128  # of the maps for tuning
 CORRIDOR, OF_BAGS = "rooms people", "places people"  # whose clouds follow people in the corridor and in bags
 
@@ -137,21 +137,30 @@ def tune_all(options: argparse.Namespace) -> None:
 
 def measure_all(options: argparse.Namespace) -> None:
     """Measure the networks and the maps without one."""
-    path = options.target / "tuned.json"
-    if not path.is_file():
-        raise InputError(f"{path} is missing: call with --tune first")
-    content = json.loads(path.read_text(encoding="utf-8"))
-    tuned = {place.name: Tuned.parse(content[place.name]) for place in PLACES}
     found: list[dict[str, Any]] = []
     for place in (place for place in PLACES if place.name in options.places):
         if networks := networks_of(options.weights, place, place.spec.world.width):
-            found += measured(place, networks, tuned[place.name], options.recordings)
+            found += measured(place, networks, tuned_of(place.name, options.target), options.recordings)
             _write(options.target / "movers.csv", found)
     networks = networks_of(options.weights, PLACES[0], PLACES[0].spec.world.width)
     if networks:
-        in_corridor(networks, tuned[CORRIDOR], options.target)
+        in_corridor(networks, tuned_of(CORRIDOR, options.target), options.target)
     if networks and options.bags:
-        _write(options.target / "bags.csv", in_bags(networks, tuned[OF_BAGS], options.bags))
+        rows_of_bags = in_bags(networks, tuned_of(OF_BAGS, options.target), options.bags)
+        _write(options.target / "bags.csv", rows_of_bags)
+
+
+def tuned_of(name: str, target: Path) -> Tuned:
+    """Read what was tuned in a place.
+
+    Raises:
+        InputError: nothing was.
+    """
+    path = target / "tuned.json"
+    content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    if name not in content:
+        raise InputError(f'{path} lacks {name}: call with --tune --places "{name}" first')
+    return Tuned.parse(content[name])
 
 
 def in_bags(networks: dict[str, Predictor], tuned: Tuned, paths: list[Path]) -> Iterator[dict[str, Any]]:

@@ -13,19 +13,15 @@ from reproduce.movers.rates import Follower, Rates, Sample, TrackSettings, group
 from reproduce.movers.scenes import BINS, Place, Scene, Target, bin_of, scenes, targets
 
 TRIED: dict[str, tuple[float, ...]] = {  # one after the other, as factors of the value
-    "passed_share": (0.0, 3.0, 6.0),
-    "place_m": (0.7, 1.5, 2.2),
-    "radius_m": (0.85, 1.15, 1.3),
-    "least_width": (0.0, 1.7),
+    "passed_share": (0.0, 6.0),
+    "radius_m": (0.85, 1.3),
+    "place_m": (0.7, 1.8),
     "turn_s": (0.5, 2.0),
-    "turn_rad": (0.4,),
-    "survival_s": (0.5, 4.0),
-    "birth": (0.3, 3.0),
-    "gap_m": (1.5,),
-    "extent_m": (1.5,),
+    "least_width": (0.0,),
+    "survival_s": (4.0,),
     "stop_share": (),
 }
-VALUES = {"stop_share": (0.2, 0.4)}
+VALUES = {"stop_share": (0.3,)}
 
 
 @dataclass(frozen=True)
