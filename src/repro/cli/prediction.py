@@ -2,26 +2,30 @@
 
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, replace
+from functools import partial
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from repro.cli.jobs import Job
-from repro.cli.prediction_report import describe, percent, say_left_out, summarize, warn_of
+from repro.cli.prediction_report import describe, line_of, say_left_out, summarize, time_in, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
-from repro.prediction.agreement import SHARES, compare
+from repro.prediction.agreement import compare
+from repro.prediction.drawing import draw_window
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, write_map, write_probabilities
-from repro.prediction.readers import read_log
+from repro.prediction.output import write_map, write_probabilities
+from repro.prediction.page import page_of
+from repro.prediction.readers import CARMEN, kind_of, read_log
 from repro.prediction.stream import predict_map
-from repro.prediction.times import WindowSettings, window_of
+from repro.prediction.times import UnusableTimes, WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
@@ -30,7 +34,8 @@ from repro.system.progress import progress
 LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # GIF: before 0.4
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
+SHOWN = 100  # windows on the page, of 60 kB each
 
 
 def predict_log(job: Job) -> None:
@@ -41,27 +46,34 @@ def predict_log(job: Job) -> None:
     """
     settings = job.call.prediction
     assert job.call.scans, "validated"
-    path = Path(job.call.scans)
-    target = job.outputs.path / "predictions" / name_of(path)
-    _check_target(target, path, Path(settings.weights))
+    path, *others = paths = [Path(name) for name in job.call.scans]
+    target = target_of(job)
+    _check_target(target, *paths, Path(settings.weights))
     predictor = load(settings.weights)
     print(f"network: {settings.weights}", flush=True)
-    log, windows = read(path, predictor, settings)
+    log, windows = read(path, predictor, settings, others)
     describe(log, windows, predictor.reach_m)
     target.parent.mkdir(parents=True, exist_ok=True)
+    when = partial(time_in, log, windows)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target, own) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
-        table = _predict_all(found, predictor, new, log.range_max_m)
+        table = _predict_all(found, predictor, new, log, when)
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
-        write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
+        write_json(new / "source.json", {"log": [*map(str, paths)], **asdict(settings)})
         write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
+        _write_page(new, predicted, path.name, when)
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
-    print(target)
+    print(f"{target} has the maps, maps.html shows them")
+
+
+def target_of(job: Job) -> Path:
+    """Return the directory of the maps of a call."""
+    return job.outputs.path / "predictions" / name_of(*map(Path, job.call.scans or ()))
 
 
 def load(weights: str) -> Predictor:
@@ -77,12 +89,12 @@ def load(weights: str) -> Predictor:
     return load_trained(weights)
 
 
-def name_of(log: Path) -> str:
-    """Return the name of a log without the suffixes of its kind."""
+def name_of(log: Path, *others: Path) -> str:
+    """Return the name of a log without the suffixes of its kind, and how many other files there are."""
     name = log.resolve().name
     while Path(name).suffix in LOG_SUFFIXES:
         name = Path(name).stem
-    return name.strip(".") or "log"
+    return (name.strip(".") or "log") + (f"-and-{len(others)}-others" if others else "")
 
 
 def _check_target(target: Path, *sources: Path) -> None:
@@ -92,8 +104,13 @@ def _check_target(target: Path, *sources: Path) -> None:
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
 
 
-def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLog, WindowSettings]:
-    """Read a log, and return the windows that are cut from it."""
+def read(
+    path: Path, predictor: Predictor, settings: Prediction, others: Sequence[Path] = ()
+) -> tuple[ScanLog, WindowSettings]:
+    """Read a log of one or several files, and return the windows that are cut from it.
+
+    The scans of a CARMEN log without usable times are spaced by distance, unless the call says otherwise.
+    """
     windows = _windows(predictor, settings)
     options = ReadOptions(
         settings.scan_topic,
@@ -102,10 +119,19 @@ def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLo
         (0.0, 0.0, 0.0) if settings.pose == "fixed" else settings.pose and tuple(settings.pose),
         settings.mounting and tuple(settings.mounting),
     )
-    log = read_log(path, windows, options)
+    try:
+        log = read_log(path, windows, options, others)
+        if windows.spacing == "time":
+            log.check_times(windows)
+    except UnusableTimes as error:
+        if settings.spacing or settings.step_s or kind_of(path) != CARMEN:
+            raise
+        print(f"prediction.spacing=distance is taken: {str(error).removeprefix(f'{path}: ').partition(': ')[0]}")
+        windows = replace(windows, spacing="distance")
+        log = read_log(path, windows, options, others)
     if windows.spacing == "distance":
         windows = spaced_by_distance(log, windows, predictor.statistics)
-    log.check_times(windows)
+        log.check_times(windows)
     return log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log, windows
 
 
@@ -119,7 +145,7 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
-    return replace(windows, spacing=settings.spacing)
+    return replace(windows, spacing=settings.spacing or "time")
 
 
 def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor) -> float:
@@ -129,7 +155,7 @@ def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor)
 
 
 def _predict_all(
-    windows: Iterable[Window | str], predictor: Predictor, directory: Path, range_max_m: float
+    windows: Iterable[Window | str], predictor: Predictor, directory: Path, log: ScanLog, when: Callable[[float], str]
 ) -> pd.DataFrame:
     """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason."""
     rows: list[Row] = []
@@ -139,35 +165,41 @@ def _predict_all(
             continue
         row: Row = {"window": window.number, "stamp": window.stamp}
         try:
-            rows.append(row | _predict(window, predictor, directory, range_max_m))
+            rows.append(row | _predict(window, predictor, directory, log, when(window.stamp)))
         except InputError as error:
             rows.append(row | {"left_out": str(error)})
     table = pd.DataFrame(rows, columns=[*dict.fromkeys(("window", "stamp", *chain(*rows), "left_out"))])
     table.insert(len(table.columns) - 1, "left_out", table.pop("left_out"))  # as the last column
     table["window"] = table["window"].astype("Int64")
-    say_left_out(table[table["left_out"].notna()])
+    say_left_out(table[table["left_out"].notna()], when)
     return table
 
 
-def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> Row:
+def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog, when: str) -> Row:
     """Predict one window, write its files and return its row."""
-    grid = predictor.grid
-    predicted = predict_map(predictor, window.scans, window.origin, window.stamp, range_max_m)
+    grid, range_max_m = predictor.grid, min(log.range_max_m, COMPARED_M)
+    predicted = predict_map(predictor, window.scans, window.origin, window.stamp, log.range_max_m)
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), predicted)
     write_map(stem, predicted)
-    draw(window, predicted.free, grid).savefig(stem.with_suffix(".png"), dpi=120)
+    draw_window(window, predicted, grid, range_max_m, when).savefig(stem.with_suffix(".png"), dpi=120)
     row: Row = {
         "obstacle_share": float((predicted.free < 0.5).mean()),
         "unknown_share": float(predicted.unknown.mean()),
+        "moving_pixels": int(predicted.moving.sum()),
     }
-    line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
     statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
-    row |= statistics | {"outside_training": " ".join(outside)}
-    compared = compare(window, predicted.free, grid, min(range_max_m, COMPARED_M))
-    if window.following:
-        hits, passed = (percent(compared[name]) for name in SHARES)
-        line += f"; next scan: {hits} of the hits on obstacles, {passed} of the passed pixels free"
-    print(line, flush=True)
-    return row | compared
+    losses = compare(window, predicted.free, grid, range_max_m)
+    row |= {**statistics, "outside_training": " ".join(outside), **losses}
+    print(line_of(row | {"window": window.number}, when), flush=True)
+    return row
+
+
+def _write_page(directory: Path, predicted: pd.DataFrame, title: str, when: Callable[[float], str]) -> None:
+    """Write the page of a log, with at most `SHOWN` of its windows, evenly over it."""
+    figures = []
+    for place in np.unique(np.linspace(0, len(predicted) - 1, SHOWN).astype(int)):
+        row = predicted.iloc[place].to_dict()
+        figures.append((directory / f"window-{row['window']:04d}.png", line_of(row, when(row["stamp"]))))
+    write_text(directory / "maps.html", page_of(title, figures))

@@ -10,7 +10,8 @@ import shapely
 Shape = dict[str, Any]
 Obstacle = dict[str, Any]
 Line = list[list[float]]
-SNAP_M = 1e-9  # grid to which shapes are snapped where rounding defeats their exact union
+
+SNAP_M = 1e-6  # grid of the corners, where the exact union fails
 
 
 def geometry(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> shapely.Geometry:
@@ -62,7 +63,7 @@ def union(obstacles: Iterable[Obstacle]) -> shapely.Geometry | None:
         return None
     try:
         whole = shapely.union_all(parts)
-    except shapely.errors.GEOSException:  # rounding, in two of a thousand floors of `places`
+    except shapely.GEOSException:  # of edges that nearly coincide
         whole = shapely.union_all(parts, grid_size=SNAP_M)
     shapely.prepare(whole)
     return whole
