@@ -9,8 +9,8 @@ from reproduce.movers import bags, corridor, measures, tuning
 from reproduce.movers.cloud import Clouds, CloudSettings, cloud_map, new_scans, passes
 from reproduce.movers.rates import GROUPS, KINDS, Rates, Sample, TrackSettings, kinds, parse, plain
 from reproduce.movers.scenes import BINS, PLACES, Place, bin_of, scenes, targets, touches, within
-from reproduce.real.bound import true_map
 
+from repro.learning.rehearsal import true_map
 from repro.maps.grid import Grid
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
@@ -49,7 +49,7 @@ def test_no_pixel_is_in_two_regions_and_movers_are_in_theirs_or_in_one_that_was_
 
 def test_what_stands_and_what_walls_hide_is_in_no_region():
     scene = next(scene for scene in scenes(Place("rooms", "people"), range(20), GRID.size_m) if scene.movers)
-    stands = true_map(scene.recording, scene.window.origin, GRID, ~scene.moves) == 0
+    stands = true_map(scene.recording, np.array(scene.window.origin), GRID, ~scene.moves) == 0
     asked = targets(scene, GRID)
     region = np.any([target.region for target in asked], axis=0)
     assert region.any()

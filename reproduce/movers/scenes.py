@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter
 from tqdm import tqdm
 
 from repro.evaluation.recency import TOUCH_M
+from repro.learning.rehearsal import true_map
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
 from repro.prediction.agreement import last_hits
@@ -23,7 +24,6 @@ from repro.simulation.simulator import Recording, simulate
 from repro.simulation.worlds import sample_world
 from repro.system.places import conf_directory
 from repro.world_config import WorldSpec, read_world, world_spec
-from reproduce.real.bound import true_map
 
 SLACK_M = 0.2  # of a region: one pixel at 25 m and 128 px
 BINS = ("0", "1-5", "6-10", "11-20", "21-40", "41-99")  # scans since the last hit
@@ -195,14 +195,15 @@ def targets(scene: Scene, grid: Grid) -> list[Target]:
     included. A region lacks what stands, with the pixels beside it, and what the robot would not have seen without
     movers, since something that stands may be there.
     """
+    origin = np.array(scene.window.origin)
     bodies = {
-        number: true_map(scene.recording, scene.window.origin, grid, np.array([number])) == 0
+        number: true_map(scene.recording, origin, grid, np.array([number])) == 0
         for number in np.flatnonzero(scene.moves).tolist()
     }
     covered = np.any([*bodies.values()], axis=0)
     left = np.ones_like(covered)
     if scene.without_movers is not None:
-        stands = true_map(scene.recording, scene.window.origin, grid, ~scene.moves) == 0
+        stands = true_map(scene.recording, origin, grid, ~scene.moves) == 0
         left = last_hits(scene.without_movers, grid, scene.range_max_m)[1] & ~maximum_filter(stands, 3)
     found = []
     for mover in sorted(scene.movers, key=lambda mover: mover.since):
