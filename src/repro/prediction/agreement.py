@@ -6,7 +6,6 @@ Such a scan is the one after a window, or the beams outside of a cropped field o
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
@@ -60,7 +59,13 @@ def agreement(free: np.ndarray, scan: Observed) -> tuple[float, float]:
         share of the hits at most one pixel from a predicted obstacle, since poses and grids are not exact, and share of
         the passed pixels that are predicted free; NaN where there are none.
     """
-    return _share(minimum_filter(free, 3)[scan.hits] < 0.5), _share(free[scan.passed] >= 0.5)
+    return _share(lowest_beside(free)[scan.hits] < 0.5), _share(free[scan.passed] >= 0.5)
+
+
+def lowest_beside(free: np.ndarray) -> np.ndarray:
+    """Return the lowest value within one pixel of each, (H, W)."""
+    beside = np.lib.stride_tricks.sliding_window_view(np.pad(free, 1, mode="edge"), (3, 3))
+    return beside.min((2, 3))
 
 
 def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:

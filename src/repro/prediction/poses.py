@@ -5,7 +5,8 @@ from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
+
+from repro.prediction.rotations import RigidTransform
 
 MAX_GAP_S = 1.0  # between two poses of a robot that moved in between; messages once a second are later by some ns
 TOLERANCE_S = 0.05
@@ -64,7 +65,7 @@ class Edge:
         if gap > MAX_GAP_S + TOLERANCE_S and not _are_near(one, other):
             return one if is_correction else None
         share = (stamp - self.stamps[after - 1]) / gap
-        rotation = Slerp([0, 1], Rotation.concatenate([one.rotation, other.rotation]))(share)
+        rotation = one.rotation.toward(other.rotation, share)
         return RigidTransform.from_components((1 - share) * one.translation + share * other.translation, rotation)
 
     def insert(self, stamp: float, pose: RigidTransform, keep_s: float | None) -> None:
