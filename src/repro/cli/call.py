@@ -11,6 +11,7 @@ from pydantic import (
     Field,
     TypeAdapter,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -86,10 +87,17 @@ class Call:
             raise InputError(f"must be one of {', '.join(tasks())}")
         return task
 
+    @field_validator("world")
+    @classmethod
+    def _can_be_recorded(cls, world: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        """Check the worlds, unless the task, which comes first, has none."""
+        task = tasks().get(info.data.get("task", ""))
+        if not (task and "world" in task.ignores) and (errors := _errors_of_world(json.dumps(world))):
+            raise Refused(*errors)
+        return world
+
     @model_validator(mode="after")
     def _fits_together(self) -> "Call":
-        if "world" not in self.facts.ignores and (found := _errors_of_world(json.dumps(self.world))):
-            raise Refused(*found)
         usual = {"decay": self.decay, "oldest_gray": self.oldest_gray}  # of which torch need not be asked
         if self.encoding != Encoding("projection", usual) and (error := _encoding_error(self.encoding)):
             raise Refused(error)
