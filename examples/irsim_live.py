@@ -21,6 +21,7 @@ from matplotlib.collections import LineCollection
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.drawing import shade
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.paths import robot_commands
@@ -101,7 +102,7 @@ class View:
         if frame.predicted is None:
             self.title.set_text(f"scan {frame.step + 1}: collecting the first window")
             return
-        self.images[1].set_data(frame.predicted.free)
+        self.images[1].set_data(shade(frame.predicted.free, frame.predicted.unknown))
         obstacle, predicted = frame.truth == 0, frame.predicted.free < 0.5
         overlap = (obstacle & predicted).sum() / max((obstacle | predicted).sum(), 1)
         self.title.set_text(f"scan {frame.step + 1}: prediction in {frame.latency_ms:.0f} ms, IoU {overlap:.2f}")

@@ -11,6 +11,8 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor
+from repro.prediction.agreement import last_hits
+from repro.prediction.drawing import shade
 from reproduce.real.evidence import CENTER, evidence_at, regression_map
 from reproduce.real.fitting import Fitted, counts_of
 from reproduce.real.logs import Case, cases_of
@@ -66,12 +68,14 @@ def _draw_row(row: np.ndarray, case: Case, predictor: Predictor, fitted: Fitted)
     truth = np.ones((*network.shape, 3))
     for pixels, color in ((case.clear.passed, PASSED), (case.clear.hits, HIT)):
         truth[pixels] = to_rgb(color)
-    for ax, image in zip(row, (hits, truth, 255 * network, regression), strict=True):
+    _, seen = last_hits(scans, grid, case.range_max_m)
+    maps = (shade(image, ~seen) for image in (hits / 255, network, regression / (LEVELS - 1)))  # tinted where unknown
+    for ax, image in zip((row[0], *row[2:], row[1]), (*maps, truth), strict=True):
         _show(ax, image, grid, scans.poses[:, :2])
 
 
 def _show(ax: Axes, image: np.ndarray, grid: Grid, path: np.ndarray) -> None:
     extent = (0, grid.size_m, 0, grid.size_m)
-    ax.imshow(image, cmap="gray", vmin=0, vmax=LEVELS - 1, extent=extent, interpolation="nearest")
+    ax.imshow(image, extent=extent, interpolation="nearest")
     ax.plot(*path.T, color="#e08a00", linewidth=1)
     ax.set(xticks=[], yticks=[], xlim=extent[:2], ylim=extent[2:])

@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from repro.maps.grid import Grid
     from repro.networks.predictor import load_predictor
+    from repro.prediction.drawing import draw_map
     from repro.prediction.stream import PredictionStream
     from repro.scans import Scans
 
-__all__ = ["Grid", "PredictionStream", "Scans", "load_predictor"]
+__all__ = ["Grid", "PredictionStream", "Scans", "draw_map", "load_predictor"]
 
 _MODULES = {
     "Grid": "repro.maps.grid",
     "PredictionStream": "repro.prediction.stream",
     "Scans": "repro.scans",
+    "draw_map": "repro.prediction.drawing",
     "load_predictor": "repro.networks.predictor",
 }
 

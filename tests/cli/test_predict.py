@@ -57,7 +57,7 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
     )
     done = predict(f"scans={tmp_path / 'log.npz'}", *options)
     assert "the maximum range of the lidar is not known: a miss shows free space up to 30 m" in done.stdout
-    assert "warning: the poses jump 1 times, the first by 5.1 m at 15.00 s" in done.stdout
+    assert "warning: the poses jump 1 times, the first by 5.1 m at 15.0 s" in done.stdout
     done = predict(f"scans={tmp_path / 'log.npz'}", "prediction.range_max_m=15", *options)
     assert "up to the maximum range of the lidar, 15 m; the network was trained with 30 m" in done.stdout
     window = Scans(np.where(log["ranges"] < 15, log["ranges"], np.inf)[:100], log["angles"], log["poses"][:100])
@@ -79,7 +79,8 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path, predict):
     assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "source.json"}
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
-    assert table["passed_pixels_free"][:2].min() > 0.95
+    assert table["next_scan_log_loss"][:2].between(0, 0.5).all()
+    assert (table["moving_pixels"] == 0).all()  # though people walk in the rooms, none is seen to
     assert done.stdout.count("window ") >= 3
     assert table["outside_training"].isna().all()
     assert "warning: " not in done.stdout
@@ -106,7 +107,7 @@ def test_windows_unlike_those_of_the_training_are_named(tmp_path, predict):
     with_age = "hit_share occupied_share hit_age_steps hit_range_m path_m turn_deg beams"
     assert table["outside_training"].tolist() == [with_age, with_age.replace("hit_age_steps ", ""), with_age]
     assert done.stdout.count("warning: ") == 7
-    assert "length of the path of the robot [m]: 7.53 to 9.69 in 3 of 3 windows, 39.5 in the 4000" in done.stdout
+    assert "length of the path of the robot [m]: 7.53 to 9.69 in 3 of 3 windows, 39.5 in the training" in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
 import math
 
 import numpy as np
+import pytest
 
 from repro.maps.grid import Grid
-from repro.prediction.agreement import agreement, last_hits, observed
+from repro.prediction.agreement import LAST_HIT, LAST_PASSED, NEVER_SEEN, SURE, compare, last_hits, log_loss, observed
+from repro.prediction.windows import Window
 from repro.scans import Scans
 
 GRID = Grid(100, 50.0)
@@ -21,19 +23,40 @@ def right_of(x_m: float) -> np.ndarray:
     return np.where(GRID.centers().reshape(100, 100, 2)[..., 0] > x_m, 0.0, 1.0)
 
 
-def shares(free: np.ndarray, scan: Scans) -> tuple[float, float]:
-    return agreement(free, observed(scan, GRID, 30.0))
+def loss(free: np.ndarray, scan: Scans) -> float:
+    return log_loss(free, observed(scan, GRID, 30.0))
 
 
-def test_agreement_counts_hits_on_obstacles_and_passed_pixels():
-    free = right_of(30)
-    assert shares(free, wall(5)) == (1.0, 1.0)
-    assert shares(free, wall(2.5)) == (0.0, 1.0)
-    hits, passed = shares(free, wall(15))
-    assert hits == 1.0
-    assert 0.1 < passed < 0.5
-    misses = Scans(np.full((1, 101), np.inf), ANGLES, POSE)
-    assert math.isnan(shares(free, misses)[0])
+def test_the_log_loss_is_of_the_pixels_themselves():
+    """A map that is shifted by one pixel is wrong, and so is one without obstacles, however many pixels are free."""
+    shown = observed(wall(5), GRID, 30.0)
+    truth = np.where(shown.hits, 0.0, 1.0)
+    pixels, hits = shown.hits.sum() + shown.passed.sum(), shown.hits.sum()
+    assert loss(truth, wall(5)) == pytest.approx(-math.log(1 - SURE))
+    assert loss(np.ones_like(truth), wall(5)) == pytest.approx(-math.log(SURE) * hits / pixels, rel=0.01)
+    assert loss(np.roll(truth, 1, axis=1), wall(5)) > loss(np.ones_like(truth), wall(5)) * 0.9
+    assert loss(np.full_like(truth, 0.5), wall(5)) == pytest.approx(math.log(2))
+    assert loss(right_of(30), wall(15)) > 1
+    nothing = Scans(np.full((1, 101), np.nan), ANGLES, POSE)
+    assert math.isnan(loss(truth, nothing))
+
+
+def test_a_map_is_compared_with_one_of_the_last_hits_on_the_next_scan_and_on_held_out_beams():
+    window = Window(1, 0.0, wall(5), (0.0, 0.0), wall(5), Scans(wall(5).ranges, ANGLES + math.pi, POSE))
+    losses = compare(window, np.full((100, 100), 0.5), GRID, 30.0)
+    names = ["next_scan_log_loss", "next_scan_last_hits_log_loss", "held_out_log_loss", "held_out_last_hits_log_loss"]
+    assert list(losses) == names
+    shown = observed(wall(5), GRID, 30.0)
+    hits, passed = shown.hits.sum(), shown.passed.sum()
+    right = -math.log(LAST_HIT) * hits - math.log(1 - LAST_PASSED) * passed
+    assert losses["next_scan_last_hits_log_loss"] == pytest.approx(right / (hits + passed))
+    shown = observed(window.held_out, GRID, 30.0)
+    never = -math.log(NEVER_SEEN) * shown.hits.sum() - math.log(1 - NEVER_SEEN) * shown.passed.sum()
+    assert losses["held_out_last_hits_log_loss"] == pytest.approx(
+        never / (shown.hits.sum() + shown.passed.sum()), rel=0.05
+    )
+    assert losses["held_out_log_loss"] == pytest.approx(math.log(2))
+    assert compare(Window(1, 0.0, wall(5), (0.0, 0.0), None), np.ones((100, 100)), GRID, 30.0) == {}
 
 
 def test_invalid_readings_are_not_compared():

@@ -1,6 +1,7 @@
 """Messages as they arrive: the maps are those of the batch, whatever the order of scans and poses."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
 from repro.prediction.live import MAX_WAITING, LiveMapper
 from repro.prediction.logs import ScanLog
+from repro.prediction.movers import MOVERS
 from repro.prediction.stream import StreamMap, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import cut
@@ -206,6 +208,22 @@ def test_scans_that_cannot_be_used_are_skipped_with_their_reason():
     assert len(robot.warnings) == len(wrong)
     assert all(any(reason in warning for warning in robot.warnings) for _, reason in wrong.values())
     assert len(robot.maps) == 30 - 2 - STEPS + 1
+
+
+def test_an_empty_place_has_maps_and_what_moves_is_named_once():
+    empty = {step: scan(step, ranges=np.full(91, np.inf, np.float32)) for step in range(40)}
+    robot = driven(40, empty)
+    assert robot.warnings == []
+    assert len(robot.maps) == 40 - STEPS + 1
+    ranges = {step: np.full(91, 20.0, np.float32) for step in range(22)}
+    for step, values in ranges.items():
+        values[4 * step : 4 * step + 6] = 8.0  # of someone who walks across the view
+    robot = Robot(replace(PREDICTOR, grid=Grid(128, 50.0)), is_mounted=False)
+    for step, values in ranges.items():
+        robot.mapper.add_odometry(ROS.odometry(time_of(step), POSES[0], "laser"))
+        robot.mapper.add_scan(scan(step, ranges=values))
+    assert robot.warnings == [MOVERS]
+    assert robot.maps[-1][2].moving.any()
 
 
 def test_scans_without_poses_do_not_pile_up():

@@ -1,26 +1,20 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import yaml
 from PIL import Image
 
 from repro.maps.grid import Grid
-from repro.prediction.output import draw, write_map, write_probabilities
+from repro.prediction.output import write_map, write_probabilities
 from repro.prediction.stream import StreamMap
-from repro.prediction.windows import Window
-from repro.scans import Scans
 
 GRID = Grid(100, 50.0)
-
-
-def window() -> Window:
-    scans = Scans(np.full((1, 3), 5.0), np.array([-0.1, 0, 0.1]), np.array([[25.0, 25.0, 0.0]]))
-    return Window(1, 12.5, scans, (-3.0, 7.0), None)
+ORIGIN = (-3.0, 7.0)
 
 
 def predicted(free: np.ndarray, unknown: np.ndarray | None = None) -> StreamMap:
-    return StreamMap(free, (-3.0, 7.0), 0.5, 12.5, np.zeros(free.shape, bool) if unknown is None else unknown)
+    nothing = np.zeros(free.shape, bool)
+    unknown = nothing if unknown is None else unknown
+    return StreamMap(free, ORIGIN, 0.5, 12.5, unknown, nothing, np.zeros((0, 2)), (22.0, 32.0, 0.0))
 
 
 def load_as_map_server(path) -> tuple[np.ndarray, dict]:
@@ -45,26 +39,11 @@ def test_map_server_reads_the_map_where_the_log_has_it(tmp_path):
     left, bottom, _ = facts["origin"]
     corner = (left + x * facts["resolution"], bottom + y * facts["resolution"])
     centers = GRID.centers().reshape(100, 100, 2)
-    assert corner == pytest.approx(tuple(centers[row, column] - 0.25 + window().origin), abs=1e-4)
+    assert corner == pytest.approx(tuple(centers[row, column] - 0.25 + ORIGIN), abs=1e-4)
     assert cells[49, 50] == 67  # (0.45 - 0.05) / (0.65 - 0.05)
     assert (cells[79, :30] == -1).all()
     assert (cells == -1).sum() == 30
     assert (cells == 0).sum() == 100 * 100 - 2 - 30
-
-
-def test_the_figure_shows_the_hits_the_map_the_last_scan_and_the_beams_that_were_held_out():
-    free = np.full((100, 100), 0.25)
-    figure = draw(window(), free, GRID)
-    hits, predicted, last = (ax.images[0].get_array() for ax in figure.axes)
-    assert (hits < 255).sum() == 3  # one for each beam
-    assert np.array_equal(predicted, 255 * free)
-    assert (last == 255).all()
-    assert len(figure.axes[2].lines[0].get_xdata()) == 3
-    first = window()
-    held_out = Scans(np.array([[np.nan, 4.0, 6.0, np.inf]]), np.array([0.0, 0.5, 1.0, 1.5]), first.scans.poses)
-    last = draw(replace(first, held_out=held_out), free, GRID).axes[2]
-    assert [len(line.get_xdata()) for line in last.lines[:2]] == [2, 3]
-    assert last.get_title() == "last scan, red; held out, orange"
 
 
 def test_probabilities_are_stored_with_their_place_and_time(tmp_path):

@@ -170,6 +170,13 @@ def test_readings_at_the_minimum_are_valid_at_the_maximum_misses_and_others_inva
     assert np.array_equal(readings(reported, np.float32(0.1), 30.0), expected, equal_nan=True)
 
 
+def test_an_empty_place_is_a_log(tmp_path):
+    """Also where the driver reports each miss as the same value far beyond the maximum range."""
+    log = read(carmen(tmp_path / "log", ["PARAM front_laser_max 30", *(flaser(n, [6e4] * 181) for n in range(SCANS))]))
+    assert np.isinf(log.ranges).all()
+    assert log.skipped == {}
+
+
 def test_a_full_turn_has_no_beam_twice(tmp_path):
     angles = np.radians(np.arange(0, 361.0))
     assert len(read(npz(tmp_path / "a.npz", ranges=np.full((SCANS, 361), 3.0), angles=angles)).angles) == 360
@@ -262,7 +269,8 @@ NO_LOGS = {
         lambda path: carmen(path, [line.replace("81.83", "0", 1) for line in lines(robotlaser)]),
         "expected a positive maximum range above the minimum, 0 m, got 0",
     ),
-    "millimeters": (lambda path: carmen(path, IN_MM), "expected meters"),
+    "millimeters": (lambda path: carmen(path, IN_MM), "0 scans can be used .30 with ranges that are not in meters"),
+    "millimeters of a lidar of 30 m": (lambda path: carmen(path, ["PARAM front_laser_max 30", *IN_MM[1:]]), "not in m"),
     "many beams": (
         lambda path: carmen(path, [flaser(n, np.full(10_000, 2.0)) for n in range(2)]),
         "0 scans can be used .2 of 10000 readings, which do not tell their angles",

@@ -46,7 +46,8 @@ def test_a_message_survives_its_serialization(version):
     types = dict(ros.types)
     if version == 1:
         types["Header"] = functools.partial(types["Header"], seq=0)  # rospy and rclpy have defaults
-    predicted = StreamMap(np.random.default_rng(0).random((6, 8)), ORIGIN, RESOLUTION_M, 12.25, np.zeros((6, 8), bool))
+    free, nothing = np.random.default_rng(0).random((6, 8)), np.zeros((6, 8), bool)
+    predicted = StreamMap(free, ORIGIN, RESOLUTION_M, 12.25, nothing, nothing, np.zeros((0, 2)), (0.0, 0.0, 0.0))
     stamp = types["Time"](12, 250_000_000)
     message = grid_message(types, occupancy(predicted.free, predicted.unknown), predicted, stamp, "odom")
     deserialize = ros.store.deserialize_ros1 if version == 1 else ros.store.deserialize_cdr

@@ -118,6 +118,24 @@ def test_the_stream_of_a_lidar_that_reaches_less_far_is_that_of_the_predictor_wi
     assert not np.array_equal(predicted.free, predictor.predict(window)[0])
 
 
+def test_an_empty_place_has_a_map_whose_pixels_in_view_are_known(predictor):
+    stream = PredictionStream(predictor, ANGLES, steps=STEPS, range_max_m=30.0)
+    *_, found = feed(stream, ranges=np.full((STEPS, 91), np.inf))
+    assert found.free.shape == (64, 64)
+    assert 0.5 < found.unknown.mean() < 0.9
+    assert not found.moving.any()
+    assert len(found.hits) == 0
+    assert found.pose == pytest.approx(LOG.poses[STEPS - 1])
+
+
+def test_a_map_has_the_newest_hits_in_the_frame_of_the_poses(small):
+    *_, found = feed(PredictionStream(small, ANGLES, steps=STEPS), LOG.stamps[:STEPS])
+    x, y, heading = LOG.poses[STEPS - 1]
+    ranges, ways = LOG.ranges[STEPS - 1], heading + ANGLES
+    points = np.stack([x + ranges * np.cos(ways), y + ranges * np.sin(ways)], axis=-1)
+    assert found.hits == pytest.approx(points[np.isfinite(ranges)], abs=1e-4)
+
+
 def test_a_stream_keeps_the_scans_of_a_window_only(small):
     for rate in (10, 40, 1000):
         stream = PredictionStream(small, ANGLES, center=(25, 25), steps=STEPS)
@@ -153,6 +171,10 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small):
         ({"pose": [1e17, 25.0, 0.0]}, r"pose: expected a finite one within 1e\+07 m"),
         ({"ranges": np.full(91, np.nan)}, "no valid reading"),
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
+        (
+            {"ranges": 1000 * LOG.ranges[15]},
+            "expected meters, inf for a miss, and most of these are beyond 300",
+        ),
         ({"pose": np.array([0, np.nan, 0])}, "pose: expected a finite one"),
         ({"pose": np.array([25, 25, 90.0])}, "headings look like degrees, the largest is 90: expected radians"),
         ({"stamp": float("nan")}, "expected finite seconds, got nan"),

@@ -2,8 +2,9 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -11,14 +12,15 @@ from pathlib import Path
 import pandas as pd
 
 from repro.cli.jobs import Job
-from repro.cli.prediction_report import describe, percent, say_left_out, summarize, warn_of
+from repro.cli.prediction_report import compared, describe, say_left_out, summarize, time_in, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
-from repro.prediction.agreement import SHARES, compare
+from repro.prediction.agreement import compare
+from repro.prediction.drawing import draw_window
 from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import draw, write_map, write_probabilities
+from repro.prediction.output import write_map, write_probabilities
 from repro.prediction.readers import read_log
 from repro.prediction.stream import predict_map
 from repro.prediction.times import WindowSettings, window_of
@@ -53,7 +55,7 @@ def predict_log(job: Job) -> None:
     own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target, own) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
-        table = _predict_all(found, predictor, new, log.range_max_m)
+        table = _predict_all(found, predictor, new, log, partial(time_in, log, windows))
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
@@ -129,7 +131,7 @@ def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor)
 
 
 def _predict_all(
-    windows: Iterable[Window | str], predictor: Predictor, directory: Path, range_max_m: float
+    windows: Iterable[Window | str], predictor: Predictor, directory: Path, log: ScanLog, when: Callable[[float], str]
 ) -> pd.DataFrame:
     """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason."""
     rows: list[Row] = []
@@ -139,35 +141,32 @@ def _predict_all(
             continue
         row: Row = {"window": window.number, "stamp": window.stamp}
         try:
-            rows.append(row | _predict(window, predictor, directory, range_max_m))
+            rows.append(row | _predict(window, predictor, directory, log, when(window.stamp)))
         except InputError as error:
             rows.append(row | {"left_out": str(error)})
     table = pd.DataFrame(rows, columns=[*dict.fromkeys(("window", "stamp", *chain(*rows), "left_out"))])
     table.insert(len(table.columns) - 1, "left_out", table.pop("left_out"))  # as the last column
     table["window"] = table["window"].astype("Int64")
-    say_left_out(table[table["left_out"].notna()])
+    say_left_out(table[table["left_out"].notna()], when)
     return table
 
 
-def _predict(window: Window, predictor: Predictor, directory: Path, range_max_m: float) -> Row:
+def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog, when: str) -> Row:
     """Predict one window, write its files and return its row."""
-    grid = predictor.grid
-    predicted = predict_map(predictor, window.scans, window.origin, window.stamp, range_max_m)
+    grid, range_max_m = predictor.grid, min(log.range_max_m, COMPARED_M)
+    predicted = predict_map(predictor, window.scans, window.origin, window.stamp, log.range_max_m)
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), predicted)
     write_map(stem, predicted)
-    draw(window, predicted.free, grid).savefig(stem.with_suffix(".png"), dpi=120)
+    draw_window(window, predicted, grid, range_max_m, when).savefig(stem.with_suffix(".png"), dpi=120)
     row: Row = {
         "obstacle_share": float((predicted.free < 0.5).mean()),
         "unknown_share": float(predicted.unknown.mean()),
+        "moving_pixels": int(predicted.moving.sum()),
     }
-    line = f"window {window.number} at {window.stamp:.2f} s: {row['obstacle_share']:.1%} obstacles"
     statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
-    row |= statistics | {"outside_training": " ".join(outside)}
-    compared = compare(window, predicted.free, grid, min(range_max_m, COMPARED_M))
-    if window.following:
-        hits, passed = (percent(compared[name]) for name in SHARES)
-        line += f"; next scan: {hits} of the hits on obstacles, {passed} of the passed pixels free"
-    print(line, flush=True)
-    return row | compared
+    losses = compare(window, predicted.free, grid, range_max_m)
+    shares = f"{row['obstacle_share']:.1%} obstacles, {row['unknown_share']:.0%} unknown"
+    print(f"window {window.number} at {when}: {shares}{compared(losses)}", flush=True)
+    return row | statistics | {"outside_training": " ".join(outside)} | losses

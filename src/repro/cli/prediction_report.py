@@ -1,13 +1,15 @@
 """What task=predict prints about a log and its predictions."""
 
 import math
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
 
 from repro.maps.statistics import TITLES, Statistics
-from repro.prediction.agreement import COMPARISONS, SHARES
+from repro.prediction.agreement import COMPARISONS, LOSSES
 from repro.prediction.logs import ScanLog
+from repro.prediction.movers import MOVERS
 from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.sharpness import sharper_convention
 from repro.prediction.times import WindowSettings
@@ -29,7 +31,7 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
     often = f"{rate:.1f} per second" if settings.spacing == "time" else "spaced by distance"
     print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {often}")
     if settings.spacing == "time":
-        _describe_jumps(log)
+        _describe_jumps(log, settings)
     invalid = np.isnan(log.ranges).mean()
     if invalid:
         print(f"invalid: {invalid:.1%} of the readings (NaN, zero, below the minimum): neither a hit nor free space")
@@ -42,11 +44,12 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
         print(note, flush=True)
 
 
-def _describe_jumps(log: ScanLog) -> None:
+def _describe_jumps(log: ScanLog, settings: WindowSettings) -> None:
     steps_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1)
     jumps = np.flatnonzero(steps_m > JUMP_M_S * np.abs(np.diff(log.stamps)))
     if len(jumps):
-        where = f"the first by {steps_m[jumps[0]]:.1f} m at {log.stamps[jumps[0] + 1]:.2f} s"
+        when = time_in(log, settings, log.stamps[jumps[0] + 1])
+        where = f"the first by {steps_m[jumps[0]]:.1f} m at {when}"
         print(f"warning: the poses jump {len(jumps)} times, {where}: windows across a jump have wrong maps")
 
 
@@ -55,43 +58,59 @@ def warn_of(table: pd.DataFrame, statistics: Statistics | None) -> None:
     if statistics is None:
         print("warning: the weights have no statistics of their training data, so the log is not compared with it")
         return
+    outside = table["outside_training"].str.split()
     for name in statistics.names:
-        is_outside = table["outside_training"].str.split().map(lambda names, name=name: name in names)
-        if is_outside.any():
-            low, high = statistics.range_of(name)
-            values = table.loc[is_outside, name]
-            spread = f"{values.min():.3g}" + (f" to {values.max():.3g}" if values.max() > values.min() else "")
-            known = f"{low:.3g}" + (f" to {high:.3g}" if high > low else "")
-            print(
-                f"warning: {TITLES.get(name, name)}: {spread} in {is_outside.sum()} of {len(table)} windows, {known} "
-                f"in the {statistics.windows} windows of the training"
-            )
-            is_wider = table["outside_training"].str.contains("fov_deg").any()  # and therefore sees more
-            if name == "fov_deg" and values.max() > high:
-                print(f"  prediction.fov_deg={high:.0f} crops the log, task=adapt learns from what it sees beside that")
-            if name == "occupied_share" and values.max() > high and not is_wider:
-                print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
+        is_outside = outside.map(lambda names, name=name: name in names)
+        if not is_outside.any():
+            continue
+        values, (low, high) = table.loc[is_outside, name], statistics.range_of(name)
+        print(
+            f"warning: {TITLES.get(name, name)}: {_spread(values.min(), values.max())} in {is_outside.sum()} of "
+            f"{len(table)} windows, {_spread(low, high)} in the training"
+        )
+        if name == "fov_deg" and values.max() > high:
+            print(f"  prediction.fov_deg={high:.0f} crops the log, task=adapt learns from what it sees beside that")
+        if name == "occupied_share" and values.max() > high and not outside.map(lambda names: "fov_deg" in names).any():
+            print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
+    if outside.map(len).any():
+        print("  the network has not learned from such scans: the comparison below tells how good its maps are here;")
+        print("  other weights, or task=adapt with your logs, may be better (docs/robot.md#networks)")
 
 
-def say_left_out(left_out: pd.DataFrame) -> None:
+def _spread(low: float, high: float) -> str:
+    return f"{low:.3g}" + (f" to {high:.3g}" if high > low else "")
+
+
+def say_left_out(left_out: pd.DataFrame, when: Callable[[float], str]) -> None:
     """Print how many windows were left out, and the first reason."""
     if len(left_out):
         first = left_out.iloc[0]
-        where = "" if pd.isna(first["window"]) else f"window {first['window']} at {first['stamp']:.2f} s: "
+        where = "" if pd.isna(first["window"]) else f"window {first['window']} at {when(first['stamp'])}: "
         print(f"left out: {len(left_out)} windows or parts, such as {where}{first['left_out']}", flush=True)
         print("  windows.csv has all reasons in its column left_out", flush=True)
 
 
-def percent(share: float) -> str:
-    """Return a share in percent; `none` if there is nothing that it could be a share of."""
-    return "none" if math.isnan(share) else f"{share:.0%}"
+def time_in(log: ScanLog, settings: WindowSettings, stamp: float) -> str:
+    """Return a time of a log, counted from its first scan, in words."""
+    since = stamp - log.stamps[0]
+    return f"scan {since + 1:.0f}" if settings.spacing == "distance" else f"{since:.1f} s"
+
+
+def compared(losses: Mapping[str, float]) -> str:
+    """Return the log loss of a map beside that of the last hits, for each kind of scan that can be compared."""
+    text = ""
+    for prefix, title in COMPARISONS.items():
+        ours, others = (losses.get(f"{prefix}_{name}", math.nan) for name in LOSSES)
+        if math.isfinite(ours):
+            better = "better" if ours < others else "worse"
+            text += f"; {title}: log loss {ours:.3f}, {better} than {others:.3f} of the last hits"
+    return text
 
 
 def summarize(table: pd.DataFrame) -> None:
-    """Print the mean agreement of the maps with the scans that their network did not receive."""
-    print(f"{len(table)} windows; mean shares:")
-    for prefix, title in COMPARISONS.items():
-        columns = [prefix + name for name in SHARES]
-        if set(columns) <= set(table):
-            hits, passed = map(percent, table[columns].mean())
-            print(f"  {title}: {hits} of the hits on obstacles, {passed} of the passed pixels free")
+    """Print the mean log loss of the maps on scans that their network did not receive, and in how many things move."""
+    means = {str(name): table[name].mean() for name in table if str(name).endswith("log_loss")}
+    print(f"{len(table)} windows, mean{compared(means) or ': no other scan to compare with'}")
+    count = int((table["moving_pixels"] > 0).sum())
+    if count:
+        print(f"warning: {MOVERS} ({count} of {len(table)} windows, orange in the figures: docs/robot.md#what-moves)")

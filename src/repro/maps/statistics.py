@@ -3,6 +3,7 @@
 A network gives some map for any scans. Scans whose statistics no training window had are a reason to doubt it.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -14,7 +15,7 @@ from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
 LEVELS = (0.0, 0.01, 0.5, 0.99, 1.0)
-MARGIN = 0.01  # of each bound; some statistics are constant in training, such as the field of view
+MARGIN = 0.01  # of each bound, or of the range if that is wider; some are constant in training, as the field of view
 ASSUMED = {"valid_share": (1.0, 1.0, 1.0, 1.0, 1.0)}  # of weights without it: simulated lidars lost no beam
 MAY_EXCEED = ("beams",)  # a lidar with more beams in the same field of view draws nearly the same images
 TITLES = {
@@ -62,16 +63,18 @@ class Statistics:
         return Statistics(self.windows + other.windows, quantiles)
 
     def outside(self, values: Mapping[str, float]) -> list[str]:
-        """Return the names of the statistics that are outside their range in training by more than one percent.
+        """Return the names of the statistics that are outside their range in training by more than one percent of it.
 
-        More beams than in training are not named.
+        More beams than in training are not named, nor what a window without a hit does not have.
         """
-        return [name for name in self.names if name in values and not self._covers(name, values[name])]
+        known = [name for name in self.names if not math.isnan(values.get(name, math.nan))]
+        return [name for name in known if not self._covers(name, values[name])]
 
     def _covers(self, name: str, value: float) -> bool:
         low, high = self.range_of(name)
-        is_enough = value >= low - MARGIN * abs(low)
-        return is_enough and (value <= high + MARGIN * abs(high) or name in MAY_EXCEED)
+        width = high - low  # a robot that stands turns by 0 degrees, those of the training by 0.01 to 583
+        is_enough = value >= low - MARGIN * max(abs(low), width)
+        return is_enough and (value <= high + MARGIN * max(abs(high), width) or name in MAY_EXCEED)
 
 
 def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:

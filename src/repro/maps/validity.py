@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from repro.maps.grid import Grid
-from repro.maps.projection import newest_hits
 from repro.maps.statistics import lower_median
 from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
@@ -18,6 +17,7 @@ FULL_TURN = 2 * math.pi + 0.1  # [rad]; the last beams of some lidars point wher
 JUMP = 1.0  # [rad]; headings in degrees, taken as radians, change by more unless the robot hardly turns
 MIN_VALID = 0.05  # of the readings; a map from fewer would be nearly free of obstacles, and of reasons
 MIN_STEPS = 10  # of which most are jumps
+MAX_MEDIAN_M = 300.0  # median range beyond which no 2D lidar measures; the readings are in other units
 RADIANS = "expected radians, from -pi to pi if the robot turns often"
 
 
@@ -27,17 +27,22 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     Args:
         windows: a batch of windows, see `Scans.batched`.
         grid: grid of the map.
-        allow_empty: accept windows without a hit on the map, or of a robot outside it.
+        allow_empty: accept windows of few valid readings, or of a robot outside the map.
+
+    A window without a hit is one of an empty place.
 
     Raises:
-        InputError: a window has no valid reading, a range is not positive, an angle or pose is not finite or seems to
-            be in degrees; or, unless `allow_empty`, less than `MIN_VALID` of the readings are valid, a window has no
-            hit on the map, or the robot is outside the map at the last step or at most steps.
+        InputError: a window has no valid reading, a range is not positive, the median of the ranges is beyond
+            `MAX_MEDIAN_M`, an angle or pose is not finite or seems to be in degrees; or, unless `allow_empty`, less
+            than `MIN_VALID` of the readings are valid, or the robot is outside the map at the last step or at most
+            steps.
     """
     ranges, angles, poses = windows.ranges, windows.angles, windows.poses
     expected = "expected meters, inf for a miss, NaN for an invalid reading"
     _refuse(np.isnan(ranges).all((1, 2)), "windows", "without a valid reading", expected)
     _refuse(ranges <= 0, "ranges", "zero or negative", expected)
+    median_m = lower_median(np.where(np.isfinite(ranges), ranges, np.nan).reshape(len(ranges), -1))  # NaN without a hit
+    _refuse(median_m > MAX_MEDIAN_M, "windows", f"of ranges with a median beyond {MAX_MEDIAN_M:g}", "expected meters")
     check_angles(angles)
     _refuse(~np.isfinite(poses), "poses", "not finite", "expected x, y [m] and heading [rad] at every step")
     _refuse(np.abs(poses[..., 2]) > MAX_HEADING, "headings", "beyond ten turns", RADIANS)
@@ -51,14 +56,6 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
     expected = f"expected the last pose and most others on the map, x and y from 0 to {grid.size_m:g} m"
     _refuse(~inside[:, -1], "windows", "of a robot that is outside the map at the last step", expected)
     _refuse(inside.mean(1) < 0.5, "windows", "of a robot that is outside the map at most steps", expected)
-    empty = (newest_hits(windows, grid) == 0).all((1, 2))
-    if empty.any():
-        finite = ranges[empty][np.isfinite(ranges[empty])]
-        median = f"their median range is {lower_median(finite):.4g}" if len(finite) else "all of their beams are misses"
-        raise InputError(
-            f"{empty.sum()} of {len(empty)} windows have no hit on the map of {grid.size_m:g} m, {median}: "
-            "expected ranges in meters, and poses in the frame of the map"
-        )
 
 
 def check_angles(angles: np.ndarray) -> None:

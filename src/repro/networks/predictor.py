@@ -102,7 +102,7 @@ class Predictor:
             scans: one window or a batch, in meters and radians; a miss is inf, an invalid reading NaN. The accuracy
                 falls where a window has fewer or more steps than those of the training, `steps`.
             batch: windows per call of the network.
-            allow_empty: accept windows without a hit on the map, or of a robot outside it.
+            allow_empty: accept windows of few valid readings, or of a robot outside the map.
 
         Returns:
             probability of free, float32, (B, H, W); row 0 is the top of the map, and below 0.5 is an obstacle.

@@ -10,7 +10,7 @@ import numpy as np
 
 from repro.maps.validity import FULL_TURN
 from repro.prediction.misses import MissCheck
-from repro.prediction.readings import beams_of_turn, readings
+from repro.prediction.readings import beams_of_turn, is_in_meters, readings
 from repro.prediction.times import WindowSettings
 from repro.system.errors import InputError
 
@@ -175,6 +175,8 @@ class Intake:
                 self._leave_out(OTHER_BEAMS[1] if has_as_many else f"{OTHER_BEAMS[0]} than {len(first.ranges)}")
             elif not scan.has_valid_range:
                 self._leave_out("without a valid maximum range")
+            elif not is_in_meters(scan.ranges):
+                self._leave_out("with ranges that are not in meters")
             elif not (_is_near(scan.range_max_m, self.range_max_m) or math.isinf(self.range_max_m)):
                 self._leave_out(f"with another maximum range than {self.range_max_m:.4g} m, which range_max_m replaces")
             elif np.isnan(ranges := self._valid(resampled)).all():

@@ -10,6 +10,7 @@ import numpy as np
 
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import WITHOUT_POSE, Intake, LogScan
+from repro.prediction.movers import MOVERS
 from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
@@ -134,6 +135,8 @@ class LiveMapper:
             self.warn(str(error))
             return
         if predicted is not None:
+            if predicted.moving.any():
+                self.scans.warn_once("movers", MOVERS)
             self.publish(scan.header, str(self.root), predicted)
         elif self.stream.reason and "later" in self.stream.reason:
             self.warn(f"a scan is skipped: {self.stream.reason}")

@@ -18,7 +18,6 @@ from repro.system.memory import available_memory_gb
 MIN_SCANS = 2
 MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
-MAX_MEDIAN_M = 300.0  # median range beyond which no 2D lidar measures; the readings are in other units
 BY_NUMBER = "use prediction.spacing=distance"
 Pose = tuple[float, float, float]
 SCANS_PER_CHECK = 1000  # of the memory
@@ -198,11 +197,7 @@ def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
 
 
 def _check_values(log: ScanLog, path: Path) -> None:
-    """Refuse a log without ranges in meters and headings in radians."""
-    sample = log.ranges[:: max(1, len(log) // 1000)]
-    finite = sample[np.isfinite(sample)]
-    if len(finite) and np.median(finite) > MAX_MEDIAN_M:
-        raise InputError(f"{path}: the median range is {np.median(finite):.0f}: expected meters")
+    """Refuse a log without headings in radians."""
     check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
     if jumps(log.poses[:, 2]):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")

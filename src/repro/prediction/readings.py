@@ -5,7 +5,7 @@ from numbers import Real
 
 import numpy as np
 
-from repro.maps.validity import MAX_HEADING, RADIANS
+from repro.maps.validity import MAX_HEADING, MAX_MEDIAN_M, RADIANS
 from repro.system.arrays import real
 from repro.system.errors import InputError
 
@@ -45,6 +45,16 @@ def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float, misses:
     is_valid = (ranges >= range_min_m) & (ranges > 0) & ~mask  # false for NaN
     miss = np.inf if misses == "free" else np.nan
     return np.where(is_valid, np.where(ranges < range_max_m, ranges, miss), np.nan).astype(np.float32)
+
+
+def is_in_meters(ranges: np.ndarray) -> bool:
+    """Return whether the ranges of a scan, as its driver gives them, can be meters; its largest may stand for a miss.
+
+    Beyond the maximum range, those in millimeters would be misses, and the place would look empty.
+    """
+    finite = np.ma.compressed(np.ma.masked_invalid(ranges))
+    measured = finite[finite < finite.max()] if len(finite) else finite
+    return not (len(measured) and np.median(measured) > MAX_MEDIAN_M)
 
 
 def note_on_range(range_max_m: float, reach_m: float) -> str | None:

@@ -12,11 +12,11 @@ import numpy as np
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.agreement import last_hits
 from repro.prediction.intake import LogScan
 from repro.prediction.misses import MissCheck
+from repro.prediction.movers import moving_pixels, parts_of_window, stands
 from repro.prediction.poses import MAX_PLACE_M
-from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, readings
+from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
 from repro.prediction.windows import on_map
 from repro.scans import Scans
@@ -38,6 +38,10 @@ class StreamMap:
         resolution_m: side of a pixel [m].
         stamp: time of the scan at the end of the window [s].
         unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W).
+        moving: pixels of hits in the window on something that moves, bool, (H, W), see `movers`; what moves is missing
+            from the map where it is after it has left the view.
+        hits: x, y of the hits of the scan at the end of the window in the frame of the poses [m], (K, 2).
+        pose: x, y [m] and heading [rad] of the lidar at the end of the window.
     """
 
     free: np.ndarray
@@ -45,6 +49,9 @@ class StreamMap:
     resolution_m: float
     stamp: float
     unknown: np.ndarray
+    moving: np.ndarray
+    hits: np.ndarray
+    pose: tuple[float, float, float]
 
 
 def predict_map(
@@ -67,8 +74,12 @@ def predict_map(
         raise InputError(f"expected a finite origin x, y [m] and time [s], got {origin} and {stamp}")
     predictor = predictor.with_range(range_max_m)
     free = predictor.predict(window)[0]
-    _, seen = last_hits(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
-    return StreamMap(free, (float(place[0]), float(place[1])), predictor.grid.resolution_m, stamp, ~seen)
+    hits, passed = parts_of_window(window, predictor.grid, min(range_max_m, predictor.reach_m or REACH_M))
+    unknown, moving = ~(hits | passed).any(0), moving_pixels(hits, passed, is_still=stands(window.poses))
+    points, is_hit = Scans(window.ranges[-1:], window.angles, window.poses[-1:]).points()
+    left, bottom, (x, y, heading) = *map(float, place), map(float, window.poses[-1])
+    pose, resolution_m = (left + x, bottom + y, heading), predictor.grid.resolution_m
+    return StreamMap(free, (left, bottom), resolution_m, stamp, unknown, moving, points[is_hit] + place, pose)
 
 
 class PredictionStream:
@@ -146,6 +157,8 @@ class PredictionStream:
         ranges = readings(raw, 0.0, self.range_max_m, self.settings.misses)
         if ranges.shape != (self.beams,):
             raise InputError(f"ranges: expected the shape ({self.beams},), got {ranges.shape}")
+        if not is_in_meters(np.asarray(raw)):
+            raise InputError("ranges: expected meters, inf for a miss, and most of these are beyond 300")
         if np.isnan(ranges).all():
             raise InputError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
         with self._lock:
