@@ -8,9 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT, TINY, read_calls
 
+from repro.prediction.logs import ReadOptions
+from repro.prediction.readers import read_log
+from repro.prediction.times import WindowSettings
 from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
 
@@ -103,6 +107,18 @@ def test_relative_links_exist(page):
 def test_the_readme_is_short():
     text = re.sub(r"<!-- results:.*?<!-- end -->", "", (ROOT / "README.md").read_text(), flags=re.DOTALL)
     assert len(text.split()) <= 750
+
+
+def test_the_converter_of_a_csv_file_makes_a_log(tmp_path, monkeypatch):
+    (code,) = [code for _, code in BLOCK.findall((ROOT / "docs" / "robot.md").read_text()) if "loadtxt" in code]
+    log = read_log(ROOT / "examples" / "rooms.npz", WindowSettings(), ReadOptions())
+    monkeypatch.chdir(tmp_path)
+    rows = np.column_stack([log.stamps, log.poses, log.ranges])
+    np.savetxt("scans.csv", rows, delimiter=",", header="time,x,y,heading,ranges")
+    exec(compile(code, "docs/robot.md", "exec"), {})
+    found = read_log(tmp_path / "scans.npz", WindowSettings(), ReadOptions())
+    for name in ("stamps", "poses", "ranges", "angles", "range_max_m"):
+        assert getattr(found, name) == pytest.approx(getattr(log, name), abs=1e-6)
 
 
 def test_there_is_a_recipe_for_every_extension():

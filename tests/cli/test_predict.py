@@ -76,7 +76,7 @@ def test_the_example_is_predicted_as_by_the_predictor(tmp_path, predict):
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "rooms"
     names = {f"window-{number:04d}.{kind}" for number in (1, 2, 3) for kind in ("npz", "pgm", "yaml", "png")}
-    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "source.json"}
+    assert {path.name for path in directory.iterdir()} == names | {"windows.csv", "maps.html", "source.json"}
     table = pd.read_csv(directory / "windows.csv")
     assert table["stamp"].tolist() == pytest.approx([9.9, 19.9, 29.9])
     assert table["next_scan_log_loss"][:2].between(0, 0.5).all()

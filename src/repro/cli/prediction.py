@@ -9,10 +9,11 @@ from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from repro.cli.jobs import Job
-from repro.cli.prediction_report import compared, describe, say_left_out, summarize, time_in, warn_of
+from repro.cli.prediction_report import describe, line_of, say_left_out, summarize, time_in, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
@@ -21,6 +22,7 @@ from repro.prediction.agreement import compare
 from repro.prediction.drawing import draw_window
 from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import write_map, write_probabilities
+from repro.prediction.page import page_of
 from repro.prediction.readers import read_log
 from repro.prediction.stream import predict_map
 from repro.prediction.times import WindowSettings, window_of
@@ -32,7 +34,8 @@ from repro.system.progress import progress
 LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 Row = dict[str, float | str | None]
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
-WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|source\.json|animation\.gif"  # GIF: before 0.4
+WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
+SHOWN = 100  # windows on the page, of 60 kB each
 
 
 def predict_log(job: Job) -> None:
@@ -51,19 +54,21 @@ def predict_log(job: Job) -> None:
     log, windows = read(path, predictor, settings)
     describe(log, windows, predictor.reach_m)
     target.parent.mkdir(parents=True, exist_ok=True)
+    when = partial(time_in, log, windows)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
     own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target, own) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
-        table = _predict_all(found, predictor, new, log, partial(time_in, log, windows))
+        table = _predict_all(found, predictor, new, log, when)
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
         write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
         write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
+        _write_page(new, predicted, path.name, when)
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
-    print(target)
+    print(f"{target} has the maps, maps.html shows them")
 
 
 def load(weights: str) -> Predictor:
@@ -167,6 +172,15 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
     statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
     losses = compare(window, predicted.free, grid, range_max_m)
-    shares = f"{row['obstacle_share']:.1%} obstacles, {row['unknown_share']:.0%} unknown"
-    print(f"window {window.number} at {when}: {shares}{compared(losses)}", flush=True)
-    return row | statistics | {"outside_training": " ".join(outside)} | losses
+    row |= {**statistics, "outside_training": " ".join(outside), **losses}
+    print(line_of(row | {"window": window.number}, when), flush=True)
+    return row
+
+
+def _write_page(directory: Path, predicted: pd.DataFrame, title: str, when: Callable[[float], str]) -> None:
+    """Write the page of a log, with at most `SHOWN` of its windows, evenly over it."""
+    figures = []
+    for place in np.unique(np.linspace(0, len(predicted) - 1, SHOWN).astype(int)):
+        row = predicted.iloc[place].to_dict()
+        figures.append((directory / f"window-{row['window']:04d}.png", line_of(row, when(row["stamp"]))))
+    write_text(directory / "maps.html", page_of(title, figures))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -96,7 +97,14 @@ def time_in(log: ScanLog, settings: WindowSettings, stamp: float) -> str:
     return f"scan {since + 1:.0f}" if settings.spacing == "distance" else f"{since:.1f} s"
 
 
-def compared(losses: Mapping[str, float]) -> str:
+def line_of(row: Mapping[str, Any], when: str) -> str:
+    """Return what is printed about a window, given its row of windows.csv and its time."""
+    movers = "; something moves" if row["moving_pixels"] else ""
+    shares = f"{row['obstacle_share']:.1%} obstacles, {row['unknown_share']:.0%} unknown"
+    return f"window {row['window']} at {when}: {shares}{movers}{compared(row)}"
+
+
+def compared(losses: Mapping[str, Any]) -> str:
     """Return the log loss of a map beside that of the last hits, for each kind of scan that can be compared."""
     text = ""
     for prefix, title in COMPARISONS.items():
