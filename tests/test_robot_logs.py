@@ -11,20 +11,19 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT
-from matplotlib.figure import Figure
 from reproduce.real import __main__ as script
-from reproduce.real import fitting, measures
 from reproduce.real import logs as real_logs
+from reproduce.real import maps, measures
 from reproduce.real.adapted import SOURCE, adapted
-from reproduce.real.evidence import Evidence, continued_walls, evidence_of, score_map
-from sklearn.metrics import roc_auc_score
+from reproduce.real.evidence import COUNTS, Evidence, continued_walls
+from sklearn.metrics import log_loss, roc_auc_score
 
 from repro.learning import adaptation
 from repro.learning.held_out import View, stands, swinging
-from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
 from repro.metrics import calibration
 from repro.metrics.counts import PROBABILITY
+from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.scans import Scans
@@ -73,12 +72,27 @@ def wall_ahead() -> Scans:
 
 
 def test_the_score_ranks_passed_pixels_by_counts_and_unseen_ones_by_two_distances():
-    evidence = evidence_of(wall_ahead(), Grid(100, 50.0), 30.0)
+    evidence = Evidence(wall_ahead(), Grid(100, 50.0), 30.0)
     assert evidence.odds[50, 57] == pytest.approx(math.log(10.5 / 0.5))  # passed in all ten parts
     assert evidence.odds[50, 60] == pytest.approx(math.log(0.5 / 10.5))  # hit in all of them
-    levels = score_map(evidence, 0.15, 0.5)
+    counts = evidence.counts(np.arange(100 * 100))
+    levels = maps.score(counts, 0.15, 0.5).reshape(100, 100)
     assert levels[50, 60] < 128 <= levels[50, 61] < levels[50, 70] < 192 <= levels[50, 59] < levels[50, 52]
-    assert (score_map(evidence, 0.15, 0.0)[50, 61:] >= levels[50, 61:]).all()  # far from passed pixels
+    assert (maps.score(counts, 0.15, 0.0).reshape(100, 100)[50, 61:] >= levels[50, 61:]).all()  # far from passed ones
+
+
+def test_features_of_the_ray_and_of_lines_tell_where_a_wall_is():
+    """The robot looks along x: a pixel behind the wall has it on its ray, one before has it ahead on the same line."""
+    evidence = Evidence(wall_ahead(), Grid(100, 50.0), 30.0)
+    behind, before, aside = (50 * 100 + 70, 50 * 100 + 55, 20 * 100 + 20)
+    features = evidence.features(np.array([behind, before, aside]))
+    *_, position, lines, ray = np.split(features, np.cumsum([len(COUNTS), 10, 12, 3, 16]), axis=1)
+    assert position[:, 0] == pytest.approx([20.5, 5.5, -29.5], abs=0.6)  # along the heading [px]
+    assert ray[:, 0].tolist() == [10, 0, 0]  # the parts with a hit on the way
+    assert ray[:, 4].tolist() == [0, 10, 0]  # behind the pixel
+    ahead = lines[:, 4:8]  # largest, summed, distance to the nearest, passes
+    assert ahead[:, 0].tolist() == [0, 10, 0]
+    assert ahead[1, 2] == 4  # the wall is five pixels ahead
 
 
 def test_walls_are_continued_along_their_direction_and_not_from_single_hits():
@@ -95,46 +109,56 @@ def test_walls_are_continued_along_their_direction_and_not_from_single_hits():
     assert min(rows) >= 30  # 9 px along each axis
 
 
-def sample_of(rng: np.random.Generator, sign: int) -> fitting.Sample:
+def sample_of(rng: np.random.Generator, sign: int) -> maps.Sample:
     """Draw pixels whose truth follows from the odds, or from their opposite."""
-    kinds = rng.integers(0, 3, (400, 1)) + np.zeros((1, 9), int)
-    values = {name: np.repeat(rng.normal(size=(400, 1)), 9, 1) for name in Evidence.__annotations__}
-    evidence = Evidence(**{**values, "hit": kinds == 0, "seen": kinds < 2})
-    free = sign * evidence.odds[:, 0] > 0
-    return fitting.Sample(evidence, np.where(free, 200, 50), free)
+    features = rng.normal(size=(2000, 57)).astype(np.float32)
+    kinds = rng.integers(0, 3, 2000)
+    features[:, :2] = np.stack([kinds == 0, kinds < 2], axis=1)
+    return maps.Sample(features, sign * features[:, COUNTS.index("odds")] > 0)
 
 
-def test_whatever_is_fitted_is_from_other_logs():
-    """A log whose truth is the opposite of the others changes the fit of theirs and not its own."""
+def test_whatever_is_fitted_follows_the_logs_to_which_it_is_fitted():
     rng = np.random.default_rng(0)
-    samples = {"a": sample_of(rng, 1), "b": sample_of(rng, 1), "c": sample_of(rng, -1)}
-    for_c, for_a = (fitting.fit_others(samples, tested) for tested in ("c", "a"))
-    tested = samples["a"].evidence
-    levels, mixed = (fitting.maps_of(tested, fitted)[fitting.REGRESSION][:, 0] for fitted in (for_c, for_a))
-    assert roc_auc_score(samples["a"].free, levels) > 0.95
-    assert roc_auc_score(samples["a"].free, mixed) < 0.9
-    other = {**samples, "c": replace(samples["c"], free=~samples["c"].free, network=255 - samples["c"].network)}
-    again = fitting.fit_others(other, "c")
-    assert again.constants == for_c.constants
-    for name, probability in for_c.probability.items():
-        assert np.array_equal(probability, again.probability[name])
+    one, other, tested = (sample_of(rng, sign) for sign in (1, -1, 1))
+    for sample, is_right in ((one, True), (other, False)):
+        fitted = maps.fit([sample], maps.CANDIDATES[0])
+        evidence = SimpleNamespace(features=lambda pixels: tested.features[pixels])
+        predicted = fitted.predict(evidence, np.arange(2000))
+        for name in (maps.REGRESSION, maps.BOOSTING):
+            assert (roc_auc_score(tested.free, predicted[name]) > 0.95) == is_right, name
 
 
-def test_a_map_that_knows_nothing_is_at_chance():
-    """The tolerance of one pixel gives a noisy map no advantage."""
+def test_the_boosting_is_tuned_on_places_that_it_has_not_seen(monkeypatch):
+    """Settings that fit noise are not chosen: the truth of each place follows one feature, and chance."""
     rng = np.random.default_rng(0)
-    counts = np.zeros((3, 2, 256), dtype=int)
-    for _ in range(40):
-        hits, seen, moving = (rng.random((64, 64)) < share for share in (0.02, 0.7, 0.5))
-        clear = Observed(hits, (rng.random((64, 64)) < 0.5) & ~hits)
-        groups = [clear, clear.within(seen), Observed(hits & moving, clear.passed)]
-        pixels = np.flatnonzero(clear.hits | clear.passed)
-        levels = rng.integers(0, 256, 64 * 64)[measures.neighbors(pixels, 64)]
-        counts += measures.count(levels, groups, pixels)
-    assert measures.auroc(counts) == pytest.approx([0.5] * 3, abs=0.03)
+    samples = {}
+    for place in "abc":
+        features = rng.normal(size=(1500, 57)).astype(np.float32)
+        samples[place] = [maps.Sample(features, features[:, 3] + 2 * rng.normal(size=1500) > 0)]
+    fine = {"max_iter": 20, "learning_rate": 0.1, "max_leaf_nodes": 4}
+    noisy = {"max_iter": 300, "learning_rate": 0.5, "max_leaf_nodes": 64}
+    monkeypatch.setattr(maps, "CANDIDATES", (noisy, fine))
+    assert maps.tuned(samples) == fine
 
 
-def test_a_hit_beside_an_obstacle_counts_as_found():
+def test_logs_of_one_place_are_in_one_fold_and_all_folds_have_some():
+    names = [f"{name}-corrected.log.gz" for name in ("freiburg-079", "freiburg-101", "freiburg-campus", "intel", "fhw")]
+    folds = [real_logs.fold_of(Path(name)) for name in (*names, "positive_1.bag", "positive_7.bag")]
+    assert folds == [0, 0, 0, 2, 2, 1, 1]
+    assert real_logs.fold_of(Path("dense.log.gz")) in range(3)
+
+
+def test_a_log_of_wean_hall_is_read(tmp_path):
+    words = ["L", "100", "-50", "0.5", "125", "-50", "0.6", *["183"] * 90, *["8191"] * 90, "1.25"]
+    (tmp_path / "robotdata1.log").write_text(f"O 1 2 3 4\n{' '.join(words)}\n{' '.join(words)}\n")
+    log = real_logs.wean_hall(tmp_path / "robotdata1.log")
+    assert (log.stamps.tolist(), log.poses[0].tolist()) == ([1.25, 1.25], [1.25, -0.5, 0.6])
+    assert np.degrees(log.angles[[0, -1]]) == pytest.approx([-89.5, 89.5])
+    assert log.ranges[0, :90] == pytest.approx(1.83)
+    assert np.isinf(log.ranges[0, 90:]).all()
+
+
+def test_a_pixel_is_compared_with_its_own_level_and_with_the_least_around_it():
     levels, hits, passed = np.full((9, 9), 255), np.zeros((9, 9), bool), np.zeros((9, 9), bool)
     levels[4, 4] = 0
     hits[3, 3] = hits[0, 0] = True
@@ -142,10 +166,13 @@ def test_a_hit_beside_an_obstacle_counts_as_found():
     above = np.arange(81).reshape(9, 9) < 36  # without the row of the obstacle and below
     clear = Observed(hits, passed)
     pixels = np.flatnonzero(hits | passed)
-    nearby = levels.ravel()[measures.neighbors(pixels, 9)]
-    everywhere, here = measures.count(nearby, [clear, clear.within(above)], pixels)
-    assert everywhere[:, [0, 255]].tolist() == [[1, 1], [3, 8]]
-    assert here[:, [0, 255]].tolist() == [[1, 1], [0, 2]]
+    beside = levels.ravel()[measures.around(pixels, 9)]
+    assert (beside[:, 4] == levels.ravel()[pixels]).all()
+    groups = [clear, clear.within(above)]
+    own, within = (measures.count(each, groups, pixels) for each in (beside[:, 4], beside.min(1)))
+    assert own[0][:, [0, 255]].tolist() == [[0, 2], [0, 11]]
+    assert within[0][:, [0, 255]].tolist() == [[1, 1], [3, 8]]
+    assert within[1][:, [0, 255]].tolist() == [[1, 1], [0, 2]]
 
 
 def test_the_mean_over_logs_has_an_interval_and_a_difference():
@@ -156,23 +183,25 @@ def test_the_mean_over_logs_has_an_interval_and_a_difference():
             block[0, 100], block[1, 50], block[1, 200] = 10, 100 * (1 - auroc), 100 * auroc
         return measures.Measured(2, counts, PROBABILITY)
 
-    maps = {
+    found = {
         "network": {"a": measured(0.9, 0.7), "b": measured(0.8), "c": measured(0.7)},
         "score": {"a": measured(0.8, 0.5), "b": measured(0.75), "c": measured(0.75)},
     }
-    rows = pd.DataFrame(measures.rows_of(maps, ("all",), "network")).set_index(["map", "log"])
-    network, score = rows.loc[("network", "mean")], rows.loc[("score", "mean")]
-    assert (network["windows"], network["logs"], network["hits"]) == (6, 3, 40)
+    sets = {"all 3": ["a", "b", "c"], "two": ["b", "c"]}
+    rows = pd.DataFrame(measures.rows_of(found, ("all",), "network", sets)).set_index(["map", "logs"])
+    network, score = rows.loc[("network", "all 3")], rows.loc[("score", "all 3")]
+    assert (network["windows"], network["count"], network["hits"]) == (6, 3, 40)
+    assert rows.loc[("network", "two"), "auroc"] == pytest.approx(0.75)
     assert (network["auroc"], score["less_auroc"]) == pytest.approx((2.3 / 3, 0.15 / 3))
     assert 0.699 < network["auroc_low"] < 2.3 / 3 < network["auroc_high"] < 0.901
     assert score["less_auroc_low"] < 0 < score["less_auroc_high"]  # the score is better in one of three logs
-    blocks = measures.drawn(maps["network"]["a"], 0)[:, 0, 0]
+    blocks = measures.drawn(found["network"]["a"], 0)[:, 0, 0]
     assert sorted(set(blocks.round(6))) == pytest.approx([0.7, 0.8, 0.9])  # one block twice, or both
 
 
 @pytest.mark.parametrize(("name", "path_m"), [(ROOMS, 5.6), (DRIVE, 28)])
 def test_the_robot_drives_as_far_as_in_the_training_or_past_ten_scans(logs, name, path_m):
-    predictor = load_trained(ROOT / "reproduce" / "results" / name)
+    predictor = load_predictor(ROOT / "reproduce" / "results" / name)
     for log, most in zip(logs, (1.15, 1.15 if path_m > 10 else 2.2), strict=True):  # turns make paths shorter or longer
         windows = [case.window for case in real_logs.driving(log, predictor)]
         paths = [np.linalg.norm(np.diff(each.scans.poses[:, :2], axis=0), axis=1).sum() for each in windows]
@@ -201,7 +230,7 @@ def test_a_virtual_lidar_swings_and_has_the_beams_that_it_sees():
 
 
 def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
-    predictor = load_trained(ROOT / "reproduce" / "results" / ROOMS)
+    predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
     monkeypatch.setattr(real_logs, "read_log", lambda *_: standing_lidar(people=True))
     cases = list(real_logs.standing(Path("people.bag"), predictor))
     for case in cases:
@@ -219,54 +248,39 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
 
 
 @pytest.mark.slow
-def test_logs_whose_times_are_lost_are_compared(logs, tmp_path, monkeypatch):
-    weights = (ROOMS, DRIVE)
-    options = SimpleNamespace(logs=logs, weights=weights, target=tmp_path, kept=tmp_path / "kept", folds=0, save=None)
+def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
+    for name, value in {"TRAINED_WINDOWS": 1, "MAX_WINDOWS": 8, "DRAWS": 2}.items():
+        monkeypatch.setattr(adaptation, name, value)
+    monkeypatch.setattr(real_logs, "PLACES", ("dense", "sparse"))
+    monkeypatch.setattr(real_logs, "MAX_WINDOWS", 12)
+    weights = str(ROOT / "reproduce" / "results" / ROOMS)
+    options = SimpleNamespace(
+        logs=logs, adapted=weights, weights=["rooms"], target=tmp_path, kept=tmp_path / "kept", save=None
+    )
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()
-    kept = {path: path.read_bytes() for path in (tmp_path / "kept").rglob("*.npz")}
-    assert len(kept) == 4
-    first = (tmp_path / "held_out.csv").read_text()
-    monkeypatch.setattr(script.Predictor, "predict", None)  # a second comparison takes the maps that were kept
-    monkeypatch.setattr(script, "draw", lambda *_: Figure())
-    script.main()
-    assert (tmp_path / "held_out.csv").read_text() == first
+    for number, path in enumerate(logs):
+        source = json.loads((tmp_path / "kept" / f"fold-{number}" / SOURCE).read_text())
+        assert {other.name for other in logs if other.name in source} == {other.name for other in logs if other != path}
+    monkeypatch.setattr("reproduce.real.adapted.adapt", None)  # a second call reads the networks
+    networks = adapted(weights, logs, tmp_path / "kept")
     table = pd.read_csv(tmp_path / "held_out.csv")
-    assert len(table) == 2 * 4 * 3 * 3  # weights, maps, pixels; two logs and their mean
-    key = ["weights", "map", "pixels"]
-    mean, *each = (
-        table[table["log"] == log].set_index(key).sort_index() for log in ("mean", "dense.log.gz", "sparse.log.gz")
-    )
+    assert len(table) == 2 * 5 * 3 * (1 + 2)  # scores, maps, pixels; their mean and two logs
+    key = ["score", "map", "pixels"]
+    names = table["logs"].unique().tolist()
+    mean, *each = (table[table["logs"] == log].set_index(key).sort_index() for log in names)
     assert mean["auroc"].to_numpy() == pytest.approx(np.mean([rows["auroc"] for rows in each], axis=0), abs=1e-4)
-    assert mean["windows"].tolist() == sum(rows["windows"] for rows in each).tolist()
     for name in ("hits", "passed"):
         counts = mean[name].unstack()
         assert (counts["seen"] + counts["unseen"] == counts["all"]).all()
-    assert mean.loc[(weights[0], "network", "seen"), "auroc"] > 0.95
-    assert mean.loc[(weights[0], "network", "unseen"), "auroc"] > 0.6
+    assert mean.loc[("own pixel", f"{weights}, adapted", "seen"), "auroc"] > 0.95
+    path, windows = logs[0], list(real_logs.cases_of(logs[0], networks[logs[0]]))
+    free = np.concatenate([case.map_of(networks[path]).ravel()[case.pixels] for case in windows])
+    truth = np.concatenate([case.free for case in windows])
+    row = table[(table["logs"] == path.name) & (table["map"] == f"{weights}, adapted") & (table["pixels"] == "all")]
+    assert row["log_loss"].iloc[0] == pytest.approx(log_loss(truth, free.clip(1 / 510, 509 / 510)), abs=2e-3)
     assert (tmp_path / "windows.png").is_file()
     provenance = json.loads((tmp_path / "provenance.json").read_text())
     assert list(provenance["logs"]) == ["dense.log.gz", "sparse.log.gz"]
     assert provenance["commit"]
-
-
-@pytest.mark.slow
-def test_a_network_is_tested_on_logs_to_which_it_was_not_adapted(logs, tmp_path, monkeypatch):
-    predictor, tested = load_trained(ROOT / "reproduce" / "results" / ROOMS), []
-    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
-    monkeypatch.setattr(adaptation, "TRAINED_WINDOWS", 1)
-    monkeypatch.setattr(adaptation, "MAX_WINDOWS", 8)
-    origin, checksums = {"weights": "some"}, {path: path.name for path in logs}
-    networks = adapted(predictor, origin, checksums, tmp_path, 2)
-    for number, path in enumerate(logs):
-        source = json.loads((tmp_path / f"fold-{number}" / SOURCE).read_text())
-        assert len(source.pop("adaptation")) == 64
-        assert source == origin | {other.name: other.name for other in logs if other != path}
-        tested.append(next(iter(real_logs.driving(path, networks[path]))).window.scans)
-    maps = [networks[path].predict(scans) for path, scans in zip(logs, tested, strict=True)]
-    assert not any(np.array_equal(one, predictor.predict(scans)) for one, scans in zip(maps, tested, strict=True))
-    monkeypatch.setattr("reproduce.real.adapted.adapt", None)  # a second call reads them
-    again = adapted(predictor, origin, checksums, tmp_path, 2)
-    assert all(
-        np.array_equal(one, again[path].predict(scans)) for path, one, scans in zip(logs, maps, tested, strict=True)
-    )

@@ -1,18 +1,21 @@
-"""Compare networks and maps without a network with logs of real lidars.
+"""Compare networks and maps without a network with logs of real lidars, as they are delivered.
 
-    python -m reproduce.real LOG [LOG ...] [--target DIRECTORY] [--folds FOLDS]
+    python -m reproduce.real LOG [LOG ...] --adapted WEIGHTS [--weights WEIGHTS ...] [--target DIRECTORY]
 
 A part of the beams is kept from all maps, see `repro.learning.held_out`; at the end of every window, the maps are
-compared with the pixels that these beams hit or passed over. Whatever a map without a network fits is from the other
-logs of its kind. The rows go to held_out.csv in the target, their origin to provenance.json. Maps of networks are kept
-in --kept, so that a comparison which was stopped goes on, and a changed map without a network takes minutes.
+compared with the pixels that these beams hit or passed over. A network is called as its user calls it, and each pixel
+is compared with its own probability. Since poses and grids are not exact, the rows with the score `within one pixel`
+also compare the least probability of free there, calibrated on logs of other places: a map that no user receives.
 
-With --folds, the networks are adapted to logs, as task=adapt does, and tested on logs of another fold. Only their
-calibration has seen the tested log, by the networks of other folds; `network, uncalibrated` has seen nothing of it.
+The network of --adapted is adapted to the logs of two thirds of the places, as task=adapt does, and tested on the
+others; those of --weights are tested as they are. Maps without a network are fitted to the same logs as the adapted
+network, and the boosting is tuned on the development logs among these. The rows go to held_out.csv in the target,
+their origin to provenance.json. With --save, the network is first adapted to all logs.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
-https://www.ipb.uni-bonn.de/datasets, and of bags of a standing lidar among people (BSD-3),
+https://www.ipb.uni-bonn.de/datasets; of logs of Wean Hall with odometry,
+https://github.com/deanhgit/16-831_Lab1/tree/master/log; and of bags of a standing lidar among people (BSD-3),
 https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted.
 """
 
@@ -20,7 +23,8 @@ import argparse
 import copy
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -28,194 +32,193 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from repro.learning import held_out
 from repro.learning.kernels import accelerate
-from repro.learning.networks.trained import TorchNetwork, load_trained, module_of
-from repro.metrics.counts import LEVELS
+from repro.learning.networks.trained import load_trained, module_of, with_module
+from repro.metrics.counts import LEVELS, PROBABILITY
 from repro.networks.predictor import Predictor
 from repro.runs.devices import one_thread
 from repro.runs.provenance import environment
 from repro.scans import Scans
-from repro.system.arrays import open_arrays
 from repro.system.files import sha256, write_json, write_text
-from reproduce.real import logs
-from reproduce.real.adapted import adapted, adapted_to, labels_of
-from reproduce.real.evidence import CENTER, evidence_at, join
-from reproduce.real.figure import choose, draw
-from reproduce.real.fitting import NETWORK, UNCALIBRATED, Fitted, Sample, fit_others, maps_of
-from reproduce.real.logs import cases_of, is_standing
-from reproduce.real.measures import MEAN, Measured, count, neighbors, rows_of
+from reproduce.real import maps
+from reproduce.real.adapted import adapted, adapted_to_all
+from reproduce.real.figure import draw
+from reproduce.real.logs import DEVELOPMENT, FOLDS, Case, cases_of, fold_of, is_standing, place_of
+from reproduce.real.maps import Fitted, Sample
+from reproduce.real.measures import Measured, around, auroc, calibrated, count, counts_of, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
-TARGET, KEPT = RESULTS / "robot_logs", RESULTS.parents[1] / "outputs" / "real"
-WEIGHTS = (
-    *("rooms-16000/exppeople-convgru", "places/exppeople-convgru"),
-    *("drive-16000/expmixed-convgru", "workstation/exp4-unet"),
-)
-SAMPLED_WINDOWS, SAMPLED_PIXELS = 100, 100  # of each log, the latter of each window, to which maps are fitted
+TARGET, KEPT = RESULTS / "real_logs", RESULTS.parents[1] / "outputs" / "real"
+OWN, WITHIN = "own pixel", "within one pixel"
+SAMPLED_WINDOWS, SAMPLED_PIXELS = 120, 100  # of each log, the latter of each window, to which maps are fitted
 BATCH = 16  # windows that are predicted together
+Networks = dict[str, dict[Path, Predictor]]  # by name, the network that is tested with each log
 
 
-def predictions(path: Path, predictor: Predictor, origin: dict[str, str], kept: Path) -> np.ndarray:
-    """Return the levels of a network at the compared pixels of all windows, the lowest within one pixel, (P,).
-
-    Args:
-        path: the log.
-        predictor: the network.
-        origin: checksums of log and network, and of the code that cuts windows.
-        kept: the file from which they are read, or to which they are written.
-    """
-    if kept.is_file():
-        with open_arrays(kept) as content:
-            if all(str(content.get(name)) == value for name, value in origin.items()):
-                return np.rint((LEVELS - 1) * content["free"]).astype(np.int64)
-    free, cases = [], list(cases_of(path, predictor))
-    network = copy.deepcopy(module_of(predictor))
-    accelerate(network, "cpu")
-    predictor = replace(predictor, network=TorchNetwork(network))
-    for first in tqdm(range(0, len(cases), BATCH), desc=f"{path.name}, network", disable=None):
-        batch = cases[first : first + BATCH]
-        limited = predictor.with_range(batch[0].range_max_m)
-        images = limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True)
-        for case, image in zip(batch, images, strict=True):
-            free.append(image.ravel()[neighbors(case.pixels, len(image))].min(1))
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    np.savez(kept, free=np.concatenate(free), **origin)  # type: ignore[arg-type]
-    return np.rint((LEVELS - 1) * np.concatenate(free)).astype(np.int64)
-
-
-def sample(path: Path, predictor: Predictor, network: np.ndarray) -> Sample:
-    """Draw pixels of evenly spaced windows of a log, given the levels of the network at all compared pixels."""
+def sample(path: Path, predictor: Predictor) -> Sample:
+    """Draw pixels of evenly spaced windows of a log."""
     rng = np.random.default_rng(0)
     cases = list(cases_of(path, predictor))
-    first = np.cumsum([0, *(len(case.pixels) for case in cases)])
-    evidence, levels, free = [], [], []
+    features, free = [], []
     for number in np.unique(np.linspace(0, len(cases) - 1, SAMPLED_WINDOWS).astype(int)):
         case = cases[number]
         chosen = np.sort(rng.permutation(len(case.pixels))[:SAMPLED_PIXELS])
-        evidence.append(evidence_at(case, predictor.grid, case.pixels[chosen]))
-        levels.append(network[first[number] + chosen])
+        features.append(case.evidence(predictor.grid).features(case.pixels[chosen]))
         free.append(case.free[chosen])
-    return Sample(join(evidence), np.concatenate(levels), np.concatenate(free))
+    return Sample(np.concatenate(features), np.concatenate(free))
 
 
-def compare(
-    path: Path, predictor: Predictor, network: np.ndarray, fitted: Fitted
-) -> tuple[tuple[str, ...], dict[str, Measured]]:
-    """Compare all maps of a log with the held-out beams; return the kinds of pixels and what is measured by map."""
-    counts: dict[str, dict[int, np.ndarray]] = defaultdict(dict)
-    first, windows = 0, 0
-    names: tuple[str, ...] = ()
-    for case in tqdm(cases_of(path, predictor), desc=path.name, disable=None):
-        pixels = case.pixels
-        evidence = evidence_at(case, predictor.grid, pixels)
-        of_network = np.broadcast_to(network[first : first + len(pixels), None], (len(pixels), 9))
-        groups = case.groups(evidence.seen[:, CENTER])
-        levels = {NETWORK: of_network, UNCALIBRATED: of_network, **maps_of(evidence, fitted)}
-        for name, each in levels.items():
-            before = counts[name].get(case.block, 0)
-            counts[name][case.block] = before + count(each, list(groups.values()), pixels)
-        first, names, windows = first + len(pixels), tuple(groups), windows + 1
-    assert first == len(network), "the predictions are those of the same windows"
-    measured = {
-        name: Measured(windows, np.stack(list(blocks.values())), fitted.probability[name])
-        for name, blocks in counts.items()
-    }
-    return names, measured
+def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int, Fitted], dict[str, Any]]:
+    """Fit the maps without a network to the logs outside of each fold; return them and the chosen settings."""
+    samples = {path: sample(path, predictor) for path in tqdm(paths, desc="sampling", disable=None)}
+    found, chosen = dict[int, Fitted](), dict[str, Any]()
+    for fold in range(FOLDS):
+        others = [path for path in paths if fold_of(path) != fold]
+        of_places: dict[str, list[Sample]] = defaultdict(list)
+        for path in others:
+            if path.name in DEVELOPMENT:
+                of_places[place_of(path)].append(samples[path])
+        settings = maps.tuned(of_places) if len(of_places) > 1 else dict(maps.CANDIDATES[0])
+        found[fold] = maps.fit([samples[path] for path in others], settings)
+        chosen[f"fold {fold}"] = {"constants": found[fold].constants, "boosting": settings}
+    return found, chosen
 
 
-def origin_of(weights: str) -> dict[str, str]:
-    """Return the checksums of a network, and of the code that cuts and labels windows."""
-    code = {module.__name__: sha256(Path(str(module.__file__))) for module in (logs, held_out)}
-    return {"weights": sha256(RESULTS / weights / "model.safetensors")} | code
+def predictions(batch: tuple[Case, ...], predictor: Predictor) -> np.ndarray:
+    """Predict the maps of some windows of one log as a user does, (B, H, W)."""
+    limited = predictor.with_range(batch[0].range_max_m)
+    return limited.predict(Scans.stack([case.window.scans for case in batch]), allow_empty=True)
 
 
-def compare_all(
-    paths: list[Path], weights: str, kept: Path, folds: int = 0, figure: Path | None = None
-) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Compare all maps of all logs; return the rows of the table and the chosen constants by log.
+@dataclass(frozen=True)
+class Compared:
+    """What held-out beams say of the maps of a log.
 
     Args:
-        paths: the logs.
-        weights: the network.
-        kept: the directory of maps and adapted networks.
-        folds: the network is adapted to the logs of all folds but one, if there are any.
-        figure: the file of five windows; None for none.
+        groups: the kinds of pixels, G.
+        counts: counts of pixels by score and map, (blocks, G, 2, 256).
+        ranked: AUROC of the first network in each window.
     """
-    predictor = load_trained(RESULTS / weights)
-    origin = origin_of(weights)
-    checksums, of_log = {path: sha256(path) for path in paths}, dict.fromkeys(paths, predictor)
-    if folds:
-        kept, weights = kept / f"adapted-{folds}", f"{weights}, adapted"
-        of_log = adapted(predictor, origin, checksums, kept, folds)
-        origin |= {"adapted_to": " ".join(checksums.values())}
-    levels: dict[Path, np.ndarray] = {}
-    fitted: dict[str, Fitted] = {}
-    rows: list[dict[str, Any]] = []
-    for path in paths:
-        maps = kept / weights / f"{path.name}.npz"
-        levels[path] = predictions(path, of_log[path], {"log": checksums[path], **origin}, maps)
-    for stands in sorted(set(map(is_standing, paths))):
-        kind = [path for path in paths if is_standing(path) == stands]
-        samples = {path.name: sample(path, predictor, levels[path]) for path in kind}
-        fitted |= {path.name: fit_others(samples, path.name) for path in kind}
-        about = {"weights": weights, "robot": "stands" if stands else "drives"}
-        rows += [about | row for row in compare_kind(kind, predictor, levels, fitted)]
-    if figure:
-        draw(choose(levels, predictor), of_log, fitted).savefig(figure, dpi=110)
-    return rows, {name: each.constants for name, each in fitted.items()}
+
+    groups: tuple[str, ...]
+    counts: dict[str, dict[str, np.ndarray]]
+    ranked: list[float]
 
 
-def compare_kind(
-    paths: list[Path], predictor: Predictor, levels: dict[Path, np.ndarray], fitted: dict[str, Fitted]
+def compare(path: Path, networks: Networks, fitted: Fitted) -> Compared:
+    """Compare all maps of a log with the held-out beams."""
+    counts: dict[str, dict[str, dict[int, np.ndarray]]] = defaultdict(lambda: defaultdict(dict))
+    names, ranked = tuple[str, ...](), list[float]()
+    predictors = {name: fast(of_log[path]) for name, of_log in networks.items()}
+    grid = next(iter(predictors.values())).grid
+    cases = iter(tqdm(cases_of(path, next(iter(predictors.values()))), desc=path.name, disable=None))
+    for batch in iter(lambda: tuple(islice(cases, BATCH)), ()):
+        images = {name: predictions(batch, predictor) for name, predictor in predictors.items()}
+        for number, case in enumerate(batch):
+            beside = around(case.pixels, grid.size_px)
+            pixels, place = np.unique(beside, return_inverse=True)
+            evidence = case.evidence(grid)
+            free = {name: each[number].ravel()[pixels] for name, each in images.items()}
+            free |= fitted.predict(evidence, pixels)
+            groups = case.groups(evidence.seen.ravel()[case.pixels])
+            for name, each in free.items():
+                levels = np.rint((LEVELS - 1) * each).astype(np.int64)[place.reshape(beside.shape)]
+                for score, own in ((OWN, levels[:, 4]), (WITHIN, levels.min(1))):
+                    before = counts[score][name].get(case.block, 0)
+                    counts[score][name][case.block] = before + count(own, list(groups.values()), case.pixels)
+                if name == next(iter(networks)):
+                    ranked.append(float(auroc(counts_of(levels[:, 4], case.free))))
+            names = tuple(groups)
+    stacked = {
+        score: {name: np.stack(list(blocks.values())) for name, blocks in of_maps.items()}
+        for score, of_maps in counts.items()
+    }
+    return Compared(names, stacked, ranked)
+
+
+def fast(predictor: Predictor) -> Predictor:
+    """Return the same predictor with faster kernels."""
+    network = copy.deepcopy(module_of(predictor))
+    accelerate(network, "cpu")
+    return with_module(predictor, network)
+
+
+def rows_of_kind(
+    paths: list[Path], compared: dict[Path, Compared], reference: str, *, stands: bool
 ) -> Iterator[dict[str, Any]]:
-    """Return the rows of logs of driving robots or of those of standing lidars, given the levels of the network."""
-    maps: dict[str, dict[str, Measured]] = defaultdict(dict)
-    groups = tuple[str, ...]()
-    for path in paths:
-        groups, measured = compare(path, predictor, levels[path], fitted[path.name])
-        for name, each in measured.items():
-            maps[name][path.name] = each
-    return rows_of(maps, groups, NETWORK)
+    """Yield the rows of logs of driving robots, or of those of standing lidars, by score."""
+    own = [path for path in paths if is_standing(path) == stands]
+    for score in (OWN, WITHIN):
+        measured: dict[str, dict[str, Measured]] = defaultdict(dict)
+        for path in own:
+            for name, each in compared[path].counts[score].items():
+                others = [compared[other] for other in paths if place_of(other) != place_of(path)]
+                shares = [_share(other.counts[score][name]) for other in others]
+                probability = calibrated(np.sum(shares, 0)) if score == WITHIN and shares else PROBABILITY
+                measured[name][path.name] = Measured(len(compared[path].ranked), each, probability)
+        about = {"robot": "stands" if stands else "drives", "score": score}
+        for row in rows_of(measured, compared[own[0]].groups, reference, sets_of(own)):
+            yield about | row
+
+
+def _share(counts: np.ndarray) -> np.ndarray:
+    """Return the pixels of a log in each level as if there were a million, of the first kind, all pixels, (2, 256)."""
+    total = counts[:, 0].sum(0)
+    return 1e6 * total / total.sum()
+
+
+def sets_of(paths: list[Path]) -> dict[str, list[str]]:
+    """Return the logs over which is averaged: of all places that have one, and of those that chose nothing."""
+    names = [path.name for path in paths]
+    if is_standing(paths[0]):
+        return {f"all {len(names)}": names}
+    carmen = [name for name in names if name.endswith(".gz")]
+    unused = [name for name in carmen if name not in DEVELOPMENT]
+    sets = {f"CARMEN, all {len(carmen)}": carmen, f"CARMEN, the {len(unused)} that chose nothing": unused}
+    sets["Wean Hall"] = [name for name in names if name not in carmen]
+    return {title: found for title, found in sets.items() if found}
 
 
 def main() -> None:
-    """Compare all networks with all logs."""
+    """Compare all maps with all logs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("logs", nargs="+", type=Path)
-    parser.add_argument("--weights", nargs="+", default=WEIGHTS, help="directories below reproduce/results")
+    parser.add_argument("--adapted", help="weights, which are adapted to other logs than the tested ones")
+    parser.add_argument("--weights", nargs="*", default=[], help="weights, which are tested as they are")
     parser.add_argument("--target", type=Path, default=TARGET)
-    parser.add_argument("--kept", type=Path, default=KEPT)
-    parser.add_argument("--folds", type=int, default=0, help="adapt the networks to the logs of all folds but one")
-    parser.add_argument("--save", type=Path, help="only adapt the first network to all logs, below this directory")
+    parser.add_argument("--kept", type=Path, default=KEPT, help="adapted networks")
+    parser.add_argument("--save", type=Path, help="also adapt the network to all logs, in this directory")
     options = parser.parse_args()
-    if options.save:
-        checksums = {path: sha256(path) for path in options.logs}
-        predictor, origin = load_trained(RESULTS / options.weights[0]), origin_of(options.weights[0])
-        adapted_to(predictor, origin, checksums, labels_of(predictor, options.logs), options.save)
-        return
     origin = environment()  # before the results change the working tree
-    options.target.mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
-    constants: dict[str, Any] = {}
+    networks: Networks = {}
+    if options.adapted:
+        with one_thread():
+            if options.save:
+                adapted_to_all(options.adapted, options.logs, options.save)
+            networks[f"{options.adapted}, adapted"] = adapted(options.adapted, options.logs, options.kept)
+    networks |= {name: dict.fromkeys(options.logs, load_trained(name)) for name in options.weights}
+    reference = next(iter(networks.values()))[options.logs[0]]
+    rows = list[dict[str, Any]]()
     with one_thread():
-        for weights in options.weights:
-            figure = options.target / "windows.png" if weights == options.weights[0] else None
-            of_weights, chosen = compare_all(options.logs, weights, options.kept, options.folds, figure)
-            rows += of_weights
-            constants[of_weights[0]["weights"]] = chosen
-            write(rows, constants, options, origin)
+        by_fold, chosen = fitted_by_fold(options.logs, reference)
+        fitted = {path: by_fold[fold_of(path)] for path in options.logs}
+        compared = {path: compare(path, networks, fitted[path]) for path in options.logs}
+        for stands in sorted(set(map(is_standing, options.logs))):
+            rows += rows_of_kind(options.logs, compared, next(iter(networks)), stands=stands)
+        options.target.mkdir(parents=True, exist_ok=True)
+        ranked = {path: each.ranked for path, each in compared.items()}
+        draw(ranked, next(iter(networks.values())), fitted).savefig(options.target / "windows.png", dpi=110)
+    write(rows, chosen, options, origin)
 
 
-def write(rows: list[dict[str, Any]], constants: dict[str, Any], options: argparse.Namespace, origin: Any) -> None:
-    """Write the rows so far, means first, with their origin, and print the means."""
+def write(rows: list[dict[str, Any]], chosen: dict[str, Any], options: argparse.Namespace, origin: Any) -> None:
+    """Write the rows with their origin, and print the means."""
     table = pd.DataFrame(rows)
-    table = table.sort_values("log", key=lambda logs: logs != MEAN, kind="stable")
     write_text(options.target / "held_out.csv", table.to_csv(index=False, float_format="%.4f"))
     checksums = {path.name: sha256(path) for path in options.logs}
-    write_json(options.target / "provenance.json", {"logs": checksums, "constants": constants, **origin})
-    shown = ["weights", "robot", "map", "pixels", "auroc", "less_auroc", "less_auroc_low", "less_auroc_high"]
-    print(table.loc[table["log"] == MEAN, shown].to_string())
+    write_json(options.target / "provenance.json", {"logs": checksums, "chosen": chosen, **origin})
+    shown = ["robot", "score", "logs", "map", "pixels", "log_loss", "auroc", "less_log_loss", "less_log_loss_low"]
+    print(table.loc[table["count"] > 1, [*shown, "less_log_loss_high"]].to_string())
 
 
 if __name__ == "__main__":

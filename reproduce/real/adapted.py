@@ -1,58 +1,72 @@
-"""Networks that are adapted to logs and tested on others: as many as folds, each to the logs outside of its fold."""
+"""Networks that are adapted to the logs of some places and tested on those of others."""
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from repro.learning import adaptation
+from repro.learning import adaptation, rehearsal
 from repro.learning.adaptation import Labeled, adapt, label
 from repro.learning.networks.trained import load_trained, save_trained
+from repro.learning.rehearsal import rehearsed
 from repro.networks.predictor import Predictor
+from repro.networks.weights import locate
 from repro.runs.devices import resolve_precision
+from repro.runs.provenance import environment
 from repro.system.files import read_mapping, sha256, write_json
-from reproduce.real.logs import VIEW, log_of
+from reproduce.real.logs import FOLDS, VIEW, fold_of, log_of
 
 SOURCE = "adapted_to.json"
-Labels = Callable[[Path], tuple[Labeled, Labeled]]
+CODE = {module.__name__: sha256(Path(str(module.__file__))) for module in (adaptation, rehearsal)}
 
 
-def adapted(
-    predictor: Predictor, origin: dict[str, str], logs: dict[Path, str], kept: Path, folds: int
-) -> dict[Path, Predictor]:
-    """Return the network that is tested with each log.
+def adapted(weights: str, paths: list[Path], kept: Path) -> dict[Path, Predictor]:
+    """Return the network that is tested with each log: the one that is adapted to the logs of the other folds.
 
     Args:
-        predictor: the network before.
-        origin: checksums of its weights, and of the code that labels windows.
-        logs: checksums of the logs; log k is in fold k modulo the number of folds.
+        weights: the network before.
+        paths: the logs.
         kept: the directory from which adapted networks are read, or to which they are written.
-        folds: number of folds.
     """
-    paths, found = list(logs), dict[Path, Predictor]()
-    labels = labels_of(predictor, paths)
-    for fold in range(folds):
-        others = {path: logs[path] for number, path in enumerate(paths) if number % folds != fold}
-        network = adapted_to(predictor, origin, others, labels, kept / f"fold-{fold}")
-        found |= dict.fromkeys(paths[fold::folds], network)
-    return found
+    networks = [
+        adapted_to(weights, tuple(path for path in paths if fold_of(path) != fold), paths, kept / f"fold-{fold}")
+        for fold in range(FOLDS)
+    ]
+    return {path: networks[fold_of(path)] for path in paths}
 
 
-def labels_of(predictor: Predictor, paths: list[Path]) -> Labels:
-    """Return a function that labels the windows of one of some logs, once, with its place among them as the seed."""
-    return cache(lambda path: label(*log_of(path, predictor), predictor, VIEW, seed=paths.index(path)))
+def adapted_to_all(weights: str, paths: list[Path], directory: Path) -> Predictor:
+    """Return the network that is adapted to all logs, from a directory or into it."""
+    return adapted_to(weights, tuple(paths), paths, directory)
 
 
-def adapted_to(
-    predictor: Predictor, origin: dict[str, str], logs: dict[Path, str], labels: Labels, directory: Path
-) -> Predictor:
-    """Return a network that is adapted to logs with their labels, from a directory or into it, see `adapted`."""
-    names = {path.name: checksum for path, checksum in logs.items()}
-    source = {**origin, "adaptation": sha256(Path(adaptation.__file__)), **names}
-    if not (directory / SOURCE).is_file() or read_mapping(directory / SOURCE, "networks adapted to logs") != source:
-        print(f"adapting to {', '.join(names)}", flush=True)
+def adapted_to(weights: str, chosen: tuple[Path, ...], paths: list[Path], directory: Path) -> Predictor:
+    """Return a network that is adapted to chosen ones of all logs, from a directory or into it."""
+    source = {
+        "weights": sha256(locate(weights) / "model.safetensors"),
+        **CODE,
+        **{path.name: sha256(path) for path in chosen},
+    }
+    done = directory / SOURCE
+    if not done.is_file() or {k: v for k, v in read_mapping(done, "adapted").items() if k in source} != source:
+        print(f"adapting to {', '.join(path.name for path in chosen)}", flush=True)
+        labels = {path: labels_of(path, weights, seed) for seed, path in enumerate(paths)}
+        simulated = rehearsed_of(weights, sum(len(train.pairs) for train, _ in labels.values()))
         precision = resolve_precision("auto", "cpu")
-        network, before, after = adapt(predictor, list(map(labels, logs)), precision=precision)
+        known = [labels[path] for path in chosen]
+        network, before, after = adapt(load_trained(weights), known, simulated, precision=precision)
         print(f"validation loss: {before:.4f} before, {after:.4f} adapted", flush=True)
         save_trained(network, directory / "model")
-        write_json(directory / SOURCE, source)
+        write_json(done, source | {"validation_loss_before": before, "validation_loss": after, **environment()})
     return load_trained(directory / "model")
+
+
+@cache
+def labels_of(path: Path, weights: str, seed: int) -> tuple[Labeled, Labeled]:
+    """Label the windows of a log."""
+    predictor = load_trained(weights)
+    return label(*log_of(path, predictor), predictor, VIEW, seed=seed)
+
+
+@cache
+def rehearsed_of(weights: str, windows: int) -> Labeled:
+    """Record the simulated windows for so many windows of logs."""
+    return rehearsed(load_trained(weights), windows)

@@ -1,142 +1,111 @@
-"""What the scans of a window show of each pixel, and maps from it without a network: counts, regression."""
-
-from dataclasses import dataclass
+"""What the scans of a window show of each pixel: the features of maps without a network."""
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, uniform_filter
-from sklearn.linear_model import LogisticRegression
-from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.preprocessing import StandardScaler
+from scipy.ndimage import distance_transform_edt, gaussian_filter, uniform_filter
 
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.maps.series import Series
 from repro.maps.visibility import newest_passed
-from repro.metrics.counts import LEVELS
 from repro.scans import Scans
-from reproduce.real.logs import Case
-from reproduce.real.measures import neighbors
 
-PARTS = 10  # of a window, in which hits and passes are counted
-UNSEEN_BAND, PASSED_BAND = LEVELS // 2, 3 * LEVELS // 4  # first levels of unseen and of passed pixels; last hits from 0
+PARTS, LAST = 10, 3  # parts of a window in which hits and passes are counted; newest ones that are told apart
+BLURS_PX, LAST_BLURS_PX = (0.7, 1.5, 3.0, 6.0, 12.0), (0.7, 2.0)
+ALONG_PX, BEYOND_PX, RAY_SAMPLES = 15, 8, 64  # pixels along a line to both sides; on the ray behind; samples before
 NEIGHBORHOOD_M, WALL_M = 1.0, 5.0  # side of the square whose hits give the direction of a wall; how far it is continued
-CENTER = 4  # of the nine pixels within one pixel
 LINEAR = 0.1  # largest ratio of the variances across and along a wall
-QUANTITIES = ("odds", "hits", "passes", "age", "to_hit", "to_passed", "to_robot", "to_wall")  # of a regression
-SQUARED = ("to_hit", "to_passed", "to_robot", "to_wall")
+COUNTS = ("hit", "seen", "odds", "hits", "passes", "age", "to_hit", "to_passed", "to_robot", "to_wall")
 
 
-@dataclass(frozen=True)
 class Evidence:
-    """What a window shows of pixels, arrays of one shape; all but the first two are logarithms.
+    """What one window, (T, N), on the map shows of its pixels.
+
+    `hit` is a pixel that a beam hit and none passed over later, `seen` one with either. `odds` are those of a pass
+    against a hit, from the parts of the window with either; `hits` and `passes` are the parts with a hit and with a
+    pass, `age` the steps since it was last seen, `to_hit`, `to_passed`, `to_robot` and `to_wall` the distances to the
+    last hits, to pixels that were seen and are no last hits, to the last pose, and to the last hits with straight
+    continuations of walls [px]. All but `hit` and `seen` are logarithms.
 
     Args:
-        hit: whether a beam hit the pixel and none passed over it later.
-        seen: whether any beam hit it or passed over it.
-        odds: the odds of a pass against a hit, from the parts of the window with either.
-        hits: one more than the parts of the window with a hit.
-        passes: one more than the parts of the window with a pass.
-        age: one more than the steps since it was last seen.
-        to_hit: distance to the last hits [px].
-        to_passed: distance to the pixels that were seen and are no last hits [px].
-        to_robot: one more than the distance to the last pose [px].
-        to_wall: distance to the last hits and the straight continuations of walls over unseen pixels [px].
+        scans: the window.
+        grid: grid of the map.
+        range_max_m: maximum range of the lidar [m].
     """
 
-    hit: np.ndarray
-    seen: np.ndarray
-    odds: np.ndarray
-    hits: np.ndarray
-    passes: np.ndarray
-    age: np.ndarray
-    to_hit: np.ndarray
-    to_passed: np.ndarray
-    to_robot: np.ndarray
-    to_wall: np.ndarray
+    def __init__(self, scans: Scans, grid: Grid, range_max_m: float) -> None:
+        window = scans.batched()
+        last_hit = newest_hits(window, grid)[0]
+        last_passed = newest_passed(window, grid, range_max_m)[0]
+        newest = np.maximum(last_hit, last_passed)
+        images = Series(PARTS, range_max_m).encode(window, grid)[0] == 0
+        self.hit_parts, self.passed_parts = images[:PARTS].astype(np.float32), images[PARTS:].astype(np.float32)
+        hits, passes = self.hit_parts.sum(0), self.passed_parts.sum(0)
+        self.seen, self.hit = newest > 0, (last_hit > 0) & (last_hit >= last_passed)
+        offsets = grid.centers().reshape(*self.hit.shape, 2) - scans.poses[-1, :2]
+        self.offsets_px, self.heading = offsets / grid.resolution_m, float(scans.poses[-1, 2])
+        self.odds = np.log((passes + 0.5) / (hits + 0.5))
+        self.hits, self.passes = np.log1p(hits), np.log1p(passes)
+        self.age = np.log1p(scans.ranges.shape[0] - newest)
+        self.to_hit, self.to_passed = _log_distance(self.hit), _log_distance(self.seen & ~self.hit)
+        self.to_robot = np.log1p(np.linalg.norm(self.offsets_px, axis=-1))
+        self.to_wall = _log_distance(self.hit | (continued_walls(self.hit, grid) & ~self.seen))
 
-    def at(self, pixels: np.ndarray) -> "Evidence":
-        """Return the evidence at flat indices of pixels, in their shape, in float32."""
-        kept = {name: values.ravel()[pixels] for name, values in vars(self).items()}
-        return Evidence(
-            **{name: each if each.dtype == bool else each.astype(np.float32) for name, each in kept.items()}
-        )
+    def counts(self, pixels: np.ndarray) -> np.ndarray:
+        """Return the quantities of `COUNTS` at flat indices of pixels, (P,) to (P, 10)."""
+        return np.stack([getattr(self, name).ravel()[pixels] for name in COUNTS], axis=1).astype(np.float32)
 
-    def design(self) -> np.ndarray:
-        """Return the features of a regression, (pixels, F): for each kind of pixel a constant, slopes and squares."""
-        columns = [getattr(self, name).ravel() for name in QUANTITIES]
-        columns += [getattr(self, name).ravel() ** 2 for name in SQUARED]
-        kinds = np.stack([self.hit, self.seen & ~self.hit, ~self.seen]).reshape(3, 1, -1)
-        return (kinds * np.stack([np.ones_like(columns[0]), *columns])).reshape(-1, self.hit.size).T
+    def features(self, pixels: np.ndarray) -> np.ndarray:
+        """Return all features at flat indices of pixels, (P,) to (P, F): counts, blurs, position, lines, ray."""
+        hits, passes = self.hit_parts.sum(0), self.passed_parts.sum(0)
+        images = [gaussian_filter(image, blur) for image in (hits, passes) for blur in BLURS_PX]
+        for parts in (self.hit_parts, self.passed_parts):
+            images += [gaussian_filter(part, blur) for part in parts[-LAST:] for blur in LAST_BLURS_PX]
+        columns = [self.counts(pixels), np.stack([image.ravel()[pixels] for image in images], axis=1)]
+        columns += [self._position(pixels), self._lines(pixels), self._ray(pixels)]
+        return np.concatenate(columns, axis=1).astype(np.float32)
 
+    def _position(self, pixels: np.ndarray) -> np.ndarray:
+        """Return the place along and across the heading of the robot [px], and its bearing, (P, 3)."""
+        along, across = self._directions()
+        offsets = self.offsets_px.reshape(-1, 2)[pixels]
+        x, y = offsets @ along, offsets @ across
+        return np.stack([x, y, np.arctan2(y, x)], axis=1)
 
-def join(parts: list[Evidence]) -> Evidence:
-    """Return the evidence of several windows, one after the other."""
-    return Evidence(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+    def _directions(self) -> tuple[np.ndarray, np.ndarray]:
+        cosine, sine = np.cos(self.heading), np.sin(self.heading)
+        return np.array([cosine, sine]), np.array([-sine, cosine])
 
+    def _lines(self, pixels: np.ndarray) -> np.ndarray:
+        """Return hits and passes on the lines along and across the heading, to both sides, (P, 16)."""
+        columns, steps = [], np.arange(1, ALONG_PX + 1)
+        for direction in self._directions():
+            for sign in (-1, 1):
+                hits, passes, _ = self._sampled(pixels, steps[None, :, None] * (sign * direction))
+                nearest = np.where(hits.any(1), (hits > 0).argmax(1), ALONG_PX)
+                columns += [hits.max(1), hits.sum(1), nearest, passes.sum(1)]
+        return np.stack(columns, axis=1)
 
-def evidence_of(scans: Scans, grid: Grid, range_max_m: float) -> Evidence:
-    """Collect the evidence of one window, (T, N), on the map."""
-    window = scans.batched()
-    last_hit = newest_hits(window, grid)[0]
-    last_passed = newest_passed(window, grid, range_max_m)[0]
-    newest = np.maximum(last_hit, last_passed)
-    seen, hit = newest > 0, (last_hit > 0) & (last_hit >= last_passed)
-    images = Series(PARTS, range_max_m).encode(window, grid)[0] == 0
-    hits, passes = images[:PARTS].sum(0), images[PARTS:].sum(0)
-    from_robot = grid.centers().reshape(*hit.shape, 2) - scans.poses[-1, :2]
-    walls = hit | (continued_walls(hit, grid) & ~seen)
-    return Evidence(
-        hit=hit,
-        seen=seen,
-        odds=np.log((passes + 0.5) / (hits + 0.5)),
-        hits=np.log1p(hits),
-        passes=np.log1p(passes),
-        age=np.log1p(scans.ranges.shape[0] - newest),
-        to_hit=_log_distance(hit),
-        to_passed=_log_distance(seen & ~hit),
-        to_robot=np.log1p(np.linalg.norm(from_robot, axis=-1) / grid.resolution_m),
-        to_wall=_log_distance(walls),
-    )
+    def _ray(self, pixels: np.ndarray) -> np.ndarray:
+        """Return hits, unseen and passed pixels on the ray from the robot to a pixel, and hits behind it, (P, 6)."""
+        offsets = self.offsets_px.reshape(-1, 2)[pixels][:, None]
+        before = np.linspace(-1, 0, RAY_SAMPLES, endpoint=False)[:, None] * offsets
+        hits, passes, seen = self._sampled(pixels, before)
+        distance = np.linalg.norm(offsets, axis=-1, keepdims=True).clip(1)
+        behind, passed_behind, _ = self._sampled(pixels, np.arange(1, BEYOND_PX + 1)[:, None] * offsets / distance)
+        shares = [hits.max(1), hits.mean(1) * distance[:, 0, 0], 1 - seen.mean(1), (passes > 0).mean(1)]
+        return np.stack([*shares, behind.max(1), passed_behind.mean(1)], axis=1)
 
-
-def evidence_at(case: Case, grid: Grid, pixels: np.ndarray) -> Evidence:
-    """Return the evidence of pixels, (P,), and of those around them, (P, 9)."""
-    return evidence_of(case.window.scans, grid, case.range_max_m).at(neighbors(pixels, grid.size_px))
-
-
-def score_map(evidence: Evidence, distance_weight: float, passed_weight: float) -> np.ndarray:
-    """Rank last hits below unseen and these below passed pixels, and the pixels of each kind by counts and distances.
-
-    Last hits and passed pixels are ranked by the odds of a pass and the distance to the last hits, unseen pixels by
-    the distances to the last hits and to the passed pixels.
-
-    Returns:
-        levels from 0, the last hits, to 255, certainly free: unseen pixels from 128 and passed ones from 192 on.
-    """
-    seen = _scaled(evidence.odds + distance_weight * evidence.to_hit, -3.1, 8.0)
-    unseen = _scaled(evidence.to_hit - passed_weight * evidence.to_passed, -5.0, 5.2)
-    passed = PASSED_BAND + seen * (LEVELS - PASSED_BAND)
-    levels = np.where(evidence.seen, passed, UNSEEN_BAND + unseen * (PASSED_BAND - UNSEEN_BAND))
-    return np.where(evidence.hit, seen * UNSEEN_BAND, levels).astype(np.int64)
-
-
-def fit(evidence: Evidence, free: np.ndarray) -> Pipeline:
-    """Fit a logistic regression of free, bool, (P,), on the evidence of pixels and those around them, (P, 9).
-
-    A map is compared by the lowest level within one pixel. So a first regression, on the pixels themselves, tells which
-    of the nine decides, and a second one is fitted to these.
-    """
-    design = evidence.design().reshape(*evidence.hit.shape, -1)
-    model = make_pipeline(StandardScaler(), LogisticRegression(solver="newton-cholesky"))
-    model.fit(design[:, CENTER], free)
-    logit = model.decision_function(design.reshape(-1, design.shape[-1])).reshape(design.shape[:2])
-    return model.fit(design[np.arange(len(design)), logit.argmin(1)], free)
-
-
-def regression_map(evidence: Evidence, model: Pipeline) -> np.ndarray:
-    """Rank pixels by a regression; levels are 12 per unit of its logit, and obstacles are below 127.5."""
-    logit = model.decision_function(evidence.design()).reshape(evidence.hit.shape)
-    return np.clip(np.rint((LEVELS - 1) / 2 + 12 * logit), 0, LEVELS - 1).astype(np.int64)
+    def _sampled(self, pixels: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return parts with a hit, parts with a pass, and whether a pixel was seen, at offsets x, y [px], (P, S)."""
+        size = len(self.hit)
+        row, column = np.divmod(pixels, size)
+        rows = np.rint(row[:, None] - offsets[..., 1]).astype(np.int32)
+        columns = np.rint(column[:, None] + offsets[..., 0]).astype(np.int32)
+        is_inside = (rows >= 0) & (rows < size) & (columns >= 0) & (columns < size)
+        places = np.where(is_inside, rows * size + columns, 0)
+        images = self.hit_parts.sum(0), self.passed_parts.sum(0), self.seen
+        hits, passes, seen = (np.where(is_inside, image.ravel()[places], 0) for image in images)
+        return hits, passes, seen
 
 
 def continued_walls(hit: np.ndarray, grid: Grid) -> np.ndarray:
@@ -175,8 +144,3 @@ def _log_distance(pixels: np.ndarray) -> np.ndarray:
     if not pixels.any():
         return np.full(pixels.shape, np.log(len(pixels)))
     return np.log(np.maximum(distance_transform_edt(~pixels), 1.0))
-
-
-def _scaled(score: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Scale a score to 0 to 0.999."""
-    return np.clip((score - low) / (high - low), 0, 0.999)

@@ -5,11 +5,14 @@ Logs of driving robots are gzipped CARMEN files with poses corrected by a scan m
 such that the robot drives as far in a window as in the training, but at most ten steps have the same scan. The view is
 90 degrees straight ahead.
 
+The logs of Wean Hall are text with true times and the poses of odometry alone.
+
 Bags of a standing lidar have no poses. A view of 90 degrees swings by 45 degrees to both sides. The beams that are held
 out are those that it sweeps and does not have at the end of the window.
 """
 
 import gzip
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from repro.learning.held_out import View, labeled
+from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, observed
 from repro.prediction.carmen import carmen_scans
@@ -24,9 +28,18 @@ from repro.prediction.logs import ReadOptions, ScanLog, collect
 from repro.prediction.readers import read_log
 from repro.prediction.times import WindowSettings, window_of
 from repro.prediction.windows import Window, spaced_by_distance
+from reproduce.real.evidence import Evidence
 
 VIEW = View()
 STRIDE, STANDING_STRIDE = 10, 5  # steps between the ends of windows of a driving robot and of a standing lidar
+FOLDS = 3
+PLACES = (  # in the order of the folds
+    *("acapulco", "aces", "belgioioso", "csail", "edmonton", "fhw", "freiburg", "infinite", "intel", "orebro"),
+    *("positive", "robotdata", "seattle"),
+)
+DEVELOPMENT = tuple(f"{name}-corrected.log.gz" for name in ("csail", "freiburg-079", "intel", "seattle"))
+MAX_WINDOWS = 250  # of a log, evenly over it
+NO_RETURN_CM = 8183.0  # and more, in a log of Wean Hall
 NEARER_M = 0.4  # than the median of its beam over the log: a reading of something that moves
 BLOCK_S = 10.0  # windows of a bag that are drawn together
 
@@ -64,6 +77,10 @@ class Case:
         limited = predictor.with_range(self.range_max_m)
         return limited.predict(self.window.scans, allow_empty=True)[0]
 
+    def evidence(self, grid: Grid) -> Evidence:
+        """Return what the window shows of its map."""
+        return Evidence(self.window.scans, grid, self.range_max_m)
+
     def groups(self, seen: np.ndarray) -> dict[str, Observed]:
         """Return the pixels that are compared, by kind.
 
@@ -86,6 +103,18 @@ def is_standing(path: Path) -> bool:
     return path.suffix == ".bag"
 
 
+def place_of(path: Path) -> str:
+    """Return the building or campus of a log, the first word of its name; logs of one place are never apart."""
+    return re.match("[a-z]+", path.name)[0]  # type: ignore[index]
+
+
+def fold_of(path: Path) -> int:
+    """Return the fold of a log, that of its place."""
+    place = place_of(path)
+    number = PLACES.index(place) if place in PLACES else int.from_bytes(place.encode(), "big")
+    return number % FOLDS
+
+
 def cases_of(path: Path, predictor: Predictor) -> Iterator[Case]:
     """Yield the windows of a log of a driving robot (gzipped CARMEN) or of a standing lidar (ROS 1 bag)."""
     return (standing if is_standing(path) else driving)(path, predictor)
@@ -97,18 +126,37 @@ def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
     It drives as far as in ten scans if that is more.
     """
     log, settings = log_of(path, predictor)
-    for window, clear in labeled(log, settings, STRIDE, predictor.grid, VIEW):
+    for window, clear in labeled(log, settings, stride_of(log, settings, STRIDE), predictor.grid, VIEW):
         yield Case(window, min(log.range_max_m, VIEW.range_max_m), clear)
 
 
+def stride_of(log: ScanLog, settings: WindowSettings, least: float) -> float:
+    """Return the steps between the ends of two windows, of which there are `MAX_WINDOWS` at most."""
+    steps = (log.stamps[-1] - log.stamps[0] - settings.duration_s) / settings.step_s
+    return max(least, steps / MAX_WINDOWS)
+
+
 def log_of(path: Path, predictor: Predictor) -> tuple[ScanLog, WindowSettings]:
-    """Read a gzipped CARMEN log, whose scans are spaced by distance, or a bag of a standing lidar."""
+    """Read a gzipped CARMEN log, whose scans are spaced by distance, a log of Wean Hall, or a bag."""
     settings = window_of(predictor)
     if is_standing(path):
         return read_log(path, settings, ReadOptions(pose=(0.0, 0.0, 0.0))), settings
+    if path.suffix != ".gz":
+        return wean_hall(path), settings
     with gzip.open(path, "rt", encoding="utf-8", errors="replace") as lines:
         log = collect(carmen_scans(lines, path), path, WindowSettings(spacing="distance"))
     return log, spaced_by_distance(log, settings, predictor.statistics)
+
+
+def wean_hall(path: Path) -> ScanLog:
+    """Read a log of Wean Hall: lines of `L`, poses of robot and lidar, 180 ranges of half a turn [cm, rad], time."""
+    rows = [line.split()[1:] for line in path.read_text(encoding="ascii").splitlines() if line.startswith("L ")]
+    table = np.array(rows, float)
+    ranges = np.where(table[:, 6:-1] < NO_RETURN_CM, table[:, 6:-1] / 100, np.inf).astype(np.float32)
+    poses = table[:, 3:6] * [0.01, 0.01, 1]
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    angles = np.radians(np.arange(ranges.shape[1]) - 89.5)
+    return ScanLog(table[:, -1], ranges, angles, poses, range_max_m=NO_RETURN_CM / 100)
 
 
 def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
@@ -117,7 +165,7 @@ def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
     is_moving = log.ranges < np.median(np.nan_to_num(log.ranges, nan=np.inf, posinf=np.inf), axis=0) - NEARER_M
     reach_m = min(log.range_max_m, VIEW.range_max_m)
     first_s = log.stamps[0] + (predictor.steps - 1) * predictor.step_s
-    for window, clear in labeled(log, settings, STANDING_STRIDE, grid, VIEW):
+    for window, clear in labeled(log, settings, stride_of(log, settings, STANDING_STRIDE), grid, VIEW):
         assert window.held_out, "the lidar sees beyond the view"
         number = int(np.searchsorted(log.stamps, window.stamp))
         moving = replace(window.held_out, ranges=np.where(is_moving[number], window.held_out.ranges, np.nan))

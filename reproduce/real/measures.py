@@ -14,7 +14,6 @@ from repro.prediction.agreement import Observed
 
 MEASURES = ("auroc", "brier", "log_loss", "hits_share", "free_share", "calibration_error")
 COMPARED = 3  # the first measures, of which the table has differences
-MEAN = "mean"
 
 
 @dataclass(frozen=True)
@@ -32,28 +31,29 @@ class Measured:
     probability: np.ndarray
 
 
-def neighbors(pixels: np.ndarray, size_px: int) -> np.ndarray:
-    """Return the flat indices of the pixels within one pixel of others, (P,) to (P, 9), these in the middle."""
+def around(pixels: np.ndarray, size_px: int) -> np.ndarray:
+    """Return the flat indices of pixels and of those beside them, (P,) to (P, 9), their own in the middle."""
     row, column = np.divmod(pixels[:, None], size_px)
     up, right = np.divmod(np.arange(9), 3)
     return (row + up - 1).clip(0, size_px - 1) * size_px + (column + right - 1).clip(0, size_px - 1)
 
 
 def count(levels: np.ndarray, groups: list[Observed], pixels: np.ndarray) -> np.ndarray:
-    """Count pixels by kind, truth, hits first, and the lowest level within one pixel, (G, 2, 256).
-
-    Poses and grids are not exact, so every pixel takes the lowest level within one pixel, hits and passed pixels alike.
-    A map that does not depend on the scan thus has an AUROC of 0.5.
+    """Count pixels by kind, truth, hits first, and level, (G, 2, 256).
 
     Args:
-        levels: levels of the pixels and of those around them, (P, 9).
+        levels: levels of the pixels, (P,).
         groups: what held-out beams show, by kind, G.
         pixels: flat indices of the pixels, (P,).
     """
-    lowest = levels.min(1)
     masks = [mask.ravel()[pixels] for group in groups for mask in (group.hits, group.passed)]
-    counts = [np.bincount(lowest[mask], minlength=LEVELS) for mask in masks]
+    counts = [np.bincount(levels[mask], minlength=LEVELS) for mask in masks]
     return np.stack(counts).reshape(len(groups), 2, LEVELS)
+
+
+def counts_of(levels: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Count pixels by truth, hits first, and level, from (P,) and (P,), (2, 256)."""
+    return np.stack([np.bincount(levels[free == truth], minlength=LEVELS) for truth in (0, 1)])
 
 
 def auroc(counts: np.ndarray) -> np.ndarray:
@@ -106,47 +106,41 @@ def mean_over_logs(values: np.ndarray) -> np.ndarray:
         return (weights * np.nan_to_num(values)).sum(1) / weights.sum(1)
 
 
-def rows_of(maps: dict[str, dict[str, Measured]], groups: tuple[str, ...], network: str) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a table: the mean over the logs of each map and kind of pixels, then each log.
+def rows_of(
+    maps: dict[str, dict[str, Measured]], groups: tuple[str, ...], reference: str, sets: dict[str, list[str]]
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table: for each map and kind of pixels the mean over each set of logs, then each log.
 
-    `less_<measure>` is that of the network less that of the map, a positive one better for the AUROC and a negative one
-    for the others. Means have intervals of 95 % from logs drawn with replacement, and within them blocks.
+    `less_<measure>` is that of the reference less that of the map, a positive one better for the AUROC and a negative
+    one for the others. Means have intervals of 95 % from logs drawn with replacement, and within them blocks.
 
     Args:
         maps: what is measured, by the name of the map and that of the log.
         groups: names of the kinds of pixels, G.
-        network: the map with which the others are compared.
+        reference: the map with which the others are compared.
+        sets: names of logs, by what is said of them.
     """
     values = {
-        name: np.stack([drawn(measured, seed) for seed, measured in enumerate(logs.values())], axis=1)
+        name: {log: drawn(measured, seed) for seed, (log, measured) in enumerate(logs.items())}
         for name, logs in maps.items()
     }
-    for name, logs in maps.items():
-        means = mean_over_logs(values[name])
-        less = mean_over_logs(values[network] - values[name])
-        totals = np.stack([each.counts.sum((0, 3)) for each in logs.values()])  # (logs, G, 2)
-        for number, group in enumerate(groups):
-            defined = int(np.isfinite(values[name][0, :, number, 0]).sum())
-            row: dict[str, Any] = {
-                "map": name,
-                "pixels": group,
-                "log": MEAN,
-                "windows": sum(each.windows for each in logs.values()),
-            }
-            row |= _sizes(totals[:, number].sum(0)) | {"logs": defined} | _intervals(MEASURES, means[:, number])
-            if name != network:
-                row |= _intervals([f"less_{each}" for each in MEASURES[:COMPARED]], less[:, number])
-            yield row
-    for name, logs in maps.items():
-        for place, (log, measured) in enumerate(logs.items()):
+    every = {log: [log] for log in next(iter(maps.values()))}
+    for title, chosen in {**sets, **every}.items():
+        for name, logs in maps.items():
+            own = np.stack([values[name][log] for log in chosen], axis=1)
+            means = mean_over_logs(own)
+            less = mean_over_logs(np.stack([values[reference][log] for log in chosen], axis=1) - own)
+            totals = sum(logs[log].counts.sum((0, 3)) for log in chosen)  # (G, 2)
             for number, group in enumerate(groups):
-                row = {"map": name, "pixels": group, "log": log, "windows": measured.windows}
-                row |= _sizes(measured.counts[:, number].sum((0, 2)))
-                yield row | dict(zip(MEASURES, values[name][0, place, number], strict=True))
-
-
-def _sizes(totals: np.ndarray) -> dict[str, int]:
-    return {"hits": int(totals[0]), "passed": int(totals[1])}
+                row: dict[str, Any] = {"logs": title, "count": len(chosen), "map": name, "pixels": group}
+                row["windows"] = sum(logs[log].windows for log in chosen)
+                row |= {"hits": int(totals[number, 0]), "passed": int(totals[number, 1])}
+                if len(chosen) > 1:
+                    row |= _intervals(MEASURES, means[:, number])
+                    row |= _intervals([f"less_{each}" for each in MEASURES[:COMPARED]], less[:, number])
+                else:
+                    row |= dict(zip(MEASURES, means[0, number], strict=True))
+                yield row
 
 
 def _intervals(names: Any, means: np.ndarray) -> dict[str, float]:

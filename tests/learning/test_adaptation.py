@@ -12,12 +12,15 @@ from conftest import ROOT, read_calls
 from repro.cli.jobs import Job
 from repro.cli.tasks import adapt as task
 from repro.learning import adaptation
-from repro.learning.adaptation import SEEN, UNKNOWN, PartialLoss, adapt, label
+from repro.learning.adaptation import HIDDEN, UNKNOWN, Labeled, PartialLoss, adapt, calibrate, label
 from repro.learning.held_out import View, labeled, turns_of
 from repro.learning.networks.trained import load_trained, module_of
+from repro.learning.rehearsal import SHARE, rehearsed
+from repro.maps.series import Series
 from repro.maps.statistics import Statistics
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import window_of
+from repro.recordings.datasets import Pairs
 from repro.scans import wrapped
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
@@ -78,8 +81,7 @@ def test_labels_are_free_obstacle_or_unknown_and_of_separate_parts_of_the_log(lo
     assert 21 <= len(train.pairs) <= 27  # through three views
     assert 7 <= len(val.pairs) <= 9  # of the last 12 s
     for each in (train, val):
-        values = {value + seen for value in (0, 1, UNKNOWN) for seen in (0, SEEN)}
-        assert set(each.pairs.maps.unique().tolist()) == values
+        assert each.pairs.maps.unique().tolist() == [0, 1, UNKNOWN]
         assert each.statistics.quantiles["fov_deg"][2] == pytest.approx(90, abs=1)
 
 
@@ -88,14 +90,47 @@ def test_a_log_that_is_too_short_is_refused(log):
         label(adaptation._part(log, log.stamps < 15), window_of(PREDICTOR), PREDICTOR, View(), seed=0)
 
 
-def test_the_loss_takes_the_lowest_logit_beside_a_label_and_weighs_seen_and_unseen_pixels_alike():
-    logits = torch.tensor([[[[-1.0, 3, 9, 8, 2, 3, 9, 7, 9]]]], requires_grad=True)
-    target = [UNKNOWN, 1, UNKNOWN, UNKNOWN, UNKNOWN, 0 + SEEN, UNKNOWN, 1 + SEEN, UNKNOWN + SEEN]
-    loss = PartialLoss()(logits, torch.tensor([[[target]]]))
+def test_the_loss_is_that_of_known_pixels_and_windows_count_alike():
+    logits = torch.tensor([[[[-1.0, 3, 9, 8]]], [[[2.0, 7, -5, 1]]]], requires_grad=True)
+    target = torch.tensor([[[[1, UNKNOWN, UNKNOWN, UNKNOWN]]], [[[0, 1, 1 + HIDDEN, UNKNOWN + HIDDEN]]]])
+    loss = PartialLoss()(logits, target)
     loss.backward()
-    softplus = torch.nn.functional.softplus(torch.tensor([1.0, 2, -7]))  # unseen; seen, twice
-    assert loss.item() == pytest.approx(float(softplus[0] + softplus[1:].mean()) / 2)
-    assert logits.grad.flatten().nonzero().flatten().tolist() == [0, 4, 7]
+    softplus = torch.nn.functional.softplus(torch.tensor([1.0, 2, -7, 5]))
+    second = (softplus[1] + softplus[2] + 0.1 * softplus[3]) / 2.1
+    assert loss.item() == pytest.approx(float(softplus[0] + second) / 2)
+    assert logits.grad.flatten().nonzero().flatten().tolist() == [0, 4, 5, 6]
+
+
+def test_a_calibrated_network_has_the_frequencies_of_the_labels():
+    """Logits that are twice too large and shifted are mended; what the label is depends on the image alone."""
+    network = torch.nn.Sequential(torch.nn.Conv2d(20, 4, 1), torch.nn.Conv2d(4, 1, 1)).eval()
+    with torch.no_grad():
+        for layer in network:
+            layer.weight.fill_(0.25)
+            layer.bias.zero_()
+        network[1].weight.mul_(6)
+        network[1].bias.fill_(-2)
+    rng, shares = torch.Generator().manual_seed(0), torch.linspace(0, 1, 21)
+    stored = torch.zeros(21, 20, 64, 8, dtype=torch.uint8)
+    for number, images in enumerate(stored):
+        images[number:] = 255
+    free = torch.rand(21, 1, 64, 64, generator=rng) < torch.sigmoid(3 * shares - 1).flip(0)[:, None, None, None]
+    pairs = Pairs(stored, free.to(torch.uint8), Series(10))
+    calibrate(network, pairs)
+    with torch.inference_mode():
+        predicted = torch.cat([network(pairs.batch(torch.tensor([n]))[0]).sigmoid().mean((1, 2, 3)) for n in range(21)])
+    assert (predicted - free.float().mean((1, 2, 3))).abs().max() < 0.02
+
+
+def test_simulated_windows_have_the_robot_in_the_middle_and_nothing_known_outside():
+    simulated = rehearsed(PREDICTOR, round(6 / SHARE))
+    codes = simulated.pairs.maps[:, 0]
+    assert isinstance(simulated, Labeled)
+    assert set(codes.unique().tolist()) <= {0, 1, UNKNOWN, HIDDEN, 1 + HIDDEN}
+    assert (codes[:, 63:65, 63:65] == 1).all()  # the robot stands in the open, and is seen
+    outside = (codes == UNKNOWN).float().mean((1, 2))
+    assert ((outside > 0) & (outside < 0.6)).all()  # it is 5 m or more from the border of its world
+    assert 0.02 < (codes == 0).float().sum() / (codes < UNKNOWN).float().sum() < 0.5
 
 
 def test_statistics_are_widened_and_keep_their_median():

@@ -3,10 +3,15 @@
 import pytest
 import torch
 
+from repro.learning.checkpoints import start_from
 from repro.learning.networks.convgru import ConvGRU, _distances
 from repro.learning.networks.convlstm import ConvLSTM
 from repro.learning.networks.create import create_network
+from repro.learning.networks.trained import TorchNetwork, save_trained
+from repro.maps.grid import Grid
+from repro.maps.series import Series
 from repro.networks.model import Model
+from repro.networks.predictor import Predictor
 
 both = pytest.mark.parametrize("network_class", [ConvGRU, ConvLSTM])
 
@@ -70,6 +75,18 @@ def test_a_series_that_is_none_is_refused(channels, frames, message, network_cla
 def test_a_network_with_distances_predicts_the_same_before_it_is_trained():
     network, images = ConvGRU(8, 4, hidden=16, stride=2).eval(), torch.rand(2, 8, 32, 32)
     assert torch.equal(network.with_distances().eval()(images), network(images))
+
+
+def test_what_a_network_lacks_without_effect_it_lacks_after_another_trained_too(tmp_path):
+    trained, images = ConvGRU(8, 4, hidden=16).eval(), torch.rand(2, 8, 32, 32)
+    save_trained(Predictor(TorchNetwork(trained), Series(4), Grid(32, 25.0)), tmp_path / "model")
+    network = ConvGRU(8, 4, hidden=16, indexed=True).eval()
+    start_from(network, str(tmp_path / "model"))
+    assert torch.equal(network(images), trained(images))
+    torch.nn.init.ones_(network.of_part)
+    assert not torch.equal(network(images), trained(images))
+    with pytest.raises(ValueError, match="expected a network of the same form"):
+        start_from(network, str(tmp_path / "model"))  # whose parts have an effect
 
 
 @pytest.mark.parametrize("stride", [1, 4])

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from repro.maps.encodings import ENCODINGS, Encoding, create_encoding, kind_of, to_input
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.maps.series import Series, Stack
+from repro.maps.series import Recent, Series, Stack
 from repro.maps.visibility import newest_passed
 from repro.recordings.reader import open_recordings
 from repro.scans import Scans
@@ -78,6 +78,23 @@ def test_a_series_encodes_the_hits_and_the_free_pixels_of_each_part_of_the_windo
         assert np.array_equal(images[:, number : number + 1], Projection(decay=False).encode(alone, GRID))
         assert np.array_equal(images[:, 4 + number] == 0, newest_passed(alone, GRID, 30.0) > 0)
     assert steps < 100 or 0.02 < (images[:, 4:] == 0).mean() < 0.5
+
+
+@pytest.mark.parametrize("steps", [10, 12, 37, 100, 250])
+def test_parts_get_shorter_towards_now_and_the_newest_is_one_step(steps):
+    lengths = np.diff([0, *Recent(10)._ends(steps)])
+    assert lengths.sum() == steps
+    assert lengths[-1] == lengths.min() == 1
+    assert (np.diff(lengths[:-1]) <= (0 if steps == 100 else 1)).all()  # ends are rounded
+    if steps == 100:
+        assert lengths.tolist() == [32, 23, 15, 10, 7, 5, 3, 2, 2, 1]
+
+
+def test_the_newest_part_of_a_recent_series_is_the_last_scan(scans):
+    images = Recent(10).encode(scans, GRID)
+    last = Scans(scans.ranges[:, -1:], scans.angles, scans.poses[:, -1:])
+    assert np.array_equal(images[:, 9:10], Projection(decay=False).encode(last, GRID))
+    assert np.array_equal(images[:, 19] == 0, newest_passed(last, GRID, 30.0) > 0)
 
 
 def test_an_encoding_is_created_from_its_name_and_parameters():

@@ -11,6 +11,7 @@ from repro.cli.settings import Prediction
 from repro.learning.adaptation import Labeled, adapt, label
 from repro.learning.held_out import View
 from repro.learning.networks.trained import load_trained, save_trained
+from repro.learning.rehearsal import rehearsed
 from repro.networks.predictor import Predictor
 from repro.runs.devices import few_threads, resolve_device, resolve_precision
 from repro.runs.provenance import environment
@@ -28,8 +29,7 @@ def adapt_to_logs(job: Job) -> None:
     paths = [Path(log) for log in job.call.adaptation.logs]
     if not paths:
         raise InputError("adaptation.logs: is needed with task=adapt, such as adaptation.logs=[a.log,b.bag]")
-    others = f"-and-{len(paths) - 1}-others" if len(paths) > 1 else ""
-    target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(paths[0]) + others)
+    target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(*paths))
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
     predictor = load_trained(settings.weights)
@@ -37,7 +37,8 @@ def adapt_to_logs(job: Job) -> None:
     with few_threads():
         logs = [_labeled(path, predictor, settings, seed=number) for number, path in enumerate(paths)]
         precision = resolve_precision(runtime.precision, device)
-        adapted, before, after = adapt(predictor, logs, device=device, precision=precision)
+        simulated = rehearsed(predictor, sum(len(train.pairs) for train, _ in logs))
+        adapted, before, after = adapt(predictor, logs, simulated, device=device, precision=precision)
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as directory:
         new = Path(directory) / target.name

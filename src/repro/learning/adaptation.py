@@ -1,5 +1,8 @@
 """Adaptation of a network to logs of a wide lidar, whose beams outside of the view of the network label its maps.
 
+Beams show the near side of what they hit, so a network that learned from logs alone would forget the far side of
+people, and where they may have gone. It therefore rehearses in simulated worlds, whose maps are known as a whole.
+
 The last fifth of each log is for validation, or a part of little more than a window if that is longer. The weights are
 those of the epoch with the least validation loss.
 """
@@ -14,30 +17,31 @@ from typing import Any
 
 import numpy as np
 import torch
+from sklearn.linear_model import LogisticRegression
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import OneCycleLR
 
 from repro.config import Training
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
-from repro.learning.losses import bce_loss
+from repro.learning.losses import HIDDEN_WEIGHT
 from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
 from repro.learning.training import TrainingModule, fit, load_best
 from repro.maps.statistics import Statistics, summarize
 from repro.networks.predictor import Predictor
-from repro.prediction.agreement import Observed, last_hits
+from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings
 from repro.recordings.datasets import Pairs, packed
 from repro.scans import Scans
 from repro.system.errors import InputError
 
-UNKNOWN, SEEN = 2, 4  # in a map, where 1 is free and 0 an obstacle; SEEN is added where a beam of the window was
+UNKNOWN, HIDDEN = 2, 4  # in a map, where 1 is free and 0 an obstacle; see `Labeled`
 DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that swings is in all of them in turn
 MAX_WINDOWS = 60  # of each view, evenly over its log, so that no log outweighs others
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
-TRAINED_WINDOWS = 10_000  # in all epochs, but at least one: short logs are repeated, and the best epoch is kept
+TRAINED_WINDOWS = 10_000  # of logs in all epochs, but at least one: short logs are repeated, the best epoch is kept
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
@@ -55,8 +59,8 @@ class Labeled:
     """Windows of logs with partial labels.
 
     Args:
-        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 2 unknown, and 4 more where a beam of the
-            window has hit or passed over the pixel.
+        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 2 unknown, and 4 more where standing
+            obstacles hide the pixel.
         statistics: those of the windows.
     """
 
@@ -65,19 +69,18 @@ class Labeled:
 
 
 class PartialLoss(nn.Module):
-    """Binary cross-entropy (Eq. 1) of the least probability of free within one pixel, where the label is known.
+    """Binary cross-entropy (Eq. 1) where the label is known, averaged over the windows.
 
-    Poses and grids are not exact, so a hit may lie beside its pixel. The pixels that the window has seen and the others
-    have the same weight, although fewer of the labels are of unseen pixels.
+    What standing obstacles hide counts a tenth, as in `losses.ShownLoss`.
     """
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
         """Compute the loss of logits (B, 1, H, W) against the maps of `Labeled`, (B, 1, H, W), in float32."""
-        lowest = -nn.functional.max_pool2d(-logits.float(), 3, stride=1, padding=1)
-        seen, value = target >= SEEN, target % SEEN
-        known, free = value != UNKNOWN, value.clamp(max=1).float()
-        groups = (known & seen, known & ~seen)
-        return sum((bce_loss(lowest, free, group.float()) for group in groups), start=lowest.new_zeros(())) / 2
+        codes = target.to(torch.uint8)
+        each = nn.functional.binary_cross_entropy_with_logits(logits.float(), (codes & 1).float(), reduction="none")
+        weight = ((codes & UNKNOWN) == 0) * torch.where((codes & HIDDEN) > 0, HIDDEN_WEIGHT, 1.0)
+        means = (weight * each).sum((1, 2, 3)) / weight.sum((1, 2, 3)).clamp(min=1)
+        return means.mean()
 
 
 class Adaptation(TrainingModule):
@@ -131,8 +134,7 @@ def label(
     last = _windows(_part(log, ~is_first), settings, limited, [middle], rng)
     if not (first and last):
         raise InputError("no window of the first or of the last part of the log has hits and passes beside the view")
-    reach_m = min(log.range_max_m, view.range_max_m)
-    return _drawn(first, limited, reach_m), _drawn(last, limited, reach_m)
+    return _labeled(first, limited), _labeled(last, limited)
 
 
 def _part(log: ScanLog, kept: np.ndarray) -> ScanLog:
@@ -162,21 +164,24 @@ def _windows(
     return windows
 
 
-def _drawn(windows: list[tuple[Scans, Observed]], predictor: Predictor, reach_m: float) -> Labeled:
+def _labeled(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Labeled:
+    shown = (np.where(each.hits, 0, np.where(each.passed, 1, UNKNOWN)) for _, each in windows)
+    return drawn([scans for scans, _ in windows], list(shown), predictor)
+
+
+def drawn(windows: list[Scans], labels: list[np.ndarray], predictor: Predictor) -> Labeled:
+    """Encode windows, (T, N), on their maps, with the codes of their maps, (H, W), see `Labeled`."""
     encoding, grid = predictor.encoding, predictor.grid
-    images, maps = [], []
-    for scans, shown in windows:
-        images.append(packed(encoding.encode(scans.batched(), grid), encoding))
-        values = np.where(shown.hits, 0, np.where(shown.passed, 1, UNKNOWN))
-        values += SEEN * last_hits(scans, grid, reach_m)[1]
-        maps.append(torch.from_numpy(values.astype(np.uint8))[None, None])
-    statistics = summarize((scans.batched() for scans, _ in windows), grid)
-    return Labeled(Pairs(torch.cat(images), torch.cat(maps), encoding), statistics)
+    images = [packed(encoding.encode(scans.batched(), grid), encoding) for scans in windows]
+    maps = torch.from_numpy(np.stack(labels).astype(np.uint8))[:, None]
+    statistics = summarize((scans.batched() for scans in windows), grid)
+    return Labeled(Pairs(torch.cat(images), maps, encoding), statistics)
 
 
 def adapt(
     predictor: Predictor,
     logs: list[tuple[Labeled, Labeled]],
+    simulated: Labeled | None = None,
     *,
     seed: int = 0,
     device: str = "cpu",
@@ -187,6 +192,7 @@ def adapt(
     Args:
         predictor: the network; it is not changed.
         logs: the windows of each log for training and validation, see `label`.
+        simulated: windows in which the network rehearses, see `rehearsal.rehearsed`; None for none.
         seed: seed of the order.
         device: cpu or cuda.
         precision: 32-true or bf16-mixed.
@@ -197,19 +203,21 @@ def adapt(
     Raises:
         InputError: the network cannot be trained, or the validation loss does not fall.
     """
-    train, val = (_joined(part, device) for part in zip(*logs, strict=True))
+    of_logs, val = (_joined(part, device) for part in zip(*logs, strict=True))
+    train = _joined((*(first for first, _ in logs), simulated), device) if simulated else of_logs
     network = copy.deepcopy(module_of(predictor))
     if isinstance(network, ConvGRU) and not (network.centered or predictor.has_fixed):
         network = network.with_distances()
     network.to(device)
     accelerate(network, device)
-    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / len(train)))
+    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / len(of_logs)))
     module = Adaptation(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
     before = _validation_loss(module)
     with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
         fit(module, Path(directory), device, precision)
         load_best(module, Path(directory))
     module.to(device)
+    calibrate(module.network, val)
     after = _validation_loss(module)
     if not after < before:
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
@@ -224,6 +232,31 @@ def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:
     pairs = [part.pairs for part in parts]
     stored, maps = torch.cat([each.stored for each in pairs]), torch.cat([each.maps for each in pairs])
     return Pairs(stored.to(device), maps.to(device), pairs[0].encoding)
+
+
+@torch.inference_mode()
+def calibrate(network: nn.Module, pairs: Pairs) -> None:
+    """Scale and shift the logits of a network, in the convolution that draws the map, to fit known pixels (Platt 1999).
+
+    Args:
+        network: the network, which is changed.
+        pairs: windows with labels, see `Labeled`.
+    """
+    network.eval()
+    logits, free, weights = [], [], []
+    for number in range(len(pairs)):
+        image, target = pairs.batch(torch.tensor([number], device=pairs.maps.device))
+        codes = target.to(torch.uint8)
+        known = (codes & UNKNOWN) == 0
+        logits.append(network(image)[known].float().cpu())
+        free.append((codes[known] & 1).cpu())
+        weights.append(torch.full_like(logits[-1], 1 / max(len(logits[-1]), 1)))  # windows count alike, as in the loss
+    values, truth, weight = (torch.cat(each).numpy() for each in (logits, free, weights))
+    model = LogisticRegression(C=np.inf).fit(values[:, None], truth, weight)
+    *_, last = (layer for layer in network.modules() if isinstance(layer, nn.Conv2d) and layer.out_channels == 1)
+    last.weight.mul_(float(model.coef_[0, 0]))
+    assert last.bias is not None
+    last.bias.mul_(float(model.coef_[0, 0])).add_(float(model.intercept_[0]))
 
 
 @torch.inference_mode()

@@ -11,6 +11,8 @@ Shape = dict[str, Any]
 Obstacle = dict[str, Any]
 Line = list[list[float]]
 
+SNAP_M = 1e-6  # grid of the corners, where the exact union fails
+
 
 def geometry(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> shapely.Geometry:
     """Create the geometry of a shape at a state, as IR-SIM does: discs are 64-gons, line strings have no width.
@@ -59,7 +61,10 @@ def union(obstacles: Iterable[Obstacle]) -> shapely.Geometry | None:
     parts = [geometry(obstacle["shape"], obstacle["state"]) for obstacle in obstacles]
     if not parts:
         return None
-    whole = shapely.union_all(parts)
+    try:
+        whole = shapely.union_all(parts)
+    except shapely.GEOSException:  # of edges that nearly coincide
+        whole = shapely.union_all(parts, grid_size=SNAP_M)
     shapely.prepare(whole)
     return whole
 

@@ -1,0 +1,51 @@
+"""Windows of simulated worlds in which a network rehearses while it adapts to logs, see `adaptation`."""
+
+import numpy as np
+
+from repro.learning.adaptation import HIDDEN, UNKNOWN, Labeled, drawn
+from repro.maps.grid import Grid
+from repro.maps.ground_truth import rasterize
+from repro.maps.visibility import shown_pixels
+from repro.networks.predictor import Predictor
+from repro.prediction.windows import on_map
+from repro.scans import Scans
+from repro.simulation.simulator import Recording, simulate
+from repro.simulation.worlds import sample_world
+from repro.system.places import conf_directory
+from repro.system.progress import progress
+from repro.world_config import WorldSpec, read_world, world_spec
+
+WORLD, EXPERIMENT = "places", "crowds"
+SHARE = 0.15  # of the windows of logs
+
+
+def rehearsed(predictor: Predictor, windows: int) -> Labeled:
+    """Record a window in each of some worlds, with the robot in the middle of its map.
+
+    Args:
+        predictor: encoding and grid.
+        windows: number of windows of logs; of simulated ones there are `SHARE` as many.
+    """
+    spec = world_spec(read_world(conf_directory() / "world" / f"{WORLD}.yaml"), EXPERIMENT)
+    seeds = progress(range(round(SHARE * windows)), "recording simulated worlds")
+    drawings = [_window(simulate(sample_world(spec, seed)), spec, predictor.grid) for seed in seeds]
+    return drawn([scans for scans, _ in drawings], [values for _, values in drawings], predictor)
+
+
+def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:
+    """Return a recording on the map around its last pose, and the labels of the map, (H, W)."""
+    scans = recording.scans
+    origin = scans.poses[-1, :2] - grid.size_m / 2
+    window = on_map(scans.ranges, scans.angles, scans.poses, origin)
+    free, standing = (true_map(recording, origin, grid, only_standing=only) for only in (False, True))
+    shown = shown_pixels(standing, window.poses[-1:], grid)[0]
+    centers = grid.centers().reshape(*shown.shape, 2) + origin
+    is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
+    return window, np.where(is_outside, UNKNOWN, free[0] + HIDDEN * ~shown)
+
+
+def true_map(recording: Recording, origin: np.ndarray, grid: Grid, *, only_standing: bool = False) -> np.ndarray:
+    """Return the map after the last step, 1 is free, uint8, (1, H, W), with its lower left corner at an origin [m]."""
+    kept = ~(np.ptp(recording.states, axis=1) > 0).any(-1) if only_standing else np.ones(len(recording.states), bool)
+    states = recording.states[kept, -1] - [*origin, 0]
+    return rasterize(recording.outlines[kept], states, np.zeros(len(states), int), 1, grid)
