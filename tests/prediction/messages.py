@@ -43,6 +43,13 @@ class Ros:
         twist = types["TwistWithCovariance"](types["Twist"](zero, zero), np.zeros(36))
         return types["Odometry"](self.header(stamp, "odom"), child, placed, twist)
 
+    def stamped(self, kind: str, stamp: float, pose) -> Any:
+        """Return a PoseStamped or a PoseWithCovarianceStamped in the frame `map`."""
+        types = self.types
+        placed = types["Pose"](types["Point"](float(pose[0]), float(pose[1]), 0.0), self.rotation(pose[2]))
+        placed = placed if kind == "PoseStamped" else types["PoseWithCovariance"](placed, np.zeros(36))
+        return types[kind](self.header(stamp, "map"), placed)
+
     def scan(self, stamp: float, angles: np.ndarray, ranges: np.ndarray, **changes) -> Any:
         """Return a LaserScan in the frame `laser`, up to 30 m; `angle_max` follows from the other fields."""
         increment = float((angles[-1] - angles[0]) / (len(angles) - 1))

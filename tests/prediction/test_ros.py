@@ -85,7 +85,7 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
     warnings: list[str] = []
     scans = LaserScans(warnings.append)
     for step in range(5):
-        stamp, middle = scans.times(laser_scan(5 + 0.1 * step, time_increment=increment))
+        stamp, middle, _ = scans.times(laser_scan(5 + 0.1 * step, time_increment=increment))
         assert middle - stamp == pytest.approx(0.05 if is_used else 0, abs=1e-6)
     assert len(warnings) == (not is_used)
     assert is_used or warnings[0].startswith("time_increment is ")
@@ -105,6 +105,6 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
     ],
 )
 def test_the_angles_of_a_scan_are_checked_against_one_another(changes, spacing, problem):
-    scan = LaserScans(lambda _: None).convert(laser_scan(**changes), (5.0, 5.0), STANDING)
+    scan = LaserScans(lambda _: None).convert(laser_scan(**changes), (5.0, 5.0, 5.0), STANDING)
     assert (scan.problem, scan.pose) == (problem, (1.0, 2.0, 3.0))
     assert scan.spacing == pytest.approx(spacing)

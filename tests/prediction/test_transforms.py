@@ -36,9 +36,9 @@ def test_headings_are_interpolated_through_the_shorter_turn():
     assert transforms.pose_at("base", 1.25) == pytest.approx((0.25, 0.5, math.pi - 0.05))
 
 
-@pytest.mark.parametrize(("stamp", "is_known"), [(0.85, False), (0.95, True), (1.5, True), (3.0, False), (4.15, False)])
+@pytest.mark.parametrize(("stamp", "is_known"), [(0.85, False), (0.95, True), (1.5, True), (3.0, False), (5.15, False)])
 def test_poses_are_known_near_others_only(stamp, is_known):
-    transforms = moving([2, 4, 1], [2, 4, 1])  # in any order, with a gap of 2 s
+    transforms = moving([2, 5, 1], [2, 5, 1])  # in any order, with a gap of 3 s
     assert (transforms.pose_at("base", stamp) is not None) == is_known
 
 
@@ -52,7 +52,7 @@ def test_a_chain_is_composed_in_space():
         edge = np.eye(4)
         edge[:3, :3], edge[:3, 3] = turn.as_matrix(), place
         total = edge @ total
-    found = transforms.pose_at("/laser", 8.0)
+    found = transforms.pose_at("/laser", 6.0)
     assert (found.x, found.y) == pytest.approx(total[:2, 3])
     assert found.heading == pytest.approx(math.atan2(total[1, 0], total[0, 0]))
     assert not found.is_upside_down
@@ -88,6 +88,28 @@ def test_without_poses_of_the_robot_there_is_no_pose():
     assert not transforms.has_later("laser", 5.0)
     transforms.add("base_link", "odom", 5.0, (1.0, 0.0, 0.0))
     assert transforms.pose_at("laser", 5.0) == pytest.approx((1.2, 0, 0))
+
+
+def test_one_single_pose_does_not_hold_while_the_robot_drives():
+    transforms = moving([5.0], [1.0])
+    transforms.add("laser", "base", 0.0, (0.2, 0.0, 0.0), is_static=True)
+    assert transforms.pose_at("laser", 6.9) is not None
+    assert transforms.pose_at("laser", 9.0) is None
+    assert "one single pose of base: for a lidar that stands, set" in str(transforms.why_unplaced("laser", 9.0))
+    transforms.add("odom", "map", 5.0, (0.0, 0.0, 0.0))
+    assert transforms.pose_at("laser", 9.0) is None
+    moving([5.5], [1.0], transforms=transforms)
+    assert transforms.pose_at("laser", 9.0) is not None, "two equal poses are those of a robot that stands"
+
+
+def test_another_static_pose_of_a_frame_is_named():
+    transforms = Transforms()
+    for place in (0.2, 0.2001, 0.5):
+        assert not transforms.left_out
+        transforms.add("laser", "base", 0.0, (place, 0.0, 0.0), is_static=True)
+    assert next(iter(transforms.left_out)).startswith(
+        "laser has several static poses, in base and base: the last holds"
+    )
 
 
 def test_poses_in_a_second_parent_are_left_out():
@@ -163,7 +185,7 @@ def test_why_a_frame_has_no_pose():
     assert transforms.why_unplaced("laser", 1.0).endswith("has no poses; the poses are of base_link in odom")
     moving([0.0, 0.5], [0, 1], transforms=transforms)
     assert transforms.pose_at("laser", 1.0) is None
-    known = "1.00 s, at most 1 s apart; there are poses from 0.00 to 0.50 s"
+    known = "1.00 s, at most 2 s apart; there are poses from 0.00 to 0.50 s"
     assert transforms.why_unplaced("laser", 1.0).endswith(known)
     assert transforms.why_unplaced("laser", 0.2) is None
 

@@ -29,8 +29,7 @@ def adapt_to_logs(job: Job) -> None:
     paths = [Path(log) for log in job.call.adaptation.logs]
     if not paths:
         raise InputError("adaptation.logs: is needed with task=adapt, such as adaptation.logs=[a.log,b.bag]")
-    others = f"-and-{len(paths) - 1}-others" if len(paths) > 1 else ""
-    target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(paths[0]) + others)
+    target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(*paths))
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
     predictor = load_trained(settings.weights)

@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from repro.cli.errors import Refused, did_you_mean
-from repro.cli.settings import Adaptation, Demo, Navigation, Prediction, Publish, Runtime, Source, UserPath
+from repro.cli.settings import Adaptation, Demo, Log, Navigation, Prediction, Publish, Runtime, UserPath
 from repro.cli.tasks import Task, tasks
 from repro.config import RECURRENT, Encoding, Scale, Training
 from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
@@ -68,7 +68,7 @@ class Call:
     train: Training
     runtime: Runtime
     format: Literal["torch", "onnx"]
-    scans: Source | None
+    scans: Log | None  # validated to a list of names
     prediction: Prediction
     adaptation: Adaptation
     navigation: Navigation

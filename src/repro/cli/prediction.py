@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from importlib.util import find_spec
 from itertools import chain
@@ -23,9 +23,9 @@ from repro.prediction.drawing import draw_window
 from repro.prediction.logs import ReadOptions, ScanLog
 from repro.prediction.output import write_map, write_probabilities
 from repro.prediction.page import page_of
-from repro.prediction.readers import read_log
+from repro.prediction.readers import CARMEN, kind_of, read_log
 from repro.prediction.stream import predict_map
-from repro.prediction.times import WindowSettings, window_of
+from repro.prediction.times import UnusableTimes, WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
@@ -46,12 +46,12 @@ def predict_log(job: Job) -> None:
     """
     settings = job.call.prediction
     assert job.call.scans, "validated"
-    path = Path(job.call.scans)
-    target = job.outputs.path / "predictions" / name_of(path)
-    _check_target(target, path, Path(settings.weights))
+    path, *others = paths = [Path(name) for name in job.call.scans]
+    target = target_of(job)
+    _check_target(target, *paths, Path(settings.weights))
     predictor = load(settings.weights)
     print(f"network: {settings.weights}", flush=True)
-    log, windows = read(path, predictor, settings)
+    log, windows = read(path, predictor, settings, others)
     describe(log, windows, predictor.reach_m)
     target.parent.mkdir(parents=True, exist_ok=True)
     when = partial(time_in, log, windows)
@@ -63,12 +63,17 @@ def predict_log(job: Job) -> None:
         predicted = table[table["left_out"].isna()]
         if predicted.empty:
             raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
-        write_json(new / "source.json", {"log": str(path), "weights": settings.weights})
+        write_json(new / "source.json", {"log": [*map(str, paths)], **asdict(settings)})
         write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
         _write_page(new, predicted, path.name, when)
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
     print(f"{target} has the maps, maps.html shows them")
+
+
+def target_of(job: Job) -> Path:
+    """Return the directory of the maps of a call."""
+    return job.outputs.path / "predictions" / name_of(*map(Path, job.call.scans or ()))
 
 
 def load(weights: str) -> Predictor:
@@ -84,12 +89,12 @@ def load(weights: str) -> Predictor:
     return load_trained(weights)
 
 
-def name_of(log: Path) -> str:
-    """Return the name of a log without the suffixes of its kind."""
+def name_of(log: Path, *others: Path) -> str:
+    """Return the name of a log without the suffixes of its kind, and how many other files there are."""
     name = log.resolve().name
     while Path(name).suffix in LOG_SUFFIXES:
         name = Path(name).stem
-    return name.strip(".") or "log"
+    return (name.strip(".") or "log") + (f"-and-{len(others)}-others" if others else "")
 
 
 def _check_target(target: Path, *sources: Path) -> None:
@@ -99,8 +104,13 @@ def _check_target(target: Path, *sources: Path) -> None:
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
 
 
-def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLog, WindowSettings]:
-    """Read a log, and return the windows that are cut from it."""
+def read(
+    path: Path, predictor: Predictor, settings: Prediction, others: Sequence[Path] = ()
+) -> tuple[ScanLog, WindowSettings]:
+    """Read a log of one or several files, and return the windows that are cut from it.
+
+    The scans of a CARMEN log without usable times are spaced by distance, unless the call says otherwise.
+    """
     windows = _windows(predictor, settings)
     options = ReadOptions(
         settings.scan_topic,
@@ -109,10 +119,19 @@ def read(path: Path, predictor: Predictor, settings: Prediction) -> tuple[ScanLo
         (0.0, 0.0, 0.0) if settings.pose == "fixed" else settings.pose and tuple(settings.pose),
         settings.mounting and tuple(settings.mounting),
     )
-    log = read_log(path, windows, options)
+    try:
+        log = read_log(path, windows, options, others)
+        if windows.spacing == "time":
+            log.check_times(windows)
+    except UnusableTimes as error:
+        if settings.spacing or settings.step_s or kind_of(path) != CARMEN:
+            raise
+        print(f"prediction.spacing=distance is taken: {str(error).removeprefix(f'{path}: ').partition(': ')[0]}")
+        windows = replace(windows, spacing="distance")
+        log = read_log(path, windows, options, others)
     if windows.spacing == "distance":
         windows = spaced_by_distance(log, windows, predictor.statistics)
-    log.check_times(windows)
+        log.check_times(windows)
     return log.crop(math.radians(settings.fov_deg)) if settings.fov_deg else log, windows
 
 
@@ -126,7 +145,7 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
-    return replace(windows, spacing=settings.spacing)
+    return replace(windows, spacing=settings.spacing or "time")
 
 
 def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor) -> float:

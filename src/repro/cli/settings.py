@@ -35,6 +35,20 @@ UserPath = Annotated[Text, AfterValidator(os.path.expanduser)]
 Source = Annotated[UserPath, AfterValidator(_is_there)]
 
 
+def _files(value: Any) -> list[str]:
+    """Return the files of a log, which are one or a list of several, as a list."""
+    names = value if isinstance(value, list) else [value]
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise InputError("must be a file, or the files of one log, [a.bag,b.bag]")
+    try:
+        return [_is_there(os.path.expanduser(name)) for name in names]
+    except InputError as error:
+        raise InputError(str(error) if len(names) == 1 else f"{error}, one of them") from error
+
+
+Log = Annotated[Any, AfterValidator(_files)]
+
+
 def _has_device(accelerator: str) -> str:
     if accelerator == "gpu" and not has_gpu():
         raise InputError("no CUDA GPU is visible; use auto or cpu")
@@ -81,7 +95,7 @@ class Prediction:
     steps: Annotated[int, Field(ge=1, le=10_000)] | None
     step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
-    spacing: Literal["time", "distance"]
+    spacing: Literal["time", "distance"] | None
     center: Annotated[Any, _place("robot, start, or [x,y] in meters", 2, "robot", "start")]
     pose: Annotated[Any, _place("fixed, or [x,y,heading] in meters and radians", 3, "fixed")] | None
     mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None

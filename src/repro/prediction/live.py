@@ -49,7 +49,7 @@ class LiveMapper:
         self.predictor, self.publish, self.warn, self.settings = predictor, publish, warn, settings
         self.transforms = transforms or Transforms(KEEP_S)
         self.scans = LaserScans(warn)
-        self.waiting: list[tuple[Any, float, float]] = []  # scans, their times and those of their middles [s], in order
+        self.waiting: list[tuple[Any, tuple[float, float, float]]] = []  # scans with their times, in order
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.is_early = False  # whether the last scan was earlier than another one by more than a window
         self.lock = threading.Lock()
@@ -71,12 +71,12 @@ class LiveMapper:
                 return
             if self.is_early:
                 self.warn("the clock was set back: scans of later times are skipped")
-                self.waiting = [each for each in self.waiting if each[1] <= stamp]
+                self.waiting = [each for each in self.waiting if each[1][0] <= stamp]
                 self.newest_s, self.is_early = -np.inf, False
-            insort(self.waiting, (message, *self.scans.times(message)), key=itemgetter(1))
+            insort(self.waiting, (message, self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:
-                first, _, middle_s = self.waiting.pop(0)
-                why = self.transforms.why_unplaced(first.header.frame_id, middle_s) or "for the network"
+                first, times = self.waiting.pop(0)
+                why = self.transforms.why_unplaced(first.header.frame_id, times[1]) or "for the network"
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait, {why}")
             self.newest_s = max(self.newest_s, stamp)
             self._predict()
@@ -98,15 +98,15 @@ class LiveMapper:
         for text in self.transforms.left_out:
             self.scans.warn_once(text, text)
         while self.waiting:
-            message, _, middle_s = self.waiting[0]
-            is_late = self.newest_s > middle_s + WAIT_S
-            if not is_late and not self.transforms.has_later(message.header.frame_id, middle_s):
+            message, times = self.waiting[0]
+            is_late = self.newest_s > times[1] + WAIT_S
+            if not is_late and not self.transforms.has_later(message.header.frame_id, times[2]):
                 return
             self._take(*self.waiting.pop(0))
 
-    def _take(self, message: Any, stamp: float, middle_s: float) -> None:
+    def _take(self, message: Any, times: tuple[float, float, float]) -> None:
         """Take a scan whose pose is known or missing, and predict maps for the scans that can be used now."""
-        scan, frame = self.scans.convert(message, (stamp, middle_s), self.transforms), message.header.frame_id
+        scan, frame = self.scans.convert(message, times, self.transforms), message.header.frame_id
         root = self.transforms.root(frame)
         if scan.pose is not None and root != self.root:
             if self.root is not None:
@@ -119,7 +119,7 @@ class LiveMapper:
             self.warn(str(error))
             return
         for reason in self.intake.reasons:
-            why = f": {self.transforms.why_unplaced(frame, middle_s)}" if reason == WITHOUT_POSE else ""
+            why = f": {self.transforms.why_unplaced(frame, times[1])}" if reason == WITHOUT_POSE else ""
             self.warn(f"a scan is skipped: it is {reason}{why}")
         for kind, note in self.intake.notes.items():
             self.scans.warn_once(kind, note)

@@ -10,7 +10,7 @@ import numpy as np
 from repro.maps.validity import RADIANS, jumps
 from repro.prediction.intake import Intake, LogScan
 from repro.prediction.readings import check_heading
-from repro.prediction.times import NOT_LATER, OUT_OF_ORDER, Clock, WindowSettings, parts_of
+from repro.prediction.times import NOT_LATER, OUT_OF_ORDER, Clock, UnusableTimes, WindowSettings, parts_of
 from repro.scans import wrapped
 from repro.system.errors import InputError
 from repro.system.memory import available_memory_gb
@@ -88,12 +88,14 @@ class ScanLog:
         gaps, longest_s, is_spaced = np.diff(self.stamps), settings.longest_gap_s, settings.spacing == "distance"
         between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
         if between_s > MAX_BETWEEN_S:
-            raise InputError(f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}")
+            raise UnusableTimes(
+                f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}"
+            )
         if between_s > longest_s:
             if is_spaced:
                 raise InputError(f"{settings.steps} steps are too many for windows of {settings.duration_s:.0f} scans")
             needed = f"steps of {settings.step_s:g} s need one every {longest_s:.3g} s{skipped}"
-            raise InputError(f"a scan every {between_s:.2g} s, {needed}: {BY_NUMBER}, or another prediction.step_s")
+            raise UnusableTimes(f"a scan every {between_s:.2g} s, {needed}: {BY_NUMBER}, or another prediction.step_s")
         parts = parts_of(self.stamps, settings)
         longest = max(float(self.stamps[end - 1] - self.stamps[begin]) for begin, end in parts)
         if not settings.is_filled(0.0, longest):
@@ -174,7 +176,7 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
     log = ScanLog(
         stamps, ranges, intake.angles, poses, dict(skipped), intake.range_max_m, None, (*intake.notes.values(),)
     )
-    _check_values(log, path)
+    _check_values(log, path, frames={getattr(scan.header, "frame_id", None) for scan in kept})
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
 
@@ -191,13 +193,13 @@ def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
     lost = f"its times are lost, or its scans are not in the order of their times: {BY_NUMBER}"
     if unordered > MOSTLY * len(stamps):
         counts = f"{unordered} scans are {NOT_LATER}, {len(stamps)} are later"
-        raise InputError(f"{path}: {counts}: {lost}")
+        raise UnusableTimes(f"{path}: {counts}: {lost}")
     if backward >= MOSTLY:
-        raise InputError(f"{path}: time goes back by more than a window {backward} times: {lost}")
+        raise UnusableTimes(f"{path}: time goes back by more than a window {backward} times: {lost}")
 
 
-def _check_values(log: ScanLog, path: Path) -> None:
-    """Refuse a log without headings in radians."""
+def _check_values(log: ScanLog, path: Path, frames: set[str | None]) -> None:
+    """Refuse a log without headings in radians; those of several lidars on one topic jump."""
     check_heading(float(np.abs(log.poses[:, 2]).max()), f"{path}: the headings look")
-    if jumps(log.poses[:, 2]):
+    if len(frames) == 1 and jumps(log.poses[:, 2]):
         raise InputError(f"{path}: the headings look like degrees, they jump from scan to scan: {RADIANS}")

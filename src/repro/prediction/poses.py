@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation, Slerp
 
-MAX_GAP_S = 1.0  # between two poses of a robot that moved in between; messages once a second are later by some ns
+MAX_GAP_S = 2.0  # between two poses of a robot that moved in between; slow odometry has one in 1.25 s
+MAX_CORRECTION_GAP_S = 1.0  # between two corrections of a localization, beyond which the first holds up to the other
 TOLERANCE_S = 0.05
 STILL_M, STILL_RAD = 0.05, math.radians(1)  # a frame that moved by less stood still, whatever the time between
 DISORDER_S = 5.0  # by which a pose may be earlier than the one that arrived before it
@@ -61,11 +62,16 @@ class Edge:
             return self.poses[0] if self.stamps[0] - stamp <= MAX_BEYOND_S else None
         one, other = self.poses[after - 1 : after + 1]
         gap = self.stamps[after] - self.stamps[after - 1]
-        if gap > MAX_GAP_S + TOLERANCE_S and not _are_near(one, other):
+        longest_s = MAX_CORRECTION_GAP_S if is_correction else MAX_GAP_S
+        if gap > longest_s + TOLERANCE_S and not _are_near(one, other):
             return one if is_correction else None
         share = (stamp - self.stamps[after - 1]) / gap
         rotation = Slerp([0, 1], Rotation.concatenate([one.rotation, other.rotation]))(share)
         return RigidTransform.from_components((1 - share) * one.translation + share * other.translation, rotation)
+
+    def differs(self, parent: str, pose: RigidTransform) -> bool:
+        """Return whether a static pose is another one than this."""
+        return parent != self.parent or not _are_near(self.poses[0], pose, share=0.02)
 
     def insert(self, stamp: float, pose: RigidTransform, keep_s: float | None) -> None:
         """Insert a pose in the order of time; one at the same time is replaced.

@@ -3,8 +3,9 @@
 import gzip
 import math
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,29 +18,38 @@ from repro.prediction.times import WindowSettings
 from repro.system.errors import InputError
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"
+CARMEN = "CARMEN"
 HEAD_BYTES = 4096
 BAGS = (b"#ROSBAG V2.0", b"\x89MCAP", b"SQLite format 3")
 
 
-def read_log(path: Path, settings: WindowSettings, options: ReadOptions = ReadOptions()) -> ScanLog:  # noqa: B008
+def read_log(
+    path: Path,
+    settings: WindowSettings,
+    options: ReadOptions = ReadOptions(),  # noqa: B008
+    others: Sequence[Path] = (),
+) -> ScanLog:
     """Read a log.
 
     Args:
         path: a file, or the directory of a ROS 2 bag.
         settings: the windows that will be cut from it.
         options: what its file does not say.
+        others: its other files, of the same kind: bags, such as of scans and of transforms, or parts in their order.
 
     Raises:
-        InputError: it is missing, unreadable, empty, damaged or of another kind, or holds no usable scans; the message
-            names it and what was expected.
+        InputError: one is missing, unreadable, empty, damaged or of another kind, or they hold no usable scans; the
+            message names it and what was expected.
     """
-    kind = kind_of(path)
+    paths, kind = (path, *others), kind_of(path)
+    if strange := next((each for each in others if kind_of(each) != kind), None):
+        raise InputError(f"{strange}: expected the files of one log, all of the kind {kind}")
     if kind == "bag":
-        return collect(_bags(path).bag_scans(path, options), path, settings)
+        return collect(_bags(path).bag_scans(paths, options), path, settings)
     if options.frame or options.scan_topic or options.odometry_topic:
         raise InputError(f"{path}: expected a bag for a topic or a frame of its poses, got {kind}")
-    scans = array_scans(path, options.pose) if kind == "npz" else read_carmen(path)
-    return collect(_placed(scans, options), path, settings)
+    parts = (array_scans(each, options.pose) if kind == "npz" else read_carmen(each) for each in paths)
+    return collect(_placed(chain.from_iterable(parts), options), path, settings)
 
 
 def kind_of(path: Path) -> str:
@@ -58,7 +68,7 @@ def kind_of(path: Path) -> str:
     if head.startswith(b"PK"):
         return "npz"
     if is_carmen(head) or (head.startswith(GZIP) and is_carmen(_head(path, gzip.open))):
-        return "CARMEN"
+        return CARMEN
     raise InputError(f"{path}: is of no known kind: expected {KINDS}, unpacked; docs/robot.md tells how to convert it")
 
 

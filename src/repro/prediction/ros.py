@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from repro.prediction.distortion import undistorted
 from repro.prediction.intake import LogScan
 from repro.prediction.transforms import MAX_TILT, Transforms
 from repro.system.errors import InputError
@@ -43,6 +44,14 @@ def add_odometry(transforms: Transforms, message: Any) -> None:
     _add(transforms, message, message.pose.pose.position, message.pose.pose.orientation)
 
 
+def add_pose(transforms: Transforms, message: Any, child: str) -> None:
+    """Add a PoseStamped or PoseWithCovarianceStamped of a frame, which such a message does not name."""
+    pose = getattr(message.pose, "pose", message.pose)
+    place, turn = pose.position, pose.orientation
+    quaternion, stamp = (turn.x, turn.y, turn.z, turn.w), seconds(message.header.stamp)
+    transforms.add(child, message.header.frame_id, stamp, (place.x, place.y, place.z), quaternion)
+
+
 def _add(transforms: Transforms, message: Any, place: Any, turn: Any, *, is_static: bool = False) -> None:
     stamp, child, parent = seconds(message.header.stamp), message.child_frame_id, message.header.frame_id
     quaternion = turn.x, turn.y, turn.z, turn.w
@@ -62,8 +71,8 @@ class LaserScans:
         self._last_s = math.nan
         self._warned: set[str] = set()
 
-    def times(self, message: Any) -> tuple[float, float]:
-        """Return the time of a scan and of its middle, at which its pose is taken [s].
+    def times(self, message: Any) -> tuple[float, float, float]:
+        """Return the times of the first beam of a scan, of its middle, at which its pose is taken, and of the last [s].
 
         Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored.
         """
@@ -75,25 +84,29 @@ class LaserScans:
         increment = float(message.time_increment)
         lasts_s = increment * (len(message.ranges) - 1)
         if lasts_s == 0 or (0 < lasts_s <= LONGER * min(between_s, MAX_SCAN_S)):
-            return stamp, stamp + lasts_s / 2
+            return stamp, stamp + lasts_s / 2, stamp + lasts_s
         text = f"time_increment is {increment:.4g} s, with which a scan lasts {lasts_s:.3g} s, and one follows after "
         self.warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
-        return stamp, stamp
+        return stamp, stamp, stamp
 
-    def convert(self, message: Any, times: tuple[float, float], transforms: Transforms) -> LogScan:
+    def convert(self, message: Any, times: tuple[float, float, float], transforms: Transforms) -> LogScan:
         """Convert a scan, given what `times` returned, with the pose of its frame in its middle.
 
-        The angles of a lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
+        Every beam is placed at its own time where the poses at the first and the last are known, too. The angles of a
+        lidar that is mounted upside down are negated, so that they count counterclockwise on the map.
         """
-        placed, problem = None, None
+        placed, problem, frame = None, None, message.header.frame_id
         try:
-            placed = transforms.pose_at(message.header.frame_id, times[1])
+            placed = transforms.pose_at(frame, times[1])
+            moves = placed is not None and times[0] < times[2]
+            begin, end = (transforms.pose_at(frame, times[i]) if moves else None for i in (0, 2))
         except InputError as error:
             self.warn_once("tilt", str(error))
+            placed, begin, end = None, None, None
             problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
         first, spacing, contradiction = self._angles(message)
         sense = -1 if placed and placed.is_upside_down else 1
-        return LogScan(
+        scan = LogScan(
             stamp=times[0],
             ranges=np.asarray(message.ranges, dtype=np.float32),
             first_angle=sense * first,
@@ -104,6 +117,8 @@ class LaserScans:
             problem=problem or contradiction,
             header=message.header,
         )
+        is_usable = begin and end and not scan.problem and math.isfinite(first + spacing)
+        return undistorted(scan, begin, end) if is_usable and begin and end else scan
 
     def _angles(self, message: Any) -> tuple[float, float, str | None]:
         """Return the first angle and the angle between beams [rad], and a contradiction of the fields, if any."""

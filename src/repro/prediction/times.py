@@ -26,6 +26,10 @@ TOO_SOON = "less than half a step after the one before"
 OUT_OF_ORDER = "with a time out of order"
 
 
+class UnusableTimes(InputError):
+    """Times of scans that are lost, or too rare for the steps of windows; the scans may be spaced by distance."""
+
+
 @dataclass(frozen=True)
 class WindowSettings:
     """How windows are cut from scans.

@@ -51,6 +51,9 @@ class Transforms:
             return
         pose = RigidTransform.from_components(position, Rotation.from_quat(quaternion))
         edge = self.edges.get(child)
+        if edge and edge.is_static and is_static and edge.differs(parent, pose):
+            text = f"{child} has several static poses, in {edge.parent} and {parent}: the last holds; "
+            self.left_out[f"{text}prediction.mounting, of a node mounting, chooses"] = None
         if edge is None or edge.is_static:
             self.edges[child] = Edge(parent, is_static, [stamp], [pose])
         elif not is_static and edge.parent != parent:
@@ -71,7 +74,7 @@ class Transforms:
         if self.pose is not None:
             return PlanarPose(*self.pose, is_upside_down=self._is_upside_down(frame))
         edges, total = list(self._chain(frame)), RigidTransform.identity()
-        if all(edge.is_static for edge in edges) or not self._reaches_frame(edges):
+        if all(edge.is_static for edge in edges) or _is_single(edges, stamp) or not self._reaches_frame(edges):
             return None
         for _, pose in _poses(edges, stamp):
             if pose is None:
@@ -102,6 +105,9 @@ class Transforms:
             moving = [f"{other} in {edge.parent}" for other, edge in self.edges.items() if not edge.is_static]
             known = f"the poses are of {', '.join(moving)}" if moving else "there are no poses"
             return f"{edges[-1].parent}, above {name}, has no poses; {known}"
+        if _is_single(edges, stamp):
+            child = next(other for other, edge in self.edges.items() if edge in edges and not edge.is_static)
+            return f"there is one single pose of {child}: for a lidar that stands, set prediction.pose=fixed"
         missing = next((edge for edge, pose in _poses(edges, stamp) if pose is None), None)
         if missing is None:
             return None
@@ -169,6 +175,13 @@ class Transforms:
                 return
             yield self.edges[name]
             name = self.edges[name].parent
+
+
+def _is_single(edges: list[Edge], stamp: float) -> bool:
+    """Return whether one pose, of another time [s], is all that is known of the motion."""
+    changing = [edge for edge in edges if not edge.is_static]
+    far = any(abs(stamp - edge.stamps[0]) > MAX_GAP_S for edge in changing)
+    return far and all(len(edge.stamps) == 1 for edge in changing)
 
 
 def _poses(edges: list[Edge], stamp: float) -> Iterator[tuple[Edge, RigidTransform | None]]:
