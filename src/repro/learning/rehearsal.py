@@ -37,15 +37,24 @@ def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, n
     scans = recording.scans
     origin = scans.poses[-1, :2] - grid.size_m / 2
     window = on_map(scans.ranges, scans.angles, scans.poses, origin)
-    free, standing = (true_map(recording, origin, grid, only_standing=only) for only in (False, True))
-    shown = shown_pixels(standing, window.poses[-1:], grid)[0]
+    stands = ~(np.ptp(recording.states, axis=1) > 0).any(-1)
+    free, standing = (true_map(recording, origin, grid, which) for which in (slice(None), stands))
+    shown = shown_pixels(standing[None], window.poses[-1:], grid)[0]
     centers = grid.centers().reshape(*shown.shape, 2) + origin
     is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
-    return window, np.where(is_outside, UNKNOWN, free[0] + HIDDEN * ~shown)
+    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown)
 
 
-def true_map(recording: Recording, origin: np.ndarray, grid: Grid, *, only_standing: bool = False) -> np.ndarray:
-    """Return the map after the last step, 1 is free, uint8, (1, H, W), with its lower left corner at an origin [m]."""
-    kept = ~(np.ptp(recording.states, axis=1) > 0).any(-1) if only_standing else np.ones(len(recording.states), bool)
-    states = recording.states[kept, -1] - [*origin, 0]
-    return rasterize(recording.outlines[kept], states, np.zeros(len(states), int), 1, grid)
+def true_map(
+    recording: Recording, origin: np.ndarray, grid: Grid, which: np.ndarray | slice = slice(None)
+) -> np.ndarray:
+    """Return the map of some obstacles after the last step, 1 is free, uint8, (H, W).
+
+    Args:
+        recording: the recording.
+        origin: x, y of the lower left corner of the map [m].
+        grid: grid of the map.
+        which: the obstacles.
+    """
+    states = recording.states[which, -1] - [*origin, 0]
+    return rasterize(recording.outlines[which], states, np.zeros(len(states), int), 1, grid)[0]
