@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings, ends_of, parts_of, steps_before
 from repro.prediction.windows import path_m
 from repro.scans import Scans
+from repro.system.compiled import compiled
 
 WINDOWS, SCANS = 24, 8  # of a log, and of a window, that are compared
 NEAR_M = 0.2  # between hits on the same obstacle
@@ -75,8 +75,7 @@ def _sharpness(log: ScanLog, windows: list[np.ndarray]) -> float:
         points, hit = Scans(log.ranges[index], log.angles, log.poses[index]).points()
         before, last = points[:-1][hit[:-1]], points[-1][hit[-1]]
         if len(before) and len(last):
-            distance, _ = cKDTree(before).query(last, distance_upper_bound=NEAR_M)
-            shares.append(float(np.isfinite(distance).mean()))
+            shares.append(_share_near(before[np.argsort(before[:, 0])], last, NEAR_M))
     return float(np.mean(shares)) if shares else math.nan
 
 
@@ -98,3 +97,18 @@ def _shifted(log: ScanLog, lag_s: float) -> ScanLog:
 def _changed(log: ScanLog, turn_deg: float, heading: float, sense: int, position: float) -> ScanLog:
     poses = log.poses * (position, position, heading) + (0, 0, math.radians(turn_deg))
     return replace(log, poses=poses, angles=sense * log.angles)
+
+
+@compiled
+def _share_near(points: np.ndarray, others: np.ndarray, near_m: float) -> float:
+    """Return the share of others, (M, 2), that are near a point, (N, 2), which are in the order of x."""
+    found = 0
+    for other in range(len(others)):
+        x, y = others[other]
+        for point in range(np.searchsorted(points[:, 0], x - near_m), len(points)):
+            if points[point, 0] > x + near_m:
+                break
+            if (points[point, 0] - x) ** 2 + (points[point, 1] - y) ** 2 <= near_m**2:
+                found += 1
+                break
+    return found / len(others)
