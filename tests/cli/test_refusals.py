@@ -77,7 +77,7 @@ CALLS = {
     "model=convlstm encoding=stack4 model.encoder_name=mit_b0": "model.encoder_name=mit_b0: architecture convlstm has",
     "model=convgru encoding=series10 model.parameters.hidden=9": "hidden must be a multiple of 16",
     "model=convgru encoding=series10 model.parameters.stride=4.0": "stride 2 or 4, got 48 and 4.0",
-    "model=convgru encoding=series10 +model.parameters.centered=no": "centered must be true or false, got 'no'",
+    "model=convgru encoding=series10 +model.parameters.centered=no": "must be true or false, got 'no'",
     "model=convlstm encoding=stack10 model.parameters.hidden=0": "hidden must be a multiple of 16, got 0",
     "model=convgru encoding=series10 +model.parameters.hiden=32": "unexpected keyword argument 'hiden'",
     "+model.parameters.hidden=32": "parameters are for the architectures convgru, convlstm",

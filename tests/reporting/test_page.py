@@ -80,11 +80,12 @@ def test_the_page_is_complete_well_formed_and_self_contained(outputs):
     assert len(page) < 15_000_000
     assert f"python run.py task=analysis scale=first outputs={outputs}" in page
     assert "Scale first: 32 x 32 px, 16 training and 8 test pairs" in page
+    assert page.index("Accuracy differs from the paper") < page.index("<figure>") < page.index("<table>")
     for section in ("tables", "claims", "where", "calibration", "baselines"):
         assert f'<section id="{section}">' in page
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
+@pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (800, "light"), (1400, "dark")])
 def test_the_page_works_in_a_browser_at_any_width(browser, outputs, width, scheme):
     tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
     errors, requests = [], []

@@ -11,6 +11,7 @@ from repro.evaluation.analysis import ANALYZED, gather
 from repro.evaluation.evaluate import evaluate_baseline
 from repro.recordings.reader import open_recordings
 from repro.reporting.analysis_figures import write_analysis_figures
+from repro.reporting.answer import effects_line
 from repro.reporting.claims import count_verdicts
 from repro.reporting.page import images_of, render
 from repro.reporting.papers_claims import verdicts
@@ -78,4 +79,5 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
     write_tables(outputs.tables, results)
     page = render(outputs.path, results, frames, images_of(outputs.figures, outputs.analysis))
     write_text(outputs.path / "report.html", page)
-    print(f"Page: {outputs.path / 'report.html'}", flush=True)
+    print(f"Page, with the answer at the top and all figures: {outputs.path / 'report.html'}")
+    print(effects_line(results) or "no network of the paper in its worlds: no effect to compare", flush=True)

@@ -3,9 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from scipy.spatial.transform import RigidTransform, Rotation
-
 from repro.prediction.poses import MAX_GAP_S, Edge, PlanarPose, Vector, in_plane, problem_of
+from repro.prediction.rotations import UPSIDE_DOWN, RigidTransform, Rotation
 from repro.system.errors import InputError
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
@@ -164,7 +163,7 @@ class Transforms:
             if base is None:
                 return
             x, y, heading = self.mounting
-            turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(name) else 0.0])
+            turn = Rotation.about_z(heading) * (UPSIDE_DOWN if self._is_upside_down(name) else Rotation())
             yield Edge(base, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])
             name = base
         yield from self._chain_of(name)

@@ -8,6 +8,7 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
+from repro.reporting.answer import answer, decay_table
 from repro.reporting.claims import count_verdicts
 from repro.reporting.documents import CLAIMS_NOTE, analyzed, claims
 from repro.reporting.plots import DataFrames
@@ -32,6 +33,7 @@ def render(outputs: Path, results: pd.DataFrame, frames: DataFrames, figures: di
         scale=str(results["scale"].iloc[0]),
         outputs=outputs,
         caption=caption(results),
+        answer=answer(results),
         all_free=_all_free(frames["intervals"]),
         verdicts=count_verdicts(frames["claims"]),
         claims_note=CLAIMS_NOTE,
@@ -49,7 +51,7 @@ def images_of(*directories: Path) -> dict[str, Path]:
 def tables_of_sections(results: pd.DataFrame, frames: DataFrames) -> dict[str, list[Cells]]:
     """Return the tables of each section of the page, by its id; some may have no rows."""
     return {
-        "tables": [table.cells for table in make_tables(results).values() if len(table.frame)],
+        "tables": [table.cells for table in make_tables(results).values() if len(table.frame)] + [decay_table(results)],
         "claims": [claims(frames)],
         "baselines": [analyzed(name, frames) for name in ("methods", "bounds")],
     }
