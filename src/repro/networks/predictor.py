@@ -1,6 +1,6 @@
 """A trained network together with its encoding and grid, which can be applied to any scans.
 
-predictor = load_predictor("buildings")
+predictor = load_predictor("indoor")
 free = predictor.predict(Scans(ranges, angles, poses))
 """
 
@@ -136,7 +136,7 @@ def load_predictor(weights: str | Path) -> Predictor:
     """Load a predictor from an ONNX file.
 
     Args:
-        weights: `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one; or owner/name
+        weights: `indoor`, `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one; or owner/name
             of a repository of the Hugging Face Hub. `learning.networks.trained.load_trained` reads weights of torch.
 
     Raises:
