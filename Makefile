@@ -28,11 +28,12 @@ SHELL := bash
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
-setup: .venv/ready ## create .venv and install the pinned packages
+setup: .venv/ready ## create .venv and install the pinned packages of the study and its tests
 
 .venv/ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python 3.11 to 3.13 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
-	@echo "setting up .venv: about 6 GB, some minutes (PyTorch with CUDA is most of it)"
+	@echo "setting up .venv for the whole study: about 6 GB, some minutes (PyTorch with CUDA is most of it);"
+	@echo "prediction alone needs less than a tenth: pip install ."
 	@rm -rf .venv # a link to another environment is replaced, not emptied
 	@if command -v uv > /dev/null; then \
 	    uv venv --quiet --seed --python "$$($(PYTHON) -c 'import sys; print(sys.executable)')" .venv; \
@@ -44,6 +45,7 @@ setup: .venv/ready ## create .venv and install the pinned packages
 	    $(PY) -m pip install --quiet --disable-pip-version-check --no-deps -e .; \
 	fi
 	@touch $@
+	@echo "done. Next: source .venv/bin/activate && python run.py task=predict scans=examples/rooms.npz"
 
 reproduce: setup ## the whole study: [SCALE=first|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
 	$(PY) run.py task=plan $(SCALE_ARG) $(LEFT_OUT) $(SINGLE_ARGS)

@@ -17,7 +17,7 @@ from hydra._internal.utils import get_args_parser
 
 from repro.baselines.registry import PREDICTORS
 from repro.cli import compose, main
-from repro.cli.jobs import RESULTS, Job, resolve
+from repro.cli.jobs import RESULTS, Job
 from repro.config import PROJECTION
 from repro.evaluation.analysis import gather
 from repro.evaluation.evaluate import evaluate_baseline, read_predictions
@@ -57,7 +57,7 @@ def run(names: list[str], arguments: list[str]) -> None:
     PREDICTORS["privileged"] = privileged
     parsed = get_args_parser().parse_args(["-m", *arguments])
     with compose.composed(parsed) as composed:
-        jobs = [resolve(call) for call in main.read_calls(parsed, composed)]
+        jobs = [Job(call) for call in main.read_calls(parsed, composed)]
     for job, name in itertools.product(jobs, names):
         evaluate_baseline(job.outputs, job.config, name)
     outputs = jobs[0].outputs

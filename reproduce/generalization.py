@@ -23,7 +23,7 @@ from hydra._internal.utils import get_args_parser
 from matplotlib.figure import Figure
 
 from repro.cli import compose, main
-from repro.cli.jobs import Job, resolve
+from repro.cli.jobs import Job
 from repro.evaluation.image_metrics import measured_of
 from repro.learning.networks.trained import load_trained
 from repro.metrics.bootstrap import draw_weights, intervals, resample
@@ -202,7 +202,7 @@ def run(arguments: list[str]) -> None:
     """Test the network of every job of the call, and write the table and the figure."""
     parsed = get_args_parser().parse_args(["-m", *arguments])
     with compose.composed(parsed) as composed:
-        jobs = [resolve(call) for call in main.read_calls(parsed, composed)]
+        jobs = [Job(call) for call in main.read_calls(parsed, composed)]
     for job in jobs:
         path = job.outputs.analysis / "generalization.csv"
         path.parent.mkdir(parents=True, exist_ok=True)

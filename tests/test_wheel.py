@@ -33,7 +33,7 @@ def site(tmp_path_factory) -> Path:
     return directory / "site"
 
 
-def call(python: Path, site: Path, folder: Path, code: str, *arguments: str) -> str:
+def call(python: Path | str, site: Path, folder: Path, code: str, *arguments: str) -> str:
     """Run Python in a folder with the unpacked wheel; return what it prints."""
     done = subprocess.run(
         [python, "-c", f"import sys, repro; assert {str(site)!r} in repro.__file__; {code}", *arguments],
@@ -60,6 +60,34 @@ def test_a_log_is_predicted(python, site, tmp_path):
     shutil.copyfile(ROOT / "examples" / "rooms.npz", tmp_path / "rooms.npz")
     call(python, site, tmp_path, MAIN, "task=predict", "scans=rooms.npz")
     assert list(tmp_path.glob("outputs/**/*.png"))
+
+
+STUDY = ("torch", "pandas", "scipy", "matplotlib", "PIL", "joblib", "shapely", "irsim", "onnx", "huggingface_hub")
+WITHOUT = f"sys.modules.update(dict.fromkeys({STUDY}))  # as if they were not installed"
+
+
+def test_a_log_is_predicted_without_the_packages_of_the_study(site, tmp_path):
+    shutil.copyfile(ROOT / "examples" / "rooms.npz", tmp_path / "rooms.npz")
+    arguments = ("task=predict", "scans=rooms.npz", "prediction.stride_s=10")
+    text = call(sys.executable, site, tmp_path, f"{WITHOUT}\n{MAIN}", *arguments)
+    assert "pip install matplotlib for figures" in text
+    assert {path.suffix for path in tmp_path.glob("outputs/*/predictions/rooms/*")} == {
+        *(".npz", ".pgm", ".yaml", ".csv", ".json")
+    }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "missing"), [("task=train exp=4", "shapely"), ("task=adapt adaptation.logs=[rooms.npz]", "torch")]
+)
+def test_a_task_of_the_study_names_what_installs_it(site, tmp_path, arguments, missing):
+    shutil.copyfile(ROOT / "examples" / "rooms.npz", tmp_path / "rooms.npz")
+    command = [sys.executable, "-c", f"import sys; {WITHOUT}\n{MAIN}", *arguments.split(), "scale=first"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(site)}, capture_output=True, text=True
+    )
+    assert done.returncode != 0
+    assert f"this needs the study, of which {missing} is missing: make setup in a clone, or pip install" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_a_sweep_trains_and_tabulates(python, site, tmp_path):

@@ -6,12 +6,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import joblib
 import psutil
-from joblib.externals.loky import get_reusable_executor
 
 from repro.system.memory import available_memory_gb
 from repro.system.threads import use_threads
@@ -23,6 +22,8 @@ THREADS = "OMP_NUM_THREADS"
 
 def count_cores() -> int:
     """Return the number of cores that this process may use, by affinity and by the limits of a container."""
+    import joblib
+
     return joblib.cpu_count()
 
 
@@ -32,7 +33,7 @@ def cores_are_idle() -> bool:
 
 
 @contextmanager
-def process_pool(workers: int, **options: Any) -> Iterator[joblib.Parallel]:
+def process_pool(workers: int, **options: Any) -> Iterator[Any]:
     """Create a pool of processes that ends with the context.
 
     joblib keeps the processes of a pool for five minutes. A process of a sweep whose pool is kept cannot end before
@@ -42,6 +43,9 @@ def process_pool(workers: int, **options: Any) -> Iterator[joblib.Parallel]:
         workers: number of processes; with 1, the work is done in this process.
         options: further options of `joblib.Parallel`.
     """
+    import joblib  # these need the study
+    from joblib.externals.loky import get_reusable_executor
+
     try:
         yield joblib.Parallel(n_jobs=workers, backend="loky", **options)
     finally:
@@ -104,6 +108,8 @@ def parallel_trainings(size_px: int, batch_size: int, pairs: int, channels: int 
 def has_gpu() -> bool:
     """Return whether a CUDA GPU is visible, without importing torch where there is no driver."""
     if sys.platform == "linux" and not any(Path(path).exists() for path in ("/dev/nvidiactl", "/dev/dxg")):
+        return False
+    if find_spec("torch") is None:
         return False
     import torch
 

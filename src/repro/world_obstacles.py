@@ -3,7 +3,6 @@
 import math
 from typing import Annotated, Any, Literal
 
-import shapely
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from repro.system.errors import InputError
@@ -38,6 +37,8 @@ class Rectangle(Part):
 
 def _simple(vertices: list[Point]) -> list[Point]:
     """Check that a polygon neither crosses itself nor vanishes; IR-SIM would draw its bounding box instead."""
+    import shapely  # which reading a world without polygons does not need
+
     polygon = shapely.Polygon(vertices)
     if not polygon.is_valid:
         raise InputError(f"must be a polygon that does not cross or touch itself: {shapely.is_valid_reason(polygon)}")

@@ -6,7 +6,7 @@ import pytest
 from conftest import ROOT, read_calls, refuse, run_py
 
 from repro.cli.call import Call
-from repro.cli.jobs import RESULTS, resolve
+from repro.cli.jobs import RESULTS, Job
 from repro.config import PairCounts
 from repro.fields import OLDEST_GRAY
 from repro.networks.model import NETWORKS, PAPER_ENCODER, paper_model
@@ -47,7 +47,7 @@ def test_every_model_has_the_papers_encoder(model):
 
 
 def test_a_job_has_the_directories_of_its_run():
-    job = resolve(read_call("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop"))
+    job = Job(read_call("exp=4", "model=fpn", "decay=false", "seed=2", "scale=laptop"))
     assert job.run.path == Path("outputs/laptop/runs/exp4/fpn/projection-no-decay/seed2")
     assert job.recordings == Path("outputs/laptop/recordings/exp4")
     assert job.published == ROOT / "reproduce" / "results" / "laptop"
@@ -68,7 +68,7 @@ def test_the_home_directory_is_expanded_in_every_path(monkeypatch, tmp_path):
 
 def test_the_grid_has_the_size_of_the_world():
     config = read_call("world.world.width=100", "world.world.height=100")
-    assert resolve(config).config.data.size_m == 100
+    assert Job(config).config.data.size_m == 100
 
 
 @pytest.mark.parametrize(("task", "refused"), [("all", True), ("train", True), ("plan", True), ("record", False)])
@@ -89,7 +89,7 @@ def test_weights_to_start_from_are_there_before_anything_is_recorded():
 
 def test_runtime_settings_do_not_change_the_run():
     def run_config(*overrides):
-        return resolve(read_call("exp=3", *overrides)).config
+        return Job(read_call("exp=3", *overrides)).config
 
     assert run_config() == run_config("runtime.workers=7", "runtime.max_minutes=3", "runtime.precision=bf16-mixed")
     assert run_config() != run_config("train.batch_size=4")
@@ -123,7 +123,7 @@ def test_a_world_is_written_and_replays_in_plain_irsim(tmp_path):
 
 def test_published_results_are_those_of_the_name_of_the_outputs(monkeypatch):
     def job(outputs):
-        return resolve(read_call("scale=laptop", f"outputs={outputs}"))
+        return Job(read_call("scale=laptop", f"outputs={outputs}"))
 
     monkeypatch.chdir(ROOT / "src")
     assert job(".").published == job("outputs/src").published == RESULTS / "src"
@@ -133,7 +133,7 @@ def test_published_results_are_those_of_the_name_of_the_outputs(monkeypatch):
 
 def test_what_cannot_be_evaluated_leaves_no_run(tmp_path):
     """A run that is there fixes the settings of later calls."""
-    job = resolve(read_call("task=evaluate", "scale=first", f"outputs={tmp_path}"))
+    job = Job(read_call("task=evaluate", "scale=first", f"outputs={tmp_path}"))
     with pytest.raises(ValueError, match=r"task=(train|record) first"):
         job.call.facts.run(job)
     assert not list(job.outputs.runs())

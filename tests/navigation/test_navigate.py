@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT, TINY, read_calls
 
-from repro.cli.jobs import resolve
+from repro.cli.jobs import Job
 from repro.navigation import study
 from repro.system.errors import InputError
 
@@ -21,7 +21,7 @@ FEW = [
 def run(outputs, *arguments) -> None:
     words = ["world=navigation", "exp=mixed", *TINY, f"outputs={outputs}"]
     (call,) = read_calls(*words, *arguments)
-    call.facts.run(resolve(call))
+    call.facts.run(Job(call))
 
 
 @pytest.fixture(scope="module")

@@ -71,5 +71,5 @@ def test_a_repository_that_cannot_be_had_is_named(tmp_path, monkeypatch):
 
 
 def test_weights_of_torch_name_what_reads_them():
-    with pytest.raises(ValueError, match=r"exp4-unet has no model.onnx: weights of torch need the study \(pip install"):
+    with pytest.raises(ValueError, match=r"exp4-unet has no model.onnx: weights of torch need the study, make setup"):
         load_predictor("reproduce/results/workstation/exp4-unet")

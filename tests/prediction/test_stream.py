@@ -1,6 +1,8 @@
 """The stream against `cut` with `Predictor.predict`, and against its own definition, scan by scan."""
 
 import dataclasses
+import os
+import signal
 import threading
 
 import numpy as np
@@ -279,3 +281,28 @@ def test_pixels_that_no_reading_supports_are_unknown(small):
     assert is_supported.any()
     assert (x[is_supported] > -1.6).all()
     assert (np.hypot(x, y)[is_supported] < 6).all()
+
+
+def test_an_update_in_a_signal_handler_is_refused_and_changes_nothing(small, monkeypatch):
+    """It would wait for itself; between two updates it is one more."""
+    stream, undisturbed = (PredictionStream(small, ANGLES, steps=STEPS) for _ in range(2))
+    take, scan = stream._take, (LOG.ranges[0], LOG.poses[0], 99.0)
+
+    def interrupted(*values):
+        with pytest.raises(ValueError, match="update runs in this thread already"):
+            stream.update(*scan)
+        return take(*values)
+
+    monkeypatch.setattr(stream, "_take", interrupted)
+    found = feed(stream, np.arange(0, 1.45, 0.1))[-1]
+    assert np.array_equal(found.free, feed(undisturbed, np.arange(0, 1.45, 0.1))[-1].free)
+
+
+def test_a_child_process_goes_on_where_its_parent_was(small):
+    stream = PredictionStream(small, ANGLES, steps=STEPS)
+    assert feed(stream, np.arange(0, 1.05, 0.1))[-1] is not None
+    child = os.fork()
+    if not child:
+        signal.alarm(20)
+        os._exit(0 if stream.update(LOG.ranges[11], LOG.poses[11], 1.1) else 1)
+    assert os.waitpid(child, 0)[1] == 0

@@ -8,7 +8,7 @@ from conftest import TINY, damage, read_calls
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.cli.errors import explain
-from repro.cli.jobs import resolve
+from repro.cli.jobs import Job
 from repro.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
@@ -26,7 +26,7 @@ def read_call(outputs, *overrides):
 def call(outputs, task, *overrides):
     """Run a task; return None, or the message that the command line would print."""
     try:
-        job = resolve(read_call(outputs, f"task={task}", *overrides))
+        job = Job(read_call(outputs, f"task={task}", *overrides))
         job.call.facts.run(job)
     except Exception as error:
         message = explain(error)

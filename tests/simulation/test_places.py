@@ -98,6 +98,12 @@ def test_walls_have_the_thickness_drawn_and_closed_doors_shut_the_rooms():
     assert sum(part.contains(places).any() for part in parts) > 1
 
 
+@pytest.mark.parametrize("seed", [1_000_196, 5_000_028])
+def test_floors_whose_union_fails_by_rounding_are_sampled(seed):
+    world = sample_world(SPEC, seed)
+    assert union(world["obstacle"][: world["custom"]["fixed"]]).is_valid
+
+
 def test_cabinets_stand_against_a_wall():
     cabinets = Cabinets(per_m=(0.5, 0.5), length_m=(0.5, 1.0), depth_m=(0.4, 0.4))
     change = {"cabinets": cabinets, "closed_share": 0.0, "leaf_share": 0.0, "thickness_m": None}

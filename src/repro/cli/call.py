@@ -7,11 +7,11 @@ from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     Field,
     TypeAdapter,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -23,7 +23,6 @@ from repro.config import RECURRENT, Encoding, Scale, Training
 from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
 from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.parallel import has_gpu, training_memory_gb
-from repro.simulation.schema import world_errors
 from repro.system.errors import InputError
 from repro.system.memory import total_memory_gb
 from repro.world_config import world_spec
@@ -33,15 +32,11 @@ def _as_text(value: Any) -> Any:
     return str(value) if type(value) is int else value  # exp=3, which Hydra reads as a number
 
 
-def _can_be_recorded(world: dict[str, Any]) -> dict[str, Any]:
-    if errors := _errors_of_world(json.dumps(world)):
-        raise Refused(*errors)
-    return world
-
-
 @lru_cache(8)
 def _errors_of_world(text: str) -> list[ConfigError]:
     """Return the errors of a world, as JSON; the jobs of a sweep share it."""
+    from repro.simulation.schema import world_errors  # samples worlds, which needs the study
+
     return world_errors(json.loads(text))
 
 
@@ -55,7 +50,7 @@ class Call:
     __pydantic_config__ = KNOWN_KEYS
 
     task: str
-    world: Annotated[dict[str, Any], AfterValidator(_can_be_recorded)]
+    world: dict[str, Any]
     exp: Annotated[str, BeforeValidator(_as_text)]
     decay: bool
     oldest_gray: Gray
@@ -92,6 +87,15 @@ class Call:
             raise InputError(f"must be one of {', '.join(tasks())}")
         return task
 
+    @field_validator("world")
+    @classmethod
+    def _can_be_recorded(cls, world: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        """Check the worlds, unless the task, which comes first, has none."""
+        task = tasks().get(info.data.get("task", ""))
+        if not (task and "world" in task.ignores) and (errors := _errors_of_world(json.dumps(world))):
+            raise Refused(*errors)
+        return world
+
     @model_validator(mode="after")
     def _fits_together(self) -> "Call":
         usual = {"decay": self.decay, "oldest_gray": self.oldest_gray}  # of which torch need not be asked
@@ -103,7 +107,8 @@ class Call:
 
     def _errors(self) -> Iterator[str]:
         """Yield what is wrong with values that are right alone."""
-        experiments, task, model, encoding = self.world["experiments"], self.facts, self.model, self.encoding
+        experiments, task, model, encoding = self.world.get("experiments"), self.facts, self.model, self.encoding
+        experiments = experiments if isinstance(experiments, dict) else {}  # which a task without worlds does not check
         if self.exp not in experiments:
             yield f"exp={self.exp}: must be one of {', '.join(experiments)}"
         elif task.place == "run" and encoding.frames > (steps := world_spec(self.world, self.exp).steps):

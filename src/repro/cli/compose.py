@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ def job_directory(task: str, exp: str, model: str, encoding: str, decay: bool, s
 RESOLVERS: dict[str, Any] = {  # that conf/ uses
     "job_directory": job_directory,
     "default_scale": lambda: "paper" if has_gpu() else "laptop",
-    "default_launcher": lambda: "basic" if has_gpu() else "cores",
+    "default_launcher": lambda: "cores" if find_spec("joblib") and not has_gpu() else "basic",
     "home": os.path.expanduser,  # Hydra does not expand ~
     "parallel_trainings": lambda size_px, batch_size, pairs, parameters: parallel_trainings(
         size_px, batch_size, pairs.train + pairs.val, Encoding("", parameters).most_channels
@@ -57,6 +58,9 @@ RESOLVERS: dict[str, Any] = {  # that conf/ uses
 }
 for _name, _resolver in RESOLVERS.items():
     OmegaConf.register_new_resolver(_name, _resolver, replace=True)
+
+
+MAX_JOBS = 2000  # of a sweep, which are composed before the first one runs
 
 
 @dataclass(frozen=True)
@@ -140,8 +144,8 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     if not multirun:
         return [overrides]
     jobs = BasicSweeper.split_arguments(parsed, None)[0]
-    if not jobs:
-        raise Refused("the sweep has no jobs")
+    if not 1 <= len(jobs) <= MAX_JOBS:
+        raise Refused(f"the sweep has {len(jobs) or 'no'} jobs: expected 1 to {MAX_JOBS}")
     return jobs
 
 

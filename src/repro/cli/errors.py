@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from difflib import get_close_matches
 from typing import Any
 
-from repro.system.errors import InputError
+from repro.system.errors import STUDY, InputError
 
 
 class Refused(InputError):
@@ -36,6 +36,8 @@ def explain(error: BaseException) -> str | None:
         return f"{file}: {_FIXES[error.errno]}"
     if type(error).__name__ in ("TerminatedWorkerError", "BrokenProcessPool"):
         return "a worker process was killed, perhaps for lack of memory: repeat the command with runtime.workers=1"
+    if isinstance(error, ModuleNotFoundError) and not str(error.name).startswith("repro"):
+        return f"this needs the study, of which {error.name} is missing: {STUDY}"
     if isinstance(error, InputError | FloatingPointError):
         return str(error)
     return None

@@ -1,6 +1,7 @@
 """A call with everything resolved: the only place that turns the configuration into runs, directories and specs."""
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 
 from repro.cli.call import Call
@@ -18,19 +19,26 @@ RESULTS = ROOT / "reproduce" / "results"
 
 @dataclass(frozen=True)
 class Job:
-    """A resolved call.
-
-    Args:
-        call: the whole configuration.
-        config: everything that decides the result of the run.
-        outputs: the outputs directory.
-        spec: what decides the worlds of the experiment.
-    """
+    """A resolved call; what a task does not ask for is not resolved, since the worlds need IR-SIM."""
 
     call: Call
-    config: RunConfig
-    outputs: Outputs
-    spec: WorldSpec
+
+    @cached_property
+    def spec(self) -> WorldSpec:
+        """What decides the worlds of the experiment."""
+        return world_spec(self.call.world, self.call.exp)
+
+    @cached_property
+    def config(self) -> RunConfig:
+        """Everything that decides the result of the run."""
+        call, width = self.call, self.spec.world.width
+        data = Data(call.scale.name, call.scale.size_px, width, call.scale.pairs, spec_fingerprint(self.spec))
+        return RunConfig(call.exp, call.seed, call.model, call.encoding, data, call.train)
+
+    @property
+    def outputs(self) -> Outputs:
+        """The outputs directory."""
+        return Outputs(Path(self.call.outputs), Path(self.call.recordings))
 
     @property
     def key(self) -> RunKey:
@@ -57,11 +65,3 @@ class Job:
     def reference(self) -> Path:
         """Directory of the published results to compare with: of the outputs directory, else of the scale."""
         return self.published if (self.published / "runs.csv").is_file() else RESULTS / self.call.scale.name
-
-
-def resolve(call: Call) -> Job:
-    """Resolve a call."""
-    spec = world_spec(call.world, call.exp)
-    data = Data(call.scale.name, call.scale.size_px, spec.world.width, call.scale.pairs, spec_fingerprint(spec))
-    run = RunConfig(call.exp, call.seed, call.model, call.encoding, data, call.train)
-    return Job(call, run, Outputs(Path(call.outputs), Path(call.recordings)), spec)

@@ -16,13 +16,21 @@ from omegaconf import DictConfig
 from repro.cli.call import Call, read_call
 from repro.cli.compose import Composed, composed, launch
 from repro.cli.errors import WANTS_TRACEBACKS, Refused, explain
-from repro.cli.jobs import resolve
+from repro.cli.jobs import Job
 from repro.cli.tasks import keys_without_effect
 from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.places import conf_directory
 from repro.world_config import plain
+
+USAGE = """Usage: repro task=<task> [key=value ...], in a checkout python run.py; --help lists the tasks and keys.
+
+repro task=predict scans=examples/rooms.npz        maps from a log of your own robot
+repro exp=3 model=unet scale=first                 record, train, evaluate: minutes (needs the study)
+repro -m model=unet,fpn exp=3,4                    a sweep, then its table: hours on a CPU (needs the study)"""
+if sys.version_info >= (3, 14):  # which checks that the help of every option is text; one of Hydra 1.3.8 is none
+    argparse.ArgumentParser._check_help = lambda *_: None  # type: ignore[attr-defined]
 
 
 def main() -> int:
@@ -41,7 +49,7 @@ def main() -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # takes what is still to be printed
         print("the output is not read any more: stopped; the same command resumes", file=sys.stderr)
         return 1
-    except OSError as error:
+    except (ModuleNotFoundError, OSError) as error:
         if WANTS_TRACEBACKS or explain(error) is None:
             raise
         print(f"error: {explain(error)}", file=sys.stderr)
@@ -66,6 +74,9 @@ def _prepare_process() -> None:
 
 def _run_call() -> int:
     arguments, unknown = get_args_parser().parse_known_args()
+    if not sys.argv[1:]:
+        print(USAGE)
+        return 0
     if unknown:
         raise Refused(f"{' '.join(unknown)}: not understood; options come first: run.py -m exp=3,4")
     if any((arguments.help, arguments.hydra_help, arguments.cfg, arguments.info, arguments.shell_completion)):
@@ -99,7 +110,23 @@ def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call
         raise Refused(*unused)
     if len({call.outputs for call in calls}) < len(calls) and calls[0].facts.once:
         raise Refused(f"task={task}: is done once for all runs; leave out the sweep")
+    if shared := _shared_targets(calls, jobs):
+        raise Refused(*shared)
     return calls
+
+
+def _shared_targets(calls: list[Call], jobs: list[Composed]) -> list[str]:
+    """Return which jobs of a sweep write to one place, of which the last one would remain or others would fail."""
+    targets: dict[Path, list[Composed]] = {}
+    for call, job in zip(calls, jobs, strict=True):
+        if target := call.facts.target:
+            targets.setdefault(target(Job(call)).absolute(), []).append(job)
+    return [
+        f"{len(sharing)} jobs write to {target}, such as {_name(sharing[0], sharing) or 'one'} and "
+        f"{_name(sharing[1], sharing) or 'the same again'}: set outputs= for each"
+        for target, sharing in targets.items()
+        if len(sharing) > 1
+    ]
 
 
 def _say_scale(call: Call, overrides: list[str]) -> None:
@@ -156,7 +183,7 @@ def run_composed(config: DictConfig) -> str | None:
 def perform(call: Call) -> str | None:
     """Run the task of a call; print and return why it failed, None if it did not."""
     try:
-        call.facts.run(resolve(call))
+        call.facts.run(Job(call))
     except BrokenPipeError:
         raise
     except Exception as error:

@@ -1,6 +1,10 @@
 """task=predict: maps from a log of your own robot."""
 
+import csv
+import hashlib
+import io
 import math
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
@@ -10,10 +14,9 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from repro.cli.jobs import Job
-from repro.cli.prediction_report import describe, line_of, say_left_out, summarize, time_in, warn_of
+from repro.cli.prediction_report import Row, describe, line_of, say_left_out, summarize, time_in, warn_of
 from repro.cli.settings import Prediction
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
@@ -32,9 +35,10 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 from repro.system.progress import progress
 
 LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
-Row = dict[str, float | str | None]
+LONGEST_NAME = 180  # bytes of the name of a log
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
+CAN_DRAW = find_spec("matplotlib") is not None  # a robot needs no figures
 SHOWN = 100  # windows on the page, of 60 kB each
 
 
@@ -58,16 +62,17 @@ def predict_log(job: Job) -> None:
     own = re.compile(rf"{WRITTEN}|{re.escape(target.name)}\.mcap").fullmatch
     with lock(target.parent, f".{target.name}.lock"), replacing_directory(target, own) as new:
         clear_leftovers(target.parent, keep=new, of=target.name)
-        table = _predict_all(found, predictor, new, log, when)
-        predicted = table[table["left_out"].isna()]
-        if predicted.empty:
-            raise InputError(f"{path}: none of its {len(table)} windows or parts can be used, see above")
+        rows = _predict_all(found, predictor, new, log, when)
+        predicted = [row for row in rows if "left_out" not in row]
+        if not predicted:
+            raise InputError(f"{path}: none of its {len(rows)} windows or parts can be used, see above")
         write_json(new / "source.json", {"log": [*map(str, paths)], **asdict(settings)})
-        write_text(new / "windows.csv", table.to_csv(index=False, float_format="%.4f"))
-        _write_page(new, predicted, path.name, when)
+        write_text(new / "windows.csv", _table(rows))
+        if CAN_DRAW:
+            _write_page(new, predicted, path.name, when)
     warn_of(predicted, predictor.statistics)
     summarize(predicted)
-    print(f"{target} has the maps, maps.html shows them")
+    print(f"{target} has the maps, " + ("maps.html shows them" if CAN_DRAW else "pip install matplotlib for figures"))
 
 
 def target_of(job: Job) -> Path:
@@ -93,7 +98,10 @@ def name_of(log: Path, *others: Path) -> str:
     name = log.resolve().name
     while Path(name).suffix in LOG_SUFFIXES:
         name = Path(name).stem
-    return (name.strip(".") or "log") + (f"-and-{len(others)}-others" if others else "")
+    name = name.strip(".") or "log"
+    if len(os.fsencode(name)) > LONGEST_NAME:  # files of a prediction add to it
+        name = f"{name[: LONGEST_NAME // 4]}-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"
+    return name + (f"-and-{len(others)}-others" if others else "")
 
 
 def _check_target(target: Path, *sources: Path) -> None:
@@ -125,7 +133,8 @@ def read(
     except UnusableTimes as error:
         if settings.spacing or settings.step_s or kind_of(path) != CARMEN:
             raise
-        print(f"prediction.spacing=distance is taken: {str(error).removeprefix(f'{path}: ').partition(': ')[0]}")
+        reason = re.split(r": | \(skipped", str(error).removeprefix(f"{path}: "))[0]
+        print(f"prediction.spacing=distance is taken: {reason}")
         windows = replace(windows, spacing="distance")
         log = read_log(path, windows, options, others)
     if windows.spacing == "distance":
@@ -155,7 +164,7 @@ def _stride(settings: Prediction, windows: WindowSettings, predictor: Predictor)
 
 def _predict_all(
     windows: Iterable[Window | str], predictor: Predictor, directory: Path, log: ScanLog, when: Callable[[float], str]
-) -> pd.DataFrame:
+) -> list[Row]:
     """Predict the windows and return their rows; of those that cannot be used, the column `left_out` has the reason."""
     rows: list[Row] = []
     for window in progress(windows, "windows"):
@@ -167,11 +176,19 @@ def _predict_all(
             rows.append(row | _predict(window, predictor, directory, log, when(window.stamp)))
         except InputError as error:
             rows.append(row | {"left_out": str(error)})
-    table = pd.DataFrame(rows, columns=[*dict.fromkeys(("window", "stamp", *chain(*rows), "left_out"))])
-    table.insert(len(table.columns) - 1, "left_out", table.pop("left_out"))  # as the last column
-    table["window"] = table["window"].astype("Int64")
-    say_left_out(table[table["left_out"].notna()], when)
-    return table
+    say_left_out([row for row in rows if "left_out" in row], when)
+    return rows
+
+
+def _table(rows: list[Row]) -> str:
+    """Return windows.csv, whose last column has the reasons for which windows were left out."""
+    columns = [name for name in dict.fromkeys(("window", "stamp", *chain(*rows))) if name != "left_out"]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [*columns, "left_out"], lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: f"{each:.4f}" if isinstance(each, float) else each for name, each in row.items()})
+    return text.getvalue()
 
 
 def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog, when: str) -> Row:
@@ -181,7 +198,8 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), predicted)
     write_map(stem, predicted)
-    draw_window(window, predicted, grid, range_max_m, when).savefig(stem.with_suffix(".png"), dpi=120)
+    if CAN_DRAW:
+        draw_window(window, predicted, grid, range_max_m, when).savefig(stem.with_suffix(".png"), dpi=120)
     row: Row = {
         "obstacle_share": float((predicted.free < 0.5).mean()),
         "unknown_share": float(predicted.unknown.mean()),
@@ -195,10 +213,10 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
     return row
 
 
-def _write_page(directory: Path, predicted: pd.DataFrame, title: str, when: Callable[[float], str]) -> None:
+def _write_page(directory: Path, predicted: list[Row], title: str, when: Callable[[float], str]) -> None:
     """Write the page of a log, with at most `SHOWN` of its windows, evenly over it."""
     figures = []
     for place in np.unique(np.linspace(0, len(predicted) - 1, SHOWN).astype(int)):
-        row = predicted.iloc[place].to_dict()
+        row = predicted[place]
         figures.append((directory / f"window-{row['window']:04d}.png", line_of(row, when(row["stamp"]))))
     write_text(directory / "maps.html", page_of(title, figures))

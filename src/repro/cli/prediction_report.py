@@ -1,11 +1,11 @@
 """What task=predict prints about a log and its predictions."""
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from repro.maps.statistics import TITLES, Statistics
 from repro.prediction.agreement import COMPARISONS, LOSSES
@@ -15,6 +15,7 @@ from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.sharpness import sharper_convention
 from repro.prediction.times import WindowSettings
 
+Row = dict[str, Any]  # of windows.csv; one that was left out has its number, if it has one, its time and the reason
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 
 
@@ -54,26 +55,26 @@ def _describe_jumps(log: ScanLog, settings: WindowSettings) -> None:
         print(f"warning: the poses jump {len(jumps)} times, {where}: windows across a jump have wrong maps")
 
 
-def warn_of(table: pd.DataFrame, statistics: Statistics | None) -> None:
+def warn_of(rows: list[Row], statistics: Statistics | None) -> None:
     """Print one warning for each statistic of the scans that is outside the training data in some window."""
     if statistics is None:
         print("warning: the weights have no statistics of their training data, so the log is not compared with it")
         return
-    outside = table["outside_training"].str.split()
+    outside = [row["outside_training"].split() for row in rows]
     for name in statistics.names:
-        is_outside = outside.map(lambda names, name=name: name in names)
-        if not is_outside.any():
+        values = [row[name] for row, names in zip(rows, outside, strict=True) if name in names]
+        if not values:
             continue
-        values, (low, high) = table.loc[is_outside, name], statistics.range_of(name)
+        low, high = statistics.range_of(name)
         print(
-            f"warning: {TITLES.get(name, name)}: {_spread(values.min(), values.max())} in {is_outside.sum()} of "
-            f"{len(table)} windows, {_spread(low, high)} in the training"
+            f"warning: {TITLES.get(name, name)}: {_spread(min(values), max(values))} in {len(values)} of "
+            f"{len(rows)} windows, {_spread(low, high)} in the training"
         )
-        if name == "fov_deg" and values.max() > high:
+        if name == "fov_deg" and max(values) > high:
             print(f"  prediction.fov_deg={high:.0f} crops the log, task=adapt learns from what it sees beside that")
-        if name == "occupied_share" and values.max() > high and not outside.map(lambda names: "fov_deg" in names).any():
+        if name == "occupied_share" and max(values) > high and not any("fov_deg" in names for names in outside):
             print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
-    if outside.map(len).any():
+    if any(outside):
         print("  the network has not learned from such scans: the comparison below tells how good its maps are here;")
         print("  other weights, or task=adapt with your logs, may be better (docs/robot.md#networks)")
 
@@ -82,11 +83,11 @@ def _spread(low: float, high: float) -> str:
     return f"{low:.3g}" + (f" to {high:.3g}" if high > low else "")
 
 
-def say_left_out(left_out: pd.DataFrame, when: Callable[[float], str]) -> None:
+def say_left_out(left_out: list[Row], when: Callable[[float], str]) -> None:
     """Print how many windows were left out, and the first reason."""
-    if len(left_out):
-        first = left_out.iloc[0]
-        where = "" if pd.isna(first["window"]) else f"window {first['window']} at {when(first['stamp'])}: "
+    if left_out:
+        first = left_out[0]
+        where = f"window {first['window']} at {when(first['stamp'])}: " if "window" in first else ""
         print(f"left out: {len(left_out)} windows or parts, such as {where}{first['left_out']}", flush=True)
         print("  windows.csv has all reasons in its column left_out", flush=True)
 
@@ -115,10 +116,14 @@ def compared(losses: Mapping[str, Any]) -> str:
     return text
 
 
-def summarize(table: pd.DataFrame) -> None:
+def summarize(rows: list[Row]) -> None:
     """Print the mean log loss of the maps on scans that their network did not receive, and in how many things move."""
-    means = {str(name): table[name].mean() for name in table if str(name).endswith("log_loss")}
-    print(f"{len(table)} windows, mean{compared(means) or ': no other scan to compare with'}")
-    count = int((table["moving_pixels"] > 0).sum())
+    values: dict[str, list[float]] = defaultdict(list)
+    for name, value in (item for row in rows for item in row.items()):
+        if name.endswith("log_loss") and math.isfinite(value):
+            values[name].append(value)
+    means = {name: math.fsum(each) / len(each) for name, each in values.items()}
+    print(f"{len(rows)} windows, mean{compared(means) or ': no other scan to compare with'}")
+    count = sum(row["moving_pixels"] > 0 for row in rows)
     if count:
-        print(f"warning: {MOVERS} ({count} of {len(table)} windows, orange in the figures: docs/robot.md#what-moves)")
+        print(f"warning: {MOVERS} ({count} of {len(rows)} windows, orange in the figures: docs/robot.md#what-moves)")

@@ -7,7 +7,6 @@ All functions take pixel counts by quantized probability, (..., 2, 256) with obs
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import entr
 
 from repro.metrics.counts import LEVELS, PROBABILITY
 
@@ -28,7 +27,8 @@ def log_loss(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.nd
 
 def entropy(counts: np.ndarray) -> np.ndarray:
     """Compute the mean entropy of the predicted probabilities [nat], (...), a measure of blur."""
-    each = entr(PROBABILITY) + entr(1 - PROBABILITY)
+    surprise = -PROBABILITY * np.log(np.where(PROBABILITY > 0, PROBABILITY, 1))
+    each = surprise + surprise[::-1]  # of free and of an obstacle
     return _mean(counts, np.stack([each, each]))
 
 

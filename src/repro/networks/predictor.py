@@ -19,10 +19,8 @@ from repro.maps.validity import check_windows
 from repro.networks.onnx_files import read_onnx
 from repro.networks.weights import ONNX, locate, onnx_file
 from repro.scans import Scans
-from repro.system.errors import InputError
+from repro.system.errors import STUDY, InputError
 from repro.system.progress import progress
-
-STUDY = "pip install '.[study]' in a clone, or make setup"
 
 
 class Network(Protocol):
@@ -149,7 +147,7 @@ def load_predictor(weights: str | Path) -> Predictor:
     file = onnx_file(path)
     if file is None:
         raise InputError(
-            f"{path} has no {ONNX}: weights of torch need the study ({STUDY}); there, task=predict takes them, "
+            f"{path} has no {ONNX}: weights of torch need the study, {STUDY}; there, task=predict takes them, "
             "repro.learning.networks.trained.load_trained reads them, and task=export format=onnx exports a run"
         )
     return create_predictor(*read_onnx(file), file)

@@ -5,7 +5,8 @@ from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation, Slerp
+
+from repro.prediction.rotations import RigidTransform
 
 MAX_GAP_S = 2.0  # between two poses of a robot that moved in between; slow odometry has one in 1.25 s
 MAX_CORRECTION_GAP_S = 1.0  # between two corrections of a localization, beyond which the first holds up to the other
@@ -66,7 +67,7 @@ class Edge:
         if gap > longest_s + TOLERANCE_S and not _are_near(one, other):
             return one if is_correction else None
         share = (stamp - self.stamps[after - 1]) / gap
-        rotation = Slerp([0, 1], Rotation.concatenate([one.rotation, other.rotation]))(share)
+        rotation = one.rotation.toward(other.rotation, share)
         return RigidTransform.from_components((1 - share) * one.translation + share * other.translation, rotation)
 
     def differs(self, parent: str, pose: RigidTransform) -> bool:

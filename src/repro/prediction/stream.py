@@ -2,7 +2,6 @@
 
 import logging
 import math
-import threading
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +21,7 @@ from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.arrays import real
 from repro.system.errors import InputError
+from repro.system.threads import OneAtATime
 
 LOGGER = logging.getLogger(__name__)
 REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: as in the training
@@ -135,7 +135,7 @@ class PredictionStream:
         most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock, self._misses = Clock(self.settings), MissCheck()
-        self._lock = threading.Lock()
+        self._lock = OneAtATime("update")
 
     def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
         """Take a scan and predict the map at its time.

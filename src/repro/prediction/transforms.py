@@ -3,9 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from scipy.spatial.transform import RigidTransform, Rotation
-
 from repro.prediction.poses import MAX_GAP_S, Edge, PlanarPose, Vector, in_plane, problem_of
+from repro.prediction.rotations import UPSIDE_DOWN, RigidTransform, Rotation
 from repro.system.errors import InputError
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself, by REP 105 of ROS
@@ -88,6 +87,10 @@ class Transforms:
             )
         return in_plane(total)
 
+    def is_known(self, frame: str, stamp: float) -> bool:
+        """Return whether a frame has a pose at a time [s], if it may be tilted."""
+        return self.why_unplaced(frame, stamp) is None
+
     def _reaches_frame(self, edges: list[Edge]) -> bool:
         return self.frame is None or (bool(edges) and edges[-1].parent == self.frame)
 
@@ -164,7 +167,7 @@ class Transforms:
             if base is None:
                 return
             x, y, heading = self.mounting
-            turn = Rotation.from_euler("ZX", [heading, math.pi if self._is_upside_down(name) else 0.0])
+            turn = Rotation.about_z(heading) * (UPSIDE_DOWN if self._is_upside_down(name) else Rotation())
             yield Edge(base, True, [0.0], [RigidTransform.from_components((x, y, 0.0), turn)])
             name = base
         yield from self._chain_of(name)

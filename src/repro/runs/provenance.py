@@ -57,17 +57,22 @@ def environment() -> dict[str, Any]:
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
-        "versions": {"repro": _own_version(), **{name: version(name) for name in PACKAGES}},
+        "versions": {"repro": _own_version(), **{name: found for name in PACKAGES if (found := _version(name))}},
         "hardware": hardware(),
         "commit": _commit(),
     }
 
 
 def _own_version() -> str:
+    return _version(OWN) or "not installed"  # the source is on PYTHONPATH: its commit says more
+
+
+def _version(package: str) -> str | None:
+    """Return the version of a package; None if it is not installed."""
     try:
-        return version(OWN)
-    except PackageNotFoundError:  # the source is on PYTHONPATH: its commit says more
-        return "not installed"
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def _commit() -> str | None:

@@ -1,5 +1,7 @@
 """The error that the user can fix, as opposed to errors of this package or of a library."""
 
+STUDY = "make setup in a clone, or pip install 'dynamic-map-prediction[study]'"  # installs what the study needs
+
 
 class InputError(ValueError):
     """Something that was given cannot be used: a value, a file, a run; the message states what was expected.

@@ -1,5 +1,7 @@
 """task=adapt: adapt a network to logs of your own wide lidar."""
 
+from pathlib import Path
+
 from repro.cli.jobs import Job
 from repro.cli.tasks import NETWORK_KEYS, Task
 
@@ -12,8 +14,15 @@ def run(job: Job) -> None:
     adapt_to_logs(job)
 
 
+def _target(job: Job) -> Path:
+    from repro.cli.adaptation import target_of
+
+    return target_of(job)
+
+
 TASK = Task(
     run,
+    target=_target,
     names_scale=False,
     own=("adaptation", "prediction"),
     ignores=("world", "exp", *NETWORK_KEYS, "recordings"),

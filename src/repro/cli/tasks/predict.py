@@ -1,5 +1,7 @@
 """task=predict: maps from a log of your own robot."""
 
+from pathlib import Path
+
 from repro.cli.jobs import Job
 from repro.cli.tasks import NETWORK_KEYS, Task
 
@@ -12,8 +14,15 @@ def run(job: Job) -> None:
     predict_log(job)
 
 
+def _target(job: Job) -> Path:
+    from repro.cli.prediction import target_of
+
+    return target_of(job)
+
+
 TASK = Task(
     run,
+    target=_target,
     names_scale=False,
     needs="scans",
     own=("scans", "prediction"),

@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any
 
 from repro.cli.jobs import Job
-from repro.cli.tasks import Task
+from repro.cli.tasks import Task, run_directory
 
 
 def run(job: Job) -> None:
@@ -38,4 +38,4 @@ def process_budget(minutes: float | None) -> Any:
     return Budget(minutes)
 
 
-TASK = Task(run, "run", trains=True)
+TASK = Task(run, "run", trains=True, target=run_directory)
