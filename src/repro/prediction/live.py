@@ -9,7 +9,7 @@ import numpy as np
 
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import WITHOUT_POSE, Intake, LogScan
-from repro.prediction.movers import MOVERS
+from repro.prediction.moving import MOVERS
 from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
@@ -71,7 +71,11 @@ class LiveMapper:
                 return
             if self.is_early:
                 self.warn("the clock was set back: scans of later times are skipped")
+                later = [each for each in self.waiting if each[1][0] > stamp]
                 self.waiting = [each for each in self.waiting if each[1][0] <= stamp]
+                for each in later:
+                    if self.transforms.is_known(each[0].header.frame_id, each[1][1]):
+                        self._take(*each)  # ends the window before
                 self.newest_s, self.is_early = -np.inf, False
             insort(self.waiting, (message, self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:

@@ -14,7 +14,7 @@ from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import LogScan
 from repro.prediction.misses import MissCheck
-from repro.prediction.movers import moving_pixels, parts_of_window, stands
+from repro.prediction.moving import moving_pixels, parts_of_window, stands
 from repro.prediction.poses import MAX_PLACE_M
 from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
@@ -39,7 +39,7 @@ class StreamMap:
         resolution_m: side of a pixel [m].
         stamp: time of the scan at the end of the window [s].
         unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W).
-        moving: pixels of hits in the window on something that moves, bool, (H, W), see `movers`; what moves is missing
+        moving: pixels of hits in the window on something that moves, bool, (H, W), see `moving`; what moves is missing
             from the map where it is after it has left the view.
         hits: x, y of the hits of the scan at the end of the window in the frame of the poses [m], (K, 2).
         pose: x, y [m] and heading [rad] of the lidar at the end of the window.
