@@ -17,7 +17,7 @@ from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
 from repro.prediction.live import MAX_WAITING, LiveMapper
 from repro.prediction.logs import ScanLog
-from repro.prediction.movers import MOVERS
+from repro.prediction.moving import MOVERS
 from repro.prediction.stream import StreamMap, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import cut

@@ -54,7 +54,6 @@ def predict_log(job: Job) -> None:
     target = target_of(job)
     _check_target(target, *paths, Path(settings.weights))
     predictor = load(settings.weights)
-    print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings, others)
     describe(log, windows, predictor.reach_m)
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import WITHOUT_POSE, Intake, LogScan
-from repro.prediction.movers import MOVERS
+from repro.prediction.moving import MOVERS
 from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap

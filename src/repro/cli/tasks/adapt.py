@@ -8,7 +8,8 @@ from repro.cli.tasks import NETWORK_KEYS, Task
 
 def run(job: Job) -> None:
     """Adapt the network `prediction.weights` to logs and write it to a new directory in the outputs."""
-    from repro.cli.adaptation import adapt_to_logs
+    print(f"loading PyTorch and {job.call.prediction.weights}, then the logs", flush=True)
+    from repro.cli.adaptation import adapt_to_logs  # takes seconds
 
     adapt_to_logs(job)
 
