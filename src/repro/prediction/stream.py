@@ -13,7 +13,7 @@ from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import LogScan
 from repro.prediction.misses import MissCheck
-from repro.prediction.moving import moving_pixels, parts_of_window, stands
+from repro.prediction.moving import MOVERS, moving_pixels, parts_of_window, stands
 from repro.prediction.poses import MAX_PLACE_M
 from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
@@ -135,6 +135,7 @@ class PredictionStream:
         most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock, self._misses = Clock(self.settings), MissCheck()
+        self._has_movers = False  # of which it is said once
         self._lock = OneAtATime("update")
 
     def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
@@ -166,7 +167,11 @@ class PredictionStream:
             self._misses.add(np.asarray(raw), ranges, float(pose[2]), self.range_max_m)
             for kind in self._misses.notes.keys() - known:
                 LOGGER.warning("%s", self._misses.notes[kind])
-            return self._take(ranges[: len(self.angles)], pose, stamp)
+            predicted = self._take(ranges[: len(self.angles)], pose, stamp)
+            if predicted is not None and predicted.moving.any() and not self._has_movers:
+                self._has_movers = True
+                LOGGER.warning("%s (%.2f s)", MOVERS, stamp)
+            return predicted
 
     def extend(self, scan: LogScan) -> StreamMap | None:
         """Take a scan from an `Intake`, whose beams are those of the stream, and predict the map at its time."""
