@@ -57,6 +57,10 @@ class OneAtATime:
     def __init__(self, name: str) -> None:
         self.name, self._is_entered, self._lock = name, False, threading.RLock()
 
+    def __reduce__(self) -> tuple[type, tuple[str]]:
+        """Return what makes a copy, which nobody has entered."""
+        return OneAtATime, (self.name,)
+
     def __enter__(self) -> None:
         self._lock.acquire()
         if self._is_entered:
