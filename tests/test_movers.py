@@ -14,8 +14,8 @@ from repro.learning.rehearsal import true_map
 from repro.maps.grid import Grid
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
 
 GRID = Grid(128, 25.0)
 CROSSING = Place("rooms", "crossing")

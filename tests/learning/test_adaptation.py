@@ -22,9 +22,9 @@ from repro.prediction.logs import ScanLog
 from repro.prediction.times import window_of
 from repro.recordings.datasets import Pairs
 from repro.scans import wrapped
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 PREDICTOR = load_trained("rooms")
 

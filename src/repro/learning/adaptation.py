@@ -21,7 +21,6 @@ from sklearn.linear_model import LogisticRegression
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import OneCycleLR
 
-from repro.config import Training
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
 from repro.learning.losses import HIDDEN_WEIGHT
@@ -34,6 +33,7 @@ from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings
 from repro.recordings.datasets import Pairs, packed
+from repro.runs.config import Training
 from repro.scans import Scans
 from repro.system.errors import InputError
 
