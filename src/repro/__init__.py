@@ -1,6 +1,6 @@
 """Prediction of dynamic maps from the scans of a lidar, and the study that reproduces its paper.
 
-    predictor = repro.load_predictor("buildings")
+    predictor = repro.load_predictor("indoor")
     stream = repro.PredictionStream(predictor, angles, center="robot", range_max_m=30)
 
 The names below are imported at their first use. CONTRIBUTING.md lists the packages in the order of their dependencies.

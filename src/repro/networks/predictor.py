@@ -1,6 +1,6 @@
 """A trained network together with its encoding and grid, which can be applied to any scans.
 
-predictor = load_predictor("buildings")
+predictor = load_predictor("indoor")
 free = predictor.predict(Scans(ranges, angles, poses))
 """
 
@@ -136,8 +136,9 @@ def load_predictor(weights: str | Path) -> Predictor:
     """Load a predictor from an ONNX file.
 
     Args:
-        weights: `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one; or owner/name
-            of a repository of the Hugging Face Hub. `learning.networks.trained.load_trained` reads weights of torch.
+        weights: `indoor`, `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one; or
+            owner/name of a repository of the Hugging Face Hub. `learning.networks.trained.load_trained` reads weights
+            of torch.
 
     Raises:
         InputError: there are no such weights, the file differs from its checksum, or the network is not one from
@@ -167,6 +168,8 @@ def create_predictor(network: Network, description: dict[str, Any], path: Path, 
     """
     try:
         encoding, grid = create_encoding(**description["encoding"]), Grid(**description["grid"])
+        if not isinstance(description.get("window", {}), dict):
+            raise InputError(f"window: must be a mapping, got {description['window']!r}")
         statistics = Statistics(**description["statistics"]) if "statistics" in description else None
         predictor = Predictor(network, encoding, grid, statistics, **description.get("window", {}))
         size_px = min(grid.size_px, largest_px)
