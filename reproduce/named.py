@@ -10,13 +10,15 @@ import argparse
 
 from repro.learning.networks.torch_files import CARD
 from repro.learning.networks.trained import export_onnx, load_trained
-from repro.networks.weights import NAMES, ONNX, locate
+from repro.networks.weights import NAMED_NETWORKS, ONNX, locate
 
 
 def main() -> None:
     """Export the networks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("weights", nargs="*", default=NAMES, help=f"{', '.join(NAMES)}, or directories")
+    parser.add_argument(
+        "weights", nargs="*", default=NAMED_NETWORKS, help=f"{', '.join(NAMED_NETWORKS)}, or directories"
+    )
     for weights in parser.parse_args().weights:
         directory = locate(weights)
         card = directory / CARD

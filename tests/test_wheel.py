@@ -51,7 +51,7 @@ MAIN = "from repro.cli.main import main; sys.exit(main())"
 
 
 def test_networks_are_loaded_by_name(python, site, tmp_path):
-    names = ["buildings", "rooms", "drive", "exp1", "exp2", "exp3", "exp4"]
+    names = ["indoor", "buildings", "rooms", "drive", "exp1", "exp2", "exp3", "exp4"]
     code = "[print(repro.load_predictor(name).grid.size_px) for name in sys.argv[1:]]"
     assert call(python, site, tmp_path, code, *names).split() == ["128"] * len(names)
 

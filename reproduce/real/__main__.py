@@ -174,7 +174,9 @@ def sets_of(paths: list[Path]) -> dict[str, list[str]]:
         return {f"all {len(names)}": names}
     carmen = [name for name in names if name.endswith(".gz")]
     unused = [name for name in carmen if name not in DEVELOPMENT]
-    sets = {f"CARMEN, all {len(carmen)}": carmen, f"CARMEN, the {len(unused)} that chose nothing": unused}
+    sets = {f"CARMEN, all {len(carmen)}": carmen}
+    if len(unused) < len(carmen):
+        sets[f"CARMEN, the {len(unused)} that chose nothing"] = unused
     sets["Wean Hall"] = [name for name in names if name not in carmen]
     return {title: found for title, found in sets.items() if found}
 

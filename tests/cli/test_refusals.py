@@ -40,6 +40,11 @@ CALLS = {
     # sweeps
     "exp=3,4": "To sweep over it, add --multirun",
     "-m exp=glob(*)": "the sweep has no jobs",
+    "-m seed=range(0,100000)": "the sweep has 100000 jobs: expected 1 to 2000",
+    "-m exp=3 scale.size_px=64,128": "2 jobs write to ",
+    "-m exp=3 train.dice_eps=1e-6,1e-5 seed=0,1": "seed0, such as train.dice_eps=1e-06 and train",
+    "-m exp=3,3": "such as one and the same again: set outputs= for each",
+    "-m task=predict scans=examples/rooms.npz prediction.fov_deg=60,80": "predictions/rooms, such as prediction",
     "-m task=all,report exp=3": "task=all,report: a sweep has one task",
     "-m task=report exp=3,4": "task=report: is done once for all runs",
     "-m exp=3 hydra/launcher=slurm": "srun is not found",

@@ -11,7 +11,16 @@ from repro.scans import Scans
 from repro.simulation.simulator import simulate
 from repro.simulation.worlds import sample_world
 
-SIDES_M = {"buildings": 25.0, "rooms": 25.0, "drive": 50.0, "exp1": 50.0, "exp2": 50.0, "exp3": 50.0, "exp4": 50.0}
+SIDES_M = {
+    "indoor": 25.0,
+    "buildings": 25.0,
+    "rooms": 25.0,
+    "drive": 50.0,
+    "exp1": 50.0,
+    "exp2": 50.0,
+    "exp3": 50.0,
+    "exp4": 50.0,
+}
 
 
 @pytest.mark.parametrize("name", SIDES_M)
@@ -42,7 +51,8 @@ def test_a_path_is_taken_before_the_hub(tmp_path, monkeypatch):
     assert locate("owner/name").resolve() == tmp_path / "owner" / "name"
     for missing in ("room", "owner/other", "owner/name/model", "", "/nowhere/at/all"):
         with pytest.raises(
-            ValueError, match=f"^{missing}: no such weights, expected one of buildings, drive, exp1, .*, rooms, a"
+            ValueError,
+            match=f"^{missing}: no such weights, expected one of buildings, drive, exp1, .*, indoor, rooms, a",
         ):
             locate(missing)
 

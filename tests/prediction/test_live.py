@@ -17,7 +17,7 @@ from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
 from repro.prediction.live import MAX_WAITING, LiveMapper
 from repro.prediction.logs import ScanLog
-from repro.prediction.movers import MOVERS
+from repro.prediction.moving import MOVERS
 from repro.prediction.stream import StreamMap, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import cut
@@ -246,6 +246,18 @@ def test_the_window_begins_again_when_the_poses_are_in_another_frame():
         robot.mapper.add_transforms(base(step))
     assert robot.warnings == ["the poses are in the frame map now, not in odom: the window begins again"]
     assert [frame for _, frame, _ in robot.maps] == ["map"] * (45 - 15 - STEPS + 1)
+
+
+def test_a_scan_that_waits_when_the_clock_is_set_back_ends_the_window_before():
+    robot = Robot(is_mounted=False)
+    for step in range(31):
+        robot.mapper.add_odometry(ROS.odometry(time_of(step), POSES[step], "laser"))
+        robot.mapper.add_scan(scan(step))
+    robot.mapper.add_scan(ROS.scan(time_of(30.9), EXAMPLE["angles"], EXAMPLE["ranges"][31]))  # waits for a later pose
+    assert len(robot.maps) == 31 - STEPS + 1
+    for step in (0, 1):
+        robot.mapper.add_scan(ROS.scan(time_of(step - 900), EXAMPLE["angles"], EXAMPLE["ranges"][step]))
+    assert len(robot.maps) == 32 - STEPS + 1
 
 
 def test_maps_go_on_after_the_clock_was_set_back():

@@ -1,5 +1,8 @@
 """The parameters of the nodes, and those of Nav2 in the example."""
 
+import tomllib
+from xml.etree import ElementTree
+
 import pytest
 import yaml
 from conftest import ROOT
@@ -57,3 +60,14 @@ def test_an_obstacle_for_nav2_is_one_for_map_server():
     costmap = content["local_costmap"]["local_costmap"]["ros__parameters"]
     assert costmap["lethal_cost_threshold"] == 100 * OCCUPIED_ABOVE
     assert "/predicted_map" in [costmap[name].get("map_topic") for name in costmap["plugins"]]
+
+
+def test_the_package_of_ros_2_has_the_parameters_of_the_node_and_the_version_of_the_project():
+    folder = ROOT / "ros" / "repro_ros"
+    content = yaml.safe_load((folder / "config" / "map_prediction.yaml").read_text())
+    assert content["map_prediction"]["ros__parameters"] == DEFAULTS
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    package = ElementTree.parse(folder / "package.xml").getroot()
+    assert package.findtext("version") == project["version"]
+    (script,) = (line for line in (folder / "setup.py").read_text().splitlines() if "console_scripts" in line)
+    assert project["scripts"]["repro-ros2-node"] in script

@@ -50,6 +50,30 @@ def test_npz(tmp_path):
     expect(read(npz(tmp_path / "b.npz", range_max_m=81.83, ranges=RANGES[:, ::-1], angles=ANGLES[::-1])))
 
 
+def test_raw_scans_of_carmen_are_placed_by_the_odometry_around_them(tmp_path):
+    """The lidar is 0.2 m in front of the robot; in a log that has placed scans, too, raw ones are passed over."""
+    written = ["PARAM robot_frontlaser_offset 0.2"]
+    for number in range(-1, SCANS + 1):  # odometry at other times than the scans, linear in between
+        stamp, (x, y, heading) = 100 + 0.1 * number + 0.04, ((number + 0.4) * rate for rate in (0.05, -0.02, 0.03))
+        x, y = x - 0.2 * math.cos(heading), y - 0.2 * math.sin(heading)
+        if 0 <= number < SCANS:
+            words = robotlaser(number).split()
+            written.append(" ".join(["RAWLASER1", *words[1 : 9 + BEAMS], "0", *words[-3:]]))
+        written.append(f"ODOM {x:.6f} {y:.6f} {heading:.6f} 0 0 0 {stamp:.6f} robot 0.0")
+    path = tmp_path / "log"
+    path.write_text("\n".join(written))
+    expect(read(path), atol=1e-3)
+    path.write_text("\n".join([robotlaser(0), *written, *map(robotlaser, range(1, SCANS))]))
+    expect(read(path))
+
+
+def test_a_line_without_an_end_is_refused(tmp_path):
+    path = tmp_path / "log"
+    path.write_text("FLASER 181 " + "1.0 " * 1_100_000)
+    with pytest.raises(ValueError, match=r"line 1 is no FLASER line of CARMEN .it has 4,000,000 characters or more"):
+        read(path)
+
+
 @pytest.mark.parametrize(
     ("number", "line", "reason"),
     [
@@ -264,7 +288,10 @@ NO_LOGS = {
     "bag without poses": (lambda path: bag(path.with_suffix(".bag"), 1, poses="none"), "no poses"),
     "bag without scans": (lambda path: bag(path.with_suffix(".bag"), 1, poses="tf", scans=0), "no messages of sensor"),
     "one scan": (lambda path: carmen(path, [flaser(0)]), "1 scans can be used"),
-    "no scans": (lambda path: carmen(path, []), "expected lines FLASER or ROBOTLASER1 .*; its lines are PARAM"),
+    "no scans": (
+        lambda path: carmen(path, []),
+        "expected lines FLASER, ROBOTLASER1 or RAWLASER1 .*; its lines are PARAM",
+    ),
     "no maximum range": (
         lambda path: carmen(path, [line.replace("81.83", "0", 1) for line in lines(robotlaser)]),
         "expected a positive maximum range above the minimum, 0 m, got 0",

@@ -20,6 +20,14 @@ def test_right_poses_have_no_message():
     assert sharper_convention(replace(LOG, poses=np.zeros_like(LOG.poses)), WINDOWS) is None, "it stands"
 
 
+@pytest.mark.parametrize(("lag_s", "named"), [(0.3, "0.3 s earlier"), (-0.2, "0.2 s later"), (-0.1, "0.1 s later")])
+def test_an_offset_of_the_clocks_is_named(lag_s, named):
+    later = [np.interp(LOG.stamps + lag_s, LOG.stamps, column) for column in LOG.poses.T]
+    message = sharper_convention(replace(LOG, poses=np.stack(later, axis=-1)), WINDOWS)
+    assert message is not None
+    assert f"with the poses of {named}: the clocks of scans and poses differ" in message
+
+
 @pytest.mark.parametrize(
     ("changed", "named"),
     [

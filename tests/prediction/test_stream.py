@@ -1,6 +1,10 @@
 """The stream against `cut` with `Predictor.predict`, and against its own definition, scan by scan."""
 
+import copy
 import dataclasses
+import os
+import pickle
+import signal
 import threading
 
 import numpy as np
@@ -16,12 +20,13 @@ from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.model import paper_model
-from repro.networks.predictor import Predictor
+from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.stream import EXTRA, PredictionStream, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
 from repro.scans import Scans
+from repro.system.errors import InputError
 
 STEPS, GRID = 10, Grid(64, 50.0)
 SERIES = create_encoding("series10", {"frames": 10})
@@ -141,7 +146,7 @@ def test_a_stream_keeps_the_scans_of_a_window_only(small):
         stream = PredictionStream(small, ANGLES, center=(25, 25), steps=STEPS)
         lengths = []
         for number in range(600):
-            stream._add(number / rate, LOG.ranges[0], LOG.poses[0])
+            stream._take(LOG.ranges[0], LOG.poses[0], number / rate)
             lengths.append(len(stream._kept))
         assert max(lengths) <= 2 * STEPS + EXTRA
 
@@ -178,7 +183,7 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small):
         ({"pose": np.array([0, np.nan, 0])}, "pose: expected a finite one"),
         ({"pose": np.array([25, 25, 90.0])}, "headings look like degrees, the largest is 90: expected radians"),
         ({"stamp": float("nan")}, "expected finite seconds, got nan"),
-        ({"stamp": "1.5"}, "expected finite seconds, got '1.5'"),
+        ({"stamp": "1.5"}, "time: expected real numbers, got <U3"),
         ({"stamp": 1.7e18}, r"time: expected seconds, not ms, us or ns, got 1.7e\+18: float64 resolves 2.6e\+02 there"),
         ({"stamp": 1.7e15}, "expected seconds, not ms, us or ns"),
         ({"stamp": 1.7e12}, "expected seconds, not ms, us or ns"),
@@ -279,3 +284,70 @@ def test_pixels_that_no_reading_supports_are_unknown(small):
     assert is_supported.any()
     assert (x[is_supported] > -1.6).all()
     assert (np.hypot(x, y)[is_supported] < 6).all()
+
+
+def test_an_update_in_a_signal_handler_is_refused_and_changes_nothing(small, monkeypatch):
+    """It would wait for itself; between two updates it is one more."""
+    stream, undisturbed = (PredictionStream(small, ANGLES, steps=STEPS) for _ in range(2))
+    take, scan = stream._take, (LOG.ranges[0], LOG.poses[0], 99.0)
+
+    def interrupted(*values):
+        with pytest.raises(ValueError, match="update runs in this thread already"):
+            stream.update(*scan)
+        return take(*values)
+
+    monkeypatch.setattr(stream, "_take", interrupted)
+    found = feed(stream, np.arange(0, 1.45, 0.1))[-1]
+    assert np.array_equal(found.free, feed(undisturbed, np.arange(0, 1.45, 0.1))[-1].free)
+
+
+def test_a_child_process_goes_on_where_its_parent_was(small):
+    stream = PredictionStream(small, ANGLES, steps=STEPS)
+    assert feed(stream, np.arange(0, 1.05, 0.1))[-1] is not None
+    child = os.fork()
+    if not child:
+        signal.alarm(20)
+        os._exit(0 if stream.update(LOG.ranges[11], LOG.poses[11], 1.1) else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_scans_are_taken_without_predicting_and_the_map_is_that_of_all_of_them(small):
+    stream, other = (PredictionStream(small, ANGLES, steps=STEPS) for _ in range(2))
+    assert other.predict() is None
+    *_, expected = feed(stream, LOG.stamps[:20])
+    for scan in zip(LOG.ranges[:20], LOG.poses[:20], LOG.stamps[:20], strict=True):
+        assert other.add(*scan) is None
+    assert np.array_equal(other.predict().free, expected.free)
+    other.add(LOG.ranges[20], LOG.poses[20], LOG.stamps[19])
+    assert "not later" in other.reason
+    assert other.predict() is None
+
+
+def test_a_stream_is_copied_and_pickled_with_its_scans():
+    stream = PredictionStream(load_predictor("rooms"), LOG.angles, steps=STEPS)
+    feed(stream, LOG.stamps[:15])
+    copies = [copy.copy, copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))]  # noqa: S301
+    expected, *found = (
+        one.update(LOG.ranges[15], LOG.poses[15], LOG.stamps[15])
+        for one in (*(make(stream) for make in reversed(copies)), stream)
+    )
+    assert all(np.array_equal(each.free, expected.free) for each in found)
+
+
+def test_objects_are_described_in_a_line(small):
+    stream = PredictionStream(small, ANGLES, steps=STEPS)
+    *_, predicted = feed(stream, LOG.stamps[:STEPS])
+    of_predictor = "Predictor(projection, 100 steps of 0.1 s, maps of 32 px of 50 m)"
+    assert repr(stream) == f"PredictionStream({of_predictor}, 91 beams, 10 scans)"
+    x, y = LOG.poses[STEPS - 1, :2] - 25
+    assert repr(predicted) == f"StreamMap(32 x 32 px of 1.56 m from ({x:.2f}, {y:.2f}) at 0.90 s)"
+
+
+@pytest.mark.parametrize("stamp", [np.float64(3), np.int64(3), np.array(3.0), np.longdouble(3)])
+def test_numbers_of_numpy_are_times_and_truth_values_are_none(small, stamp):
+    stream = PredictionStream(small, ANGLES, steps=np.int64(STEPS), step_s=np.float32(0.1))
+    stream.add(LOG.ranges[0].astype(np.longdouble), LOG.poses[0].astype(np.float32), stamp)
+    assert stream._kept[0][0] == 3.0
+    for wrong in (True, "3", np.timedelta64(3, "s"), 3 + 0j, [3.0]):
+        with pytest.raises(InputError, match="time: expected"):
+            stream.add(LOG.ranges[0], LOG.poses[0], wrong)

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 import torch
 from conftest import ROOT
+from log_files import SCANS, STAMPS, carmen, flaser
 
 from repro.cli import prediction
 from repro.cli.settings import Prediction
@@ -21,6 +22,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
+from repro.system.errors import InputError
 
 EXAMPLE = ROOT / "examples" / "rooms.npz"
 
@@ -32,13 +34,14 @@ def run(tmp_path, monkeypatch):
     predictor = Predictor(TorchNetwork(create_network(paper_model("fpn"))), Projection(), Grid(32, 50.0))
     monkeypatch.setattr(prediction, "load", lambda path: predictor)
 
-    def call(scans: Path = EXAMPLE, **changes: object) -> None:
+    def call(scans: Path | list[Path] = EXAMPLE, **changes: object) -> None:
+        scans = scans if isinstance(scans, list) else [scans]
         settings = {"weights": str(ROOT), "steps": 10, "step_s": 0.1, "stride_s": 5.0, "center": "robot"}
         settings |= dict.fromkeys(("pose", "mounting", "frame"), None) | {"spacing": None}
         settings |= {"fov_deg": None, "range_max_m": None, "misses": "free", "scan_topic": None, "odometry_topic": None}
         chosen = Prediction(**settings | changes)
         job = SimpleNamespace(
-            call=SimpleNamespace(prediction=chosen, scans=[str(scans)]), outputs=SimpleNamespace(path=tmp_path)
+            call=SimpleNamespace(prediction=chosen, scans=[*map(str, scans)]), outputs=SimpleNamespace(path=tmp_path)
         )
         prediction.predict_log(job)  # type: ignore[arg-type]
 
@@ -112,3 +115,38 @@ def test_a_map_without_obstacles_is_worse_than_the_last_hits_on_the_next_scan_an
         assert f"{scan}: log loss {ours:.3f}, worse than {others:.3f} of the last hits" in printed
     run()
     assert not [name for name in pd.read_csv(tmp_path / "predictions" / "rooms" / "windows.csv") if "held" in name]
+
+
+def test_a_linked_directory_stays_a_link(run, tmp_path):
+    elsewhere, predictions = tmp_path / "elsewhere", tmp_path / "predictions"
+    elsewhere.mkdir()
+    predictions.mkdir()
+    (predictions / "rooms").symlink_to(elsewhere)
+    for _ in range(2):
+        run()
+    assert (predictions / "rooms").is_symlink()
+    assert (elsewhere / "windows.csv").is_file()
+    assert [path.name for path in (*tmp_path.iterdir(), *predictions.iterdir()) if path.suffix == ".tmp"] == []
+
+
+def test_a_carmen_log_without_usable_times_is_spaced_by_distance(run, tmp_path, capsys):
+    same = [flaser(number).replace(f"{STAMPS[number]:.6f}", "0.000000") for number in range(SCANS)]
+    path = carmen(tmp_path / "log", same)
+    with pytest.raises(InputError, match="no statistics"):  # of the network here; before, the times were refused
+        run(path, step_s=None)
+    assert "prediction.spacing=distance is taken: 29 scans are not later" in capsys.readouterr().out
+    with pytest.raises(InputError, match="its times are lost"):
+        run(path, spacing="time")
+
+
+def test_several_files_are_one_log(run, tmp_path):
+    whole = np.load(EXAMPLE)
+    names = []
+    for part in (slice(0, 150), slice(150, 300)):
+        cut = {name: whole[name][part] if name in ("ranges", "poses", "stamps") else whole[name] for name in whole}
+        names.append(tmp_path / f"part{len(names)}.npz")
+        np.savez(names[-1], **cut)
+    run(names)
+    run()
+    tables = [pd.read_csv(tmp_path / "predictions" / name / "windows.csv") for name in ("part0-and-1-others", "rooms")]
+    pd.testing.assert_frame_equal(*tables)

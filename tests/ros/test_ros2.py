@@ -1,6 +1,7 @@
 """A ROS 2 robot is recorded to a bag while the node maps its scans; its maps are those of the batch: make test-ros2."""
 
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -9,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
+from conftest import ROOT
 from programs import EXAMPLE, batch_maps, check_maps, started
 
 from repro.prediction.readers import read_log
@@ -135,3 +137,17 @@ def test_wrong_parameters_end_the_node_with_a_message(parameter, message):
     assert done.returncode == 1
     assert message in done.stderr
     assert "Traceback" not in done.stderr, done.stderr
+
+
+def test_the_package_is_built_by_colcon_and_its_node_takes_the_parameter_file(tmp_path):
+    shutil.copytree(ROOT / "ros" / "repro_ros", tmp_path / "src" / "repro_ros")
+    build = [sys.executable, "-m", "colcon", "build"]
+    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True, timeout=300)
+    package = tmp_path / "install" / "repro_ros"
+    parameters = package / "share" / "repro_ros" / "config" / "map_prediction.yaml"
+    assert (package / "share" / "repro_ros" / "launch" / "map_prediction.launch.py").is_file()
+    command = [str(package / "lib" / "repro_ros" / "map_prediction"), "--ros-args", "--params-file", str(parameters)]
+    paths = os.pathsep.join([*map(str, package.glob("lib/python*/site-packages")), *sys.path])  # as of setup.bash
+    environment = os.environ | {"ROS_HOME": str(tmp_path), "PYTHONUNBUFFERED": "1", "PYTHONPATH": paths}
+    with started(command, environment, "waiting for scans"):
+        pass

@@ -29,7 +29,7 @@ def adapt_to_logs(job: Job) -> None:
     paths = [Path(log) for log in job.call.adaptation.logs]
     if not paths:
         raise InputError("adaptation.logs: is needed with task=adapt, such as adaptation.logs=[a.log,b.bag]")
-    target = job.outputs.path / "adapted" / (job.call.adaptation.name or name_of(*paths))
+    target = target_of(job)
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
     predictor = load_trained(settings.weights)
@@ -49,6 +49,12 @@ def adapt_to_logs(job: Job) -> None:
         os.rename(new, target)  # fails if another process has written it since
     print(f"validation loss: {before:.4f} before, {after:.4f} adapted")
     print(f"{target}: prediction.weights={target} uses it")
+
+
+def target_of(job: Job) -> Path:
+    """Return the directory of the adapted network of a call."""
+    logs = job.call.adaptation.logs
+    return job.outputs.path / "adapted" / (job.call.adaptation.name or (name_of(*map(Path, logs)) if logs else ""))
 
 
 def _labeled(path: Path, predictor: Predictor, settings: Prediction, *, seed: int) -> tuple[Labeled, Labeled]:

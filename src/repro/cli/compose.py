@@ -60,6 +60,9 @@ for _name, _resolver in RESOLVERS.items():
     OmegaConf.register_new_resolver(_name, _resolver, replace=True)
 
 
+MAX_JOBS = 2000  # of a sweep, which are composed before the first one runs
+
+
 @dataclass(frozen=True)
 class Composed:
     """A composed job.
@@ -141,8 +144,8 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     if not multirun:
         return [overrides]
     jobs = BasicSweeper.split_arguments(parsed, None)[0]
-    if not jobs:
-        raise Refused("the sweep has no jobs")
+    if not 1 <= len(jobs) <= MAX_JOBS:
+        raise Refused(f"the sweep has {len(jobs) or 'no'} jobs: expected 1 to {MAX_JOBS}")
     return jobs
 
 

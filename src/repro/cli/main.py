@@ -110,7 +110,23 @@ def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call
         raise Refused(*unused)
     if len({call.outputs for call in calls}) < len(calls) and calls[0].facts.once:
         raise Refused(f"task={task}: is done once for all runs; leave out the sweep")
+    if shared := _shared_targets(calls, jobs):
+        raise Refused(*shared)
     return calls
+
+
+def _shared_targets(calls: list[Call], jobs: list[Composed]) -> list[str]:
+    """Return which jobs of a sweep write to one place, of which the last one would remain or others would fail."""
+    targets: dict[Path, list[Composed]] = {}
+    for call, job in zip(calls, jobs, strict=True):
+        if target := call.facts.target:
+            targets.setdefault(target(Job(call)).absolute(), []).append(job)
+    return [
+        f"{len(sharing)} jobs write to {target}, such as {_name(sharing[0], sharing) or 'one'} and "
+        f"{_name(sharing[1], sharing) or 'the same again'}: set outputs= for each"
+        for target, sharing in targets.items()
+        if len(sharing) > 1
+    ]
 
 
 def _say_scale(call: Call, overrides: list[str]) -> None:

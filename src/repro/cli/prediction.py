@@ -1,8 +1,10 @@
 """task=predict: maps from a log of your own robot."""
 
 import csv
+import hashlib
 import io
 import math
+import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
@@ -33,6 +35,7 @@ from repro.system.files import clear_leftovers, lock, replacing_directory, write
 from repro.system.progress import progress
 
 LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
+LONGEST_NAME = 180  # bytes of the name of a log
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
 CAN_DRAW = find_spec("matplotlib") is not None  # a robot needs no figures
@@ -51,7 +54,6 @@ def predict_log(job: Job) -> None:
     target = target_of(job)
     _check_target(target, *paths, Path(settings.weights))
     predictor = load(settings.weights)
-    print(f"network: {settings.weights}", flush=True)
     log, windows = read(path, predictor, settings, others)
     describe(log, windows, predictor.reach_m)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -96,7 +98,10 @@ def name_of(log: Path, *others: Path) -> str:
     name = log.resolve().name
     while Path(name).suffix in LOG_SUFFIXES:
         name = Path(name).stem
-    return (name.strip(".") or "log") + (f"-and-{len(others)}-others" if others else "")
+    name = name.strip(".") or "log"
+    if len(os.fsencode(name)) > LONGEST_NAME:  # files of a prediction add to it
+        name = f"{name[: LONGEST_NAME // 4]}-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"
+    return name + (f"-and-{len(others)}-others" if others else "")
 
 
 def _check_target(target: Path, *sources: Path) -> None:
@@ -128,7 +133,8 @@ def read(
     except UnusableTimes as error:
         if settings.spacing or settings.step_s or kind_of(path) != CARMEN:
             raise
-        print(f"prediction.spacing=distance is taken: {str(error).removeprefix(f'{path}: ').partition(': ')[0]}")
+        reason = re.split(r": | \(skipped", str(error).removeprefix(f"{path}: "))[0]
+        print(f"prediction.spacing=distance is taken: {reason}")
         windows = replace(windows, spacing="distance")
         log = read_log(path, windows, options, others)
     if windows.spacing == "distance":

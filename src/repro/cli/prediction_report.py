@@ -10,7 +10,7 @@ import numpy as np
 from repro.maps.statistics import TITLES, Statistics
 from repro.prediction.agreement import COMPARISONS, LOSSES
 from repro.prediction.logs import ScanLog
-from repro.prediction.movers import MOVERS
+from repro.prediction.moving import MOVERS
 from repro.prediction.readings import note_on_range, note_on_repeats
 from repro.prediction.sharpness import sharper_convention
 from repro.prediction.times import WindowSettings

@@ -6,8 +6,9 @@ import numpy as np
 
 from repro.metrics.bootstrap import Measured, by_world
 from repro.metrics.counts import counts_of
-from repro.metrics.names import TABLE_METRICS
+from repro.metrics.names import GROUP, TABLE_METRICS
 from repro.metrics.scores import THRESHOLD
+from repro.system.plugins import plugins
 
 
 def ssim(probability: np.ndarray, target: np.ndarray, batch: int = 64) -> np.ndarray:
@@ -23,6 +24,7 @@ def ssim(probability: np.ndarray, target: np.ndarray, batch: int = 64) -> np.nda
 IMAGE_METRICS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
     "ssim": ssim,
     "ssim_binary": lambda probability, target: ssim(probability >= THRESHOLD, target),
+    **plugins(GROUP),
 }  # of each image, (M,), from probabilities of free and true maps, (M, 1, H, W); a test set has their mean
 IN_INTERVALS = tuple(name for name in IMAGE_METRICS if name in TABLE_METRICS)
 

@@ -15,21 +15,27 @@ from repro.system.places import conf_directory
 from repro.system.progress import progress
 from repro.world_config import WorldSpec, read_world, world_spec
 
-WORLD, EXPERIMENT = "places", "crowds"
-SHARE = 0.15  # of the windows of logs
+WORLDS = (("places", "crowds"), ("rooms", "crossing"))  # and their experiments, in turn: with walls, and open
+SHARE = 0.4  # of the windows of logs
 
 
-def rehearsed(predictor: Predictor, windows: int) -> Labeled:
+def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
     """Record a window in each of some worlds, with the robot in the middle of its map.
 
     Args:
         predictor: encoding and grid.
-        windows: number of windows of logs; of simulated ones there are `SHARE` as many.
+        windows_of_logs: number of windows of logs; of simulated ones there are `SHARE` as many.
     """
-    spec = world_spec(read_world(conf_directory() / "world" / f"{WORLD}.yaml"), EXPERIMENT)
-    seeds = progress(range(round(SHARE * windows)), "recording simulated worlds")
-    drawings = [_window(simulate(sample_world(spec, seed)), spec, predictor.grid) for seed in seeds]
-    return drawn([scans for scans, _ in drawings], [values for _, values in drawings], predictor)
+    specs = [
+        world_spec(read_world(conf_directory() / "world" / f"{name}.yaml"), experiment) for name, experiment in WORLDS
+    ]
+    windows, labels = list[Scans](), list[np.ndarray]()
+    for seed in progress(range(round(SHARE * windows_of_logs)), "recording simulated worlds"):
+        spec = specs[seed % len(specs)]
+        scans, codes = _window(simulate(sample_world(spec, seed)), spec, predictor.grid)
+        windows.append(scans)
+        labels.append(codes)
+    return drawn(windows, labels, predictor)
 
 
 def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:

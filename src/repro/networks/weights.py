@@ -12,7 +12,7 @@ from repro.system.files import first_line
 from repro.system.places import project_directory
 
 DIRECTORY = Path(__file__).parents[1] / "weights"
-NAMES = tuple(sorted(path.name for path in DIRECTORY.iterdir()))
+NAMED_NETWORKS = tuple(sorted(path.name for path in DIRECTORY.iterdir()))
 ONNX = "model.onnx"
 REPOSITORY = re.compile(r"[\w-][\w.-]*/[\w-][\w.-]*")  # owner/name
 FILES = ("*.json", "*.safetensors", "*.onnx")  # nothing else is downloaded
@@ -22,22 +22,23 @@ def locate(weights: str | Path) -> Path:
     """Return the path of weights, which are downloaded to the user's cache if they are in a repository of the Hub.
 
     Args:
-        weights: one of `NAMES`; or a path, which may be relative to the project; or owner/name of a repository of the
-            Hugging Face Hub, which is asked for a name that is no path, and whose owner is no directory.
+        weights: one of `NAMED_NETWORKS`; or a path, which may be relative to the project; or owner/name of a repository
+            of the Hugging Face Hub, which is asked for a name that is no path, and whose owner is no directory.
 
     Raises:
         InputError: there are none of this name, or they cannot be downloaded.
     """
     name = str(weights)
-    if name in NAMES:
+    if name in NAMED_NETWORKS:
         return DIRECTORY / name
     paths = Path(name).expanduser(), project_directory() / name
     if there := [path for path in paths if name and path.exists()]:
         return there[0]
     if not REPOSITORY.fullmatch(name) or any(path.parent.exists() for path in paths):
+        known = ", ".join(NAMED_NETWORKS)
         raise InputError(
-            f"{name}: no such weights, expected one of {', '.join(NAMES)}, a directory or ONNX file that exists, or a "
-            "repository of the Hugging Face Hub, owner/name"
+            f"{name}: no such weights, expected one of {known}, a directory or ONNX file that exists, or a repository "
+            "of the Hugging Face Hub, owner/name"
         )
     return _downloaded(name)
 

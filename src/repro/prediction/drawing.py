@@ -7,6 +7,7 @@ Matplotlib is imported by the functions that draw, since a robot needs none.
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ from repro.prediction.agreement import observed
 from repro.prediction.stream import StreamMap
 from repro.prediction.windows import Window
 from repro.scans import Scans
+from repro.system.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 
 TINT = (0.70, 0.82, 0.93)  # light blue, of pixels that no beam has reached
 HITS, MOVING, HELD_OUT, ROBOT = "#d62728", "#e08a00", "#8e44ad", "#0b6e99"
+
+
+def _check_matplotlib() -> None:
+    if find_spec("matplotlib") is None:
+        raise InputError("a figure needs Matplotlib: pip install matplotlib")
 
 
 def shade(free: np.ndarray, unknown: np.ndarray) -> np.ndarray:
@@ -48,6 +55,7 @@ def draw_map(predicted: StreamMap, axes: Axes | None = None) -> Figure:
     Returns:
         the figure, of which `savefig(path)` writes an image.
     """
+    _check_matplotlib()
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
@@ -81,6 +89,7 @@ def draw_window(window: Window, predicted: StreamMap, grid: Grid, range_max_m: f
         range_max_m: maximum range of the lidar [m], up to which a miss shows free pixels.
         when: time of the map, for its title.
     """
+    _check_matplotlib()
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 

@@ -1,6 +1,5 @@
 """Maps from ROS messages as they arrive: the same for every version of ROS."""
 
-import threading
 from bisect import insort
 from collections.abc import Callable
 from operator import itemgetter
@@ -10,13 +9,14 @@ import numpy as np
 
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import WITHOUT_POSE, Intake, LogScan
-from repro.prediction.movers import MOVERS
+from repro.prediction.moving import MOVERS
 from repro.prediction.readings import note_on_range
 from repro.prediction.ros import LaserScans, add_odometry, add_transforms, seconds
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.prediction.times import WindowSettings
 from repro.prediction.transforms import Transforms
 from repro.system.errors import InputError
+from repro.system.threads import OneAtATime
 
 KEEP_S = 30.0  # age up to which poses are remembered
 WAIT_S = 10.0  # for the poses of a scan; transforms may be late on a busy computer
@@ -52,7 +52,7 @@ class LiveMapper:
         self.waiting: list[tuple[Any, tuple[float, float, float]]] = []  # scans with their times, in order
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.is_early = False  # whether the last scan was earlier than another one by more than a window
-        self.lock = threading.Lock()
+        self.lock = OneAtATime("the mapper")
         self._begin_again()
 
     def _begin_again(self) -> None:
@@ -71,7 +71,11 @@ class LiveMapper:
                 return
             if self.is_early:
                 self.warn("the clock was set back: scans of later times are skipped")
+                later = [each for each in self.waiting if each[1][0] > stamp]
                 self.waiting = [each for each in self.waiting if each[1][0] <= stamp]
+                for each in later:
+                    if self.transforms.is_known(each[0].header.frame_id, each[1][1]):
+                        self._take(*each)  # ends the window before
                 self.newest_s, self.is_early = -np.inf, False
             insort(self.waiting, (message, self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:

@@ -15,7 +15,7 @@ from repro.system.errors import InputError
 from repro.system.threads import use_threads
 
 PARAMETERS: dict[str, tuple[Any, str]] = {  # by name: default, of the type of the parameter, and description
-    "weights": ("buildings", "name or directory of the weights"),
+    "weights": ("indoor", "name or directory of the weights"),
     "scan_topic": ("scan", "topic of the LaserScan messages"),
     "odometry": (False, "take the poses from the topic odom, not from /tf"),
     "frame": ("", "frame of the poses and of the map, such as odom; empty for the topmost one"),

@@ -69,7 +69,10 @@ def kind_of(path: Path) -> str:
         return "npz"
     if is_carmen(head) or (head.startswith(GZIP) and is_carmen(_head(path, gzip.open))):
         return CARMEN
-    raise InputError(f"{path}: is of no known kind: expected {KINDS}, unpacked; docs/robot.md tells how to convert it")
+    words = head.split(maxsplit=1)[:1] if b"\0" not in head else []
+    first = f", but its first word is {words[0][:20].decode(errors='replace')!r}" if words else ""
+    convert = "np.savez(path, ranges=..., angles=..., poses=..., stamps=...) makes an npz of any scans"
+    raise InputError(f"{path}: is of no known kind: expected {KINDS}, unpacked{first}; {convert}")
 
 
 def _head(path: Path, opener: Callable[..., Any]) -> bytes:

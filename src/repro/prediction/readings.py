@@ -1,7 +1,6 @@
 """Readings of a lidar: hits, misses and invalid ones, and what their values tell about it."""
 
 import math
-from numbers import Real
 
 import numpy as np
 
@@ -19,12 +18,13 @@ def check_heading(heading: float, subject: str) -> None:
         raise InputError(f"{subject} like degrees, the largest is {abs(heading):.4g}: {RADIANS}")
 
 
-def check_stamp(stamp: float, step_s: float) -> None:
-    """Refuse a time that is no finite number, or too coarse for steps of `step_s` [s], as one in ns, us or ms."""
-    if not isinstance(stamp, Real) or not math.isfinite(stamp):
+def check_stamp(stamp: float, step_s: float) -> float:
+    """Return a time; refuse one that is not finite, or too coarse for steps of `step_s` [s], as in ns, us or ms."""
+    stamp = float(real("time", stamp, ()))
+    if not math.isfinite(stamp):
         raise InputError(f"time: expected finite seconds, got {stamp!r}")
     if abs(stamp) < MAX_STAMP_S and np.spacing(abs(stamp)) < 0.01 * step_s:
-        return
+        return stamp
     resolution = f"float64 resolves {np.spacing(abs(stamp)):.2g} there"
     raise InputError(f"time: expected seconds, not ms, us or ns, got {stamp:.4g}: {resolution}")
 

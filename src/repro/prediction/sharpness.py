@@ -17,6 +17,8 @@ NEAR_M = 0.2  # between hits on the same obstacle
 MIN_PATH_M = 0.5  # of the robot in a window, so that a wrong heading shows
 MIN_GAIN, MIN_SHARE = 0.15, 0.5  # of the share of hits that are near others, with a convention that is named
 TURNED = "a lidar that is turned by {} degrees, prediction.mounting=[0,0,{:.4f}]"
+MIN_TURN, MIN_GAIN_OF_LAG = 0.3, 0.06  # of the robot in a window [rad]; of the share, whose peak is sharp in turns
+LAGS_S = (-1.0, -0.5, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.5, 1.0)
 CONVENTIONS = {  # turn [degrees] and scale of the headings, sense of the beams, scale of the positions
     **{TURNED.format(turn, math.radians(turn)): (turn, 1, 1, 1) for turn in (180, 90, -90)},
     "headings of the opposite sign": (0, -1, 1, 1),
@@ -43,10 +45,26 @@ def sharper_convention(log: ScanLog, settings: WindowSettings) -> str | None:
     shares = {name: _sharpness(_changed(log, *change), windows) for name, change in CONVENTIONS.items()}
     best = max(shares, key=lambda name: shares[name])
     if not shares[best] > max(usual + MIN_GAIN, MIN_SHARE):
-        return None
+        return _clock_offset(log, windows) if settings.spacing == "time" else None
     return (
         f"{usual:.0%} of the hits are near those of the scans before, {shares[best]:.0%} with {best}: check the "
         "mounting of the lidar and the columns of the poses"
+    )
+
+
+def _clock_offset(log: ScanLog, windows: list[np.ndarray]) -> str | None:
+    """Return a message about a time between scans and poses that blurs the hits of a robot that turns; None if none."""
+    turning = [index for index in windows if np.ptp(log.poses[index, 2]) > MIN_TURN]
+    if not turning or not (np.diff(log.stamps) > 0).all():
+        return None
+    usual, shares = _sharpness(log, turning), {lag: _sharpness(_shifted(log, lag), turning) for lag in LAGS_S}
+    best = max(shares, key=lambda lag: shares[lag])
+    if not shares[best] > usual + MIN_GAIN_OF_LAG:
+        return None
+    name = f"{abs(best):g} s {'later' if best > 0 else 'earlier'}"
+    return (
+        f"where the robot turns, {usual:.0%} of the hits are near those of the scans before, {shares[best]:.0%} with "
+        f"the poses of {name}: the clocks of scans and poses differ; shift the stamps of one of them"
     )
 
 
@@ -68,6 +86,12 @@ def _windows(log: ScanLog, settings: WindowSettings) -> Iterator[np.ndarray]:
         for last in ends_of(log.stamps[begin:end], settings, stride_s):
             steps = begin + steps_before(log.stamps[begin : begin + last + 1], settings)
             yield np.unique(steps[np.linspace(0, len(steps) - 1, SCANS).astype(int)])
+
+
+def _shifted(log: ScanLog, lag_s: float) -> ScanLog:
+    """Return a log whose scans have the poses of a later time [s], in between interpolated."""
+    later = log.stamps + lag_s
+    return replace(log, poses=np.stack([np.interp(later, log.stamps, column) for column in log.poses.T], axis=-1))
 
 
 def _changed(log: ScanLog, turn_deg: float, heading: float, sense: int, position: float) -> ScanLog:

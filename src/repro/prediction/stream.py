@@ -1,8 +1,8 @@
 """Maps from scans as they arrive: the window of each scan, as `windows.cut` makes it, in constant memory."""
 
+import copy
 import logging
 import math
-import threading
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import LogScan
 from repro.prediction.misses import MissCheck
-from repro.prediction.movers import moving_pixels, parts_of_window, stands
+from repro.prediction.moving import moving_pixels, parts_of_window, stands
 from repro.prediction.poses import MAX_PLACE_M
 from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
@@ -22,13 +22,14 @@ from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.arrays import real
 from repro.system.errors import InputError
+from repro.system.threads import OneAtATime
 
 LOGGER = logging.getLogger(__name__)
 REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: as in the training
 EXTRA = 6  # scans: the one before the window, one with a wrong time, and those of the tolerance of half a step
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class StreamMap:
     """A predicted map.
 
@@ -38,7 +39,7 @@ class StreamMap:
         resolution_m: side of a pixel [m].
         stamp: time of the scan at the end of the window [s].
         unknown: pixels that no reading supports: no beam of the window has hit or passed over them, bool, (H, W).
-        moving: pixels of hits in the window on something that moves, bool, (H, W), see `movers`; what moves is missing
+        moving: pixels of hits in the window on something that moves, bool, (H, W), see `moving`; what moves is missing
             from the map where it is after it has left the view.
         hits: x, y of the hits of the scan at the end of the window in the frame of the poses [m], (K, 2).
         pose: x, y [m] and heading [rad] of the lidar at the end of the window.
@@ -52,6 +53,11 @@ class StreamMap:
     moving: np.ndarray
     hits: np.ndarray
     pose: tuple[float, float, float]
+
+    def __repr__(self) -> str:
+        (height, width), (x, y) = self.free.shape, self.origin
+        size = f"{height} x {width} px of {self.resolution_m:.3g} m"
+        return f"StreamMap({size} from ({x:.2f}, {y:.2f}) at {self.stamp:.2f} s)"
 
 
 def predict_map(
@@ -88,6 +94,7 @@ class PredictionStream:
     stream = PredictionStream(predictor, angles)
     predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
 
+    `update` is `add` and `predict`, which are called alone where scans arrive more often than maps are needed.
     The rules are those of a log, see `times.Clock` and `times.steps_before`; the map equals that of
     `Predictor.predict` for the same window, bit by bit. As many scans are kept as a window can have, so memory is
     constant. Several threads may update a stream: one waits for another, and the order is theirs.
@@ -120,9 +127,9 @@ class PredictionStream:
         range_max_m: float | None = None,
         misses: str = "free",
     ) -> None:
+        if isinstance(center, str) and center != "robot":
+            raise InputError(f"center: expected robot or x, y [m], got {center!r}")
         self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=range_max_m, misses=misses)
-        if self.settings.center == "start":
-            raise InputError("center: expected robot or x, y [m], got 'start', which a log has")
         self.range_max_m = math.inf if range_max_m is None else range_max_m
         self.predictor, self.angles = predictor, real("angles", angles).astype(float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
@@ -135,7 +142,14 @@ class PredictionStream:
         most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock, self._misses = Clock(self.settings), MissCheck()
-        self._lock = threading.Lock()
+        self._lock = OneAtATime("update")
+
+    def __copy__(self) -> "PredictionStream":
+        """Return a stream with the same scans, which takes others from now on."""
+        return copy.deepcopy(self)
+
+    def __repr__(self) -> str:
+        return f"PredictionStream({self.predictor!r}, {self.beams} beams, {len(self._kept)} scans)"
 
     def update(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
         """Take a scan and predict the map at its time.
@@ -153,7 +167,23 @@ class PredictionStream:
             InputError: the scan cannot be one of this lidar, and is left out; or its window cannot be predicted, see
                 `Predictor.predict`.
         """
-        raw, pose = ranges, self._checked_pose(pose)
+        with self._lock:
+            self._take(*self._checked(ranges, pose), stamp)
+            return self._predict()
+
+    def add(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
+        """Take a scan, see `update`, without predicting a map; `reason` says why it was left out, if it was."""
+        with self._lock:
+            self._take(*self._checked(ranges, pose), stamp)
+
+    def predict(self) -> StreamMap | None:
+        """Predict the map at the time of the newest scan; None if the scans do not fill a window, see `update`."""
+        with self._lock:
+            return self._predict()
+
+    def _checked(self, raw: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return copies of the ranges in float32 and of the pose in float64, and warn of misses that are none."""
+        pose = self._checked_pose(pose)
         ranges = readings(raw, 0.0, self.range_max_m, self.settings.misses)
         if ranges.shape != (self.beams,):
             raise InputError(f"ranges: expected the shape ({self.beams},), got {ranges.shape}")
@@ -161,25 +191,21 @@ class PredictionStream:
             raise InputError("ranges: expected meters, inf for a miss, and most of these are beyond 300")
         if np.isnan(ranges).all():
             raise InputError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
-        with self._lock:
-            known = set(self._misses.notes)
-            self._misses.add(np.asarray(raw), ranges, float(pose[2]), self.range_max_m)
-            for kind in self._misses.notes.keys() - known:
-                LOGGER.warning("%s", self._misses.notes[kind])
-            return self._take(ranges[: len(self.angles)], pose, stamp)
+        known = set(self._misses.notes)
+        self._misses.add(np.asarray(raw), ranges, float(pose[2]), self.range_max_m)
+        for kind in self._misses.notes.keys() - known:
+            LOGGER.warning("%s", self._misses.notes[kind])
+        return ranges[: len(self.angles)], pose
 
     def extend(self, scan: LogScan) -> StreamMap | None:
         """Take a scan from an `Intake`, whose beams are those of the stream, and predict the map at its time."""
         with self._lock:
-            return self._take(scan.ranges, self._checked_pose(scan.pose), scan.stamp)
+            self._take(scan.ranges, self._checked_pose(scan.pose), scan.stamp)
+            return self._predict()
 
-    def _take(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> StreamMap | None:
-        check_stamp(stamp, self.settings.step_s)
-        self._add(float(stamp), ranges, pose)
-        return None if self.reason else self._predict()
-
-    def _add(self, stamp: float, ranges: np.ndarray, pose: np.ndarray) -> None:
+    def _take(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
         """Keep a scan, or state in `reason` why it is left out."""
+        stamp = check_stamp(stamp, self.settings.step_s)
         left_out = self._clock.why_left_out(stamp)
         self.reason = left_out and f"the scan at {stamp:.2f} s is {left_out}"
         if left_out:
@@ -189,7 +215,9 @@ class PredictionStream:
         self._kept.append((stamp, ranges, pose))
 
     def _predict(self) -> StreamMap | None:
-        """Predict the map of the window that ends with the newest scan."""
+        """Predict the map of the window that ends with the newest scan, unless that was left out."""
+        if self.reason or not self._kept:
+            return None
         stamps, ranges, poses = zip(*self._kept, strict=True)
         begin, _ = parts_of(np.array(stamps), self.settings)[-1]
         try:

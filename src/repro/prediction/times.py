@@ -61,6 +61,8 @@ class WindowSettings:
                 f"expected 1 to {MAX_STEPS} steps and a step_s of at least {MIN_STEP_S} s, got {self.steps} and "
                 f"{self.step_s}"
             )
+        object.__setattr__(self, "steps", int(self.steps))  # also where NumPy has counted them
+        object.__setattr__(self, "step_s", float(self.step_s))
         if self.range_max_m is not None and not self.range_max_m > 0:
             raise InputError(f"range_max_m: expected a positive range [m], got {self.range_max_m}")
         if self.spacing not in SPACINGS:

@@ -58,6 +58,7 @@ def replacing_directory(path: Path, own: Callable[[str], object] | None = None) 
         own: tells by the name of a file whether it may be replaced; None for all. Others raise an `InputError`, as does
             a file at `path`.
     """
+    path = path.resolve() if path.is_symlink() else path  # a link stays one
     others = [path] if path.exists() and not path.is_dir() else path.glob("*")
     foreign = [each.name for each in others if own and not (each.is_file() and own(each.name))]
     if foreign:

@@ -5,6 +5,7 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal
 
 
@@ -22,6 +23,7 @@ class Task:
         own: keys that only this task, and others that name them, use.
         ignores: keys without effect.
         instead: why they have none.
+        target: the place that a job of a sweep alone may write to, given the job; None if it does not matter.
     """
 
     run: Callable[[Any], None]
@@ -33,6 +35,13 @@ class Task:
     own: tuple[str, ...] = ()
     ignores: tuple[str, ...] = ()
     instead: str = ""
+    target: Callable[[Any], Path] | None = None
+
+
+def run_directory(job: Any) -> Path:
+    """Return the directory of the run of a job."""
+    path: Path = job.run.path
+    return path
 
 
 NETWORK_KEYS = ("model", "encoding", "decay", "oldest_gray", "seed", "train")  # that choose a network of the study

@@ -6,7 +6,8 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Write analysis/ and report.html."""
-    from repro.cli.analysis import analyze, evaluate_baselines
+    print(f"analyzing {job.outputs.path}: baselines first", flush=True)
+    from repro.cli.analysis import analyze, evaluate_baselines  # takes seconds
     from repro.parallel import process_pool
 
     with process_pool(job.call.runtime.workers) as parallel:

@@ -6,11 +6,11 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Record an experiment; compare it with what the paper's tables imply and with the published one."""
-    from repro.simulation.recorder import record_experiment
-
     directory = job.recordings
     is_new = not (directory / "manifest.json").is_file()
-    print(f"{'recording' if is_new else 'checking'} {directory}", flush=True)
+    print(f"{'recording' if is_new else 'checking'} {directory}: {sum(job.pairs.values())} recordings", flush=True)
+    from repro.simulation.recorder import record_experiment  # takes seconds
+
     record_experiment(directory, job.spec, job.pairs, workers=job.call.runtime.workers)
     if is_new or job.call.task == "record":
         _describe(job)

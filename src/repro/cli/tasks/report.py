@@ -10,6 +10,7 @@ def run(job: Job) -> None:
     Raises:
         InputError: there is nothing to report, or a run is damaged.
     """
+    print(f"reading {job.outputs.path}", flush=True)
     from repro.cli.output import print_tables
     from repro.system.errors import InputError
 

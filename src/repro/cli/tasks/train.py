@@ -4,19 +4,19 @@ from functools import cache
 from typing import Any
 
 from repro.cli.jobs import Job
-from repro.cli.tasks import Task
+from repro.cli.tasks import Task, run_directory
 
 
 def run(job: Job) -> None:
     """Train the network of a run from where it was left, unless it is trained."""
-    from repro.learning.training import train
-    from repro.parallel import use_idle_cores
-    from repro.runs.provenance import Status
-
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
-        print(f"training {job.run}", flush=True)
+        print(f"training {job.run}, after PyTorch is loaded", flush=True)
+    from repro.learning.training import train  # takes seconds
+    from repro.parallel import use_idle_cores
+    from repro.runs.provenance import Status
+
     use_idle_cores()
     runtime = job.call.runtime
     status = train(
@@ -38,4 +38,4 @@ def process_budget(minutes: float | None) -> Any:
     return Budget(minutes)
 
 
-TASK = Task(run, "run", trains=True)
+TASK = Task(run, "run", trains=True, target=run_directory)

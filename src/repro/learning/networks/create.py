@@ -1,7 +1,8 @@
 """Creation and loading of networks: the architectures of segmentation-models-pytorch (smp) and our recurrent ones.
 
 The paper uses four architectures of smp. Another one needs a file in conf/model and no code. An architecture outside
-smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`.
+smp needs a class that can save itself (`PyTorchModelHubMixin`) and an entry in `OWN_ARCHITECTURES`, or in another
+package an entry point `repro.architectures`.
 """
 
 import copy
@@ -19,10 +20,12 @@ from repro.learning.networks.convgru import ConvGRU
 from repro.learning.networks.convlstm import ConvLSTM
 from repro.networks.model import Model
 from repro.system.errors import InputError
+from repro.system.plugins import plugins
 
 OWN_ARCHITECTURES: dict[str, Any] = {
     "convgru": ConvGRU,
     "convlstm": ConvLSTM,
+    **plugins("repro.architectures"),
 }
 SERIES_CHANNELS = 10  # of the input with which the parameters of an own architecture are tried
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from repro.maps.grid import Grid
-from repro.prediction.movers import PARTS, moving_pixels, parts_of_window, stands
+from repro.prediction.moving import PARTS, moving_pixels, parts_of_window, stands
 from repro.scans import Scans
 
 GRID = Grid(128, 25.0)
