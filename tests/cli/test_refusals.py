@@ -39,6 +39,10 @@ CALLS = {
     "model=unte": "Available options in 'model': convgru convlstm",
     # sweeps
     "exp=3,4": "To sweep over it, add --multirun",
+    "--config-name other": "--config-name=other: has no effect",
+    "--config-path /tmp": "--config-path=/tmp: has no effect",
+    "task=predict scans=${nokey}": "scans: Interpolation key 'nokey' not found",
+    "task=predict scans=a\udcff.npz": r"scans=a\xff.npz: is no printable text in UTF-8: rename the file",
     "-m exp=glob(*)": "the sweep has no jobs",
     "-m seed=range(0,100000)": "the sweep has 100000 jobs: expected 1 to 2000",
     "-m exp=3 scale.size_px=64,128": "2 jobs write to ",
@@ -109,7 +113,7 @@ YAML = {  # contents of a file scale/broken.yaml
     "\xff\xfe\x00": "a configuration file cannot be read: 'utf-8' codec",
     "": "Interpolation key 'scale.learning_rate' not found",
     "[1, 2]": "Index 'learning_rate' (str) is not an int",
-    "a: &x [*x]": "recursion",
+    "a: &x [*x]": "aliases stand for",
     '!!python/object/apply:os.system ["touch pwned"]': "could not determine a constructor",
     "defaults: [first, _self_]\na: ${oc.env:HOME}": "is not a known key",
 }

@@ -79,3 +79,13 @@ def test_encoder_weights_that_cannot_be_loaded_are_reported_with_a_fix(monkeypat
     monkeypatch.setattr(smp, "create_model", refuse)
     with pytest.raises(ValueError, match=r"imagenet weights of mit_b0 .*offline.*encoder_weights=null"):
         create_network(Model("unet", encoder_name="mit_b0", encoder_weights="imagenet"))
+
+
+@pytest.mark.parametrize("name", ["tu-hf_hub:someone/network", "tu-hf-hub:someone/network", "tu-local-dir:/tmp", None])
+def test_an_encoder_from_elsewhere_is_refused(tmp_path, name, monkeypatch):
+    create_network(paper_model("fpn")).save_pretrained(tmp_path)
+    config = json.loads((tmp_path / "config.json").read_text())
+    (tmp_path / "config.json").write_text(json.dumps({**config, "encoder_name": name}))
+    monkeypatch.setattr(smp, "from_pretrained", lambda *_, **__: pytest.fail("it is loaded"))
+    with pytest.raises(ValueError, match="encoder_name"):
+        load_network(tmp_path, "smp")

@@ -98,6 +98,42 @@ def external(model, _) -> None:
     tensor.external_data.add(key="location", value="/etc/hostname")
 
 
+def within(model) -> onnx.GraphProto:
+    """Return a graph in a branch that the network never takes."""
+    inner = onnx.helper.make_graph([], "inner", [], [])
+    node = onnx.helper.make_node("If", ["scans"], [], then_branch=inner, else_branch=inner)
+    model.graph.node.append(node)
+    return model.graph.node[-1].attribute[0].g
+
+
+def in_a_branch(model, _) -> None:
+    tensor = within(model).initializer.add(name="w", data_type=TensorProto.FLOAT, dims=[1])
+    tensor.data_location = TensorProto.EXTERNAL
+    tensor.external_data.add(key="location", value="/etc/hostname")
+
+
+def in_a_function(model, _) -> None:
+    tensor = TensorProto(name="w", data_type=TensorProto.FLOAT, dims=[1], data_location=TensorProto.EXTERNAL)
+    tensor.external_data.add(key="location", value="/etc/hostname")
+    node = onnx.helper.make_node("Constant", [], ["w"], value=tensor)
+    function = onnx.helper.make_function("own", "f", [], ["w"], [node], [onnx.helper.make_opsetid("", 18)])
+    model.functions.append(function)
+
+
+def sparse(model, _) -> None:
+    values = model.graph.sparse_initializer.add().values
+    values.data_location = TensorProto.EXTERNAL
+    values.external_data.add(key="location", value="/etc/hostname")
+
+
+def endless(model, _) -> None:
+    within(model).node.append(onnx.helper.make_node("Loop", [], [], body=onnx.helper.make_graph([], "body", [], [])))
+
+
+def no_mapping(model, description) -> None:
+    description["window"] = "steps"
+
+
 def not_finite(model, _) -> None:
     weights = numpy_helper.to_array(model.graph.initializer[0]).copy()
     weights.flat[0] = np.nan
@@ -120,6 +156,11 @@ def other_encoding(_, description) -> None:
     ("change", "message"),
     [
         (external, "are in another file"),
+        (in_a_branch, "are in another file"),
+        (in_a_function, "are in another file"),
+        (sparse, "are in another file"),
+        (endless, "it has a loop"),
+        (no_mapping, "must be a mapping"),
         (not_finite, "one map of finite logits"),
         (renamed, f"ONNX Runtime cannot run it .*{INPUT}"),
         (other_grid, "ONNX Runtime cannot run it .*invalid dimensions"),
@@ -148,3 +189,11 @@ def test_a_damaged_file_is_refused(exported, tmp_path, damage):
     )  # fmt: skip
     with pytest.raises(ValueError, match=r"model.onnx cannot be used \(.*\): (train or )?export it"):
         read_onnx(path)
+
+
+@pytest.mark.parametrize("suffix", [".ckpt", ".pt", ".pth"])
+def test_a_checkpoint_of_torch_names_the_export(tmp_path, suffix):
+    path = tmp_path / f"best{suffix}"
+    path.write_bytes(b"PK")
+    with pytest.raises(ValueError, match=r"is a checkpoint of torch, .* task=export format=onnx"):
+        load_predictor(path)

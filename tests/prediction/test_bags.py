@@ -221,3 +221,10 @@ def test_metadata_that_would_fill_the_memory_are_refused(content, problem, tmp_p
         file.write(content)
     with pytest.raises(ValueError, match=rf"metadata.yaml: {problem}"):
         read(directory)
+
+
+def test_names_of_others_do_not_control_the_terminal(tmp_path, caplog):
+    other = [("/tf_static", Ros(2).transform(0, "base_link", "laser\x1b[2J", (place, 0, 0))) for place in (1.0, 2.0)]
+    read(robots(tmp_path / "log", ("",), other=other))
+    assert r"laser\x1b[2J has several static poses" in caplog.text
+    assert "\x1b" not in caplog.text

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+import yaml
 from hydra._internal.callbacks import Callbacks
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
@@ -30,6 +31,8 @@ from repro.cli.tasks import summaries, tasks
 from repro.config import NO_DECAY, Encoding
 from repro.parallel import has_gpu, parallel_trainings
 from repro.runs.keys import RunKey
+from repro.system.errors import InputError
+from repro.system.files import check_size
 from repro.system.places import conf_directory
 from repro.system.progress import progress
 from repro.world_config import plain
@@ -60,6 +63,7 @@ for _name, _resolver in RESOLVERS.items():
     OmegaConf.register_new_resolver(_name, _resolver, replace=True)
 
 
+MAX_VALUES = 20_000  # of a file of a group; Hydra takes a second for as many
 MAX_JOBS = 2000  # of a sweep, which are composed before the first one runs
 
 
@@ -115,11 +119,18 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
     """
     if flag := arguments.experimental_rerun:  # what argparse makes of --exp
         raise Refused(f"--exp={flag}: overrides have no dashes: exp={flag}")
+    for option in ("config_name", "config_path"):
+        if value := getattr(arguments, option):
+            name = option.replace("_", "-")
+            raise Refused(f"--{name}={value}: has no effect; --config-dir adds a directory with own groups")
     overrides = list(arguments.overrides)
     if arguments.config_dir:
         if not os.path.isdir(arguments.config_dir):
             raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
+    places = [conf_directory(), Path(arguments.config_dir or conf_directory())]
+    if errors := list(dict.fromkeys(_file_errors(overrides, places))):
+        raise Refused(*errors)
     with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
         try:
             jobs = _jobs(overrides, arguments.multirun)
@@ -147,6 +158,21 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     if not 1 <= len(jobs) <= MAX_JOBS:
         raise Refused(f"the sweep has {len(jobs) or 'no'} jobs: expected 1 to {MAX_JOBS}")
     return jobs
+
+
+def _file_errors(overrides: list[str], places: list[Path]) -> Iterator[str]:
+    """Yield which chosen files would take long to compose, since their aliases stand for many values."""
+    for group, _, names in (override.partition("=") for override in overrides):
+        files = (place / group / f"{name}.yaml" for name in re.split(r"[,'\"]+", names) for place in places)
+        for path in filter(Path.is_file, files if group in GROUPS else ()):
+            try:
+                text = path.read_text(encoding="utf-8")
+                if "*" in text:
+                    check_size(yaml.safe_load(text), MAX_VALUES)
+            except InputError as error:
+                yield f"{path}: {error}"
+            except (OSError, ValueError, YAMLError, RecursionError):  # which Hydra names
+                continue
 
 
 def _override_errors(override: Override) -> Iterator[str]:
@@ -189,11 +215,16 @@ def _reason(error: Exception) -> str:
     """Return in one line why a call cannot be composed: Hydra's words, and what may have been meant."""
     if isinstance(error, OverrideParseException) and "=" in error.override:
         key, _, value = error.override.partition("=")
+        if not error.override.isprintable():  # as the bytes of a name in another encoding
+            name = error.override.encode("utf-8", "surrogateescape")
+            return f"{ascii(name)[2:-1]}: is no printable text in UTF-8: rename the file, or make a link to it"
         return f"{error.override}: cannot be read; quote the value for Hydra and for the shell: '{key}=\"{value}\"'"
     text = re.split("\n(?:Config search path|See https)", str(error))[0]
     words = " ".join(line.strip() for line in text.splitlines() if not line.strip().startswith(_DETAILS))
     if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError) or not words:
         return f"a configuration file cannot be read: {words or 'it has a key that is no text'}"
+    where = re.search(r"^\s*full_key: (.+)$", str(error), re.MULTILINE)
+    words = f"{where[1]}: {words}" if where and "nterpolation" in words else words
     cause = f": {str(error.__cause__).splitlines()[0]}" if error.__cause__ else ""
     unknown = re.match(r"Could not override '(?!hydra)([^']*)'", text)
     return f"{words}{cause}{did_you_mean(unknown[1], plain(hydra.compose('config'))) if unknown else ''}"

@@ -31,6 +31,8 @@ def explain(error: BaseException) -> str | None:
     Returns:
         one message; None for an error of our own or of a library, whose traceback is needed.
     """
+    if isinstance(error, FileNotFoundError) and str(error.filename).startswith(("/proc/", "/sys/")):
+        return f"{error.filename}: {error.strerror}: {_WRITABLE}"
     if isinstance(error, OSError) and error.errno in _FIXES:
         file = f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror)
         return f"{file}: {_FIXES[error.errno]}"

@@ -20,7 +20,7 @@ from repro.cli.jobs import Job
 from repro.cli.tasks import keys_without_effect
 from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
-from repro.system.errors import InputError
+from repro.system.errors import InputError, printable
 from repro.system.places import conf_directory
 from repro.world_config import plain
 
@@ -41,6 +41,7 @@ def main() -> int:
     """
     _prepare_process()
     try:
+        _check_directory()
         return _run_call()
     except Refused as refused:
         print("error: this cannot be run", *(f"  {reason}" for reason in refused.args), sep="\n", file=sys.stderr)
@@ -60,8 +61,10 @@ def main() -> int:
 
 
 def _prepare_process() -> None:
-    for stream in filter(None, (sys.stdout, sys.stderr)):
-        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as with 2>&-
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        getattr(sys, name).reconfigure(errors="backslashreplace")
     logging.raiseExceptions = False  # Hydra's log may go to an output that is not read any more
     os.environ["MPLBACKEND"] = "agg"  # figures are files; Jupyter names a backend that others cannot import
     # after Ctrl-C, joblib's helper process frees what its workers held, with warnings that say nothing to a user
@@ -70,6 +73,13 @@ def _prepare_process() -> None:
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, [os.environ.get("PYTHONWARNINGS"), quiet]))
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # like Ctrl-C: the workers of a sweep end with it
+
+
+def _check_directory() -> None:
+    try:
+        os.getcwd()
+    except FileNotFoundError as error:
+        raise Refused("the working directory was deleted: change to another one") from error
 
 
 def _run_call() -> int:
@@ -191,6 +201,6 @@ def perform(call: Call) -> str | None:
         if message is None or WANTS_TRACEBACKS:
             traceback.print_exception(error)
         line = (message or f"{type(error).__name__}: {error}").split("\n")[0]
-        print(f"error: {message or line}", file=sys.stderr, flush=True)
+        print(printable(f"error: {message or line}"), file=sys.stderr, flush=True)
         return line
     return None

@@ -95,7 +95,7 @@ def load(weights: str) -> Predictor:
 
 def name_of(log: Path, *others: Path) -> str:
     """Return the name of a log without the suffixes of its kind, and how many other files there are."""
-    name = log.resolve().name
+    name = Path(os.path.realpath(log)).name
     while Path(name).suffix in LOG_SUFFIXES:
         name = Path(name).stem
     name = name.strip(".") or "log"
@@ -107,7 +107,7 @@ def name_of(log: Path, *others: Path) -> str:
 def _check_target(target: Path, *sources: Path) -> None:
     """Refuse to replace a directory that has what is read."""
     for source in sources:
-        if source.resolve().is_relative_to(target.resolve()):
+        if Path(os.path.realpath(source)).is_relative_to(os.path.realpath(target)):
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
 
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from repro.system.errors import InputError
 
+LARGEST_PX = 4096  # side of a map, as of conf/scale
+
 
 @dataclass(frozen=True)
 class Grid:
@@ -29,7 +31,11 @@ class Grid:
     size_m: float
 
     def __post_init__(self) -> None:
-        if not isinstance(self.size_px, Integral) or self.size_px < 1 or not 0 < self.size_m < math.inf:
+        if (
+            not isinstance(self.size_px, Integral)
+            or not 1 <= self.size_px <= LARGEST_PX
+            or not 0 < self.size_m < math.inf
+        ):
             raise InputError(
                 f"a grid needs a whole number of pixels and a positive size, got {self.size_px} px for {self.size_m} m"
             )

@@ -15,13 +15,17 @@ import numpy as np
 import onnxruntime
 
 from repro.system.errors import InputError
-from repro.system.files import first_line
+from repro.system.files import check_regular, first_line
 from repro.system.threads import count_threads
 
 DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
 INPUT, OUTPUT = "scans", "logits"
 CHECKSUM = re.compile(rb'"sha256": "([0-9a-f]{64})"')  # in the description
 NO_CHECKSUM = "0" * 64  # stands for it in the file that it is of
+LOOPS = re.compile(
+    rb"\x22\x04(?:Loop|Scan)"
+)  # types of operators, of which no network of ours has one, that may never end
+CHECKPOINTS = (".ckpt", ".pt", ".pth", ".safetensors", ".bin")
 OUTSIDE = re.compile(rb"[\x00\x08]location")  # key of the path of weights in another file, which would be read
 
 
@@ -75,7 +79,11 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
     Raises:
         InputError: the file is of another kind or damaged.
     """
+    if path.suffix in CHECKPOINTS:
+        run = "give the directory of the run, or export it with task=export format=onnx"
+        raise InputError(f"{path}: is a checkpoint of torch, without the encoding of its input: {run}")
     try:
+        check_regular(path)
         content = path.read_bytes()
         stored = CHECKSUM.search(content)
         if stored is None:
@@ -84,8 +92,12 @@ def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
             raise InputError("it differs from its checksum")
         if OUTSIDE.search(content):
             raise InputError("some of its weights are in another file")
+        if LOOPS.search(content):
+            raise InputError("it has a loop, which a network of this project has not")
         network = OnnxNetwork(content)
         description = json.loads(network.metadata()[DESCRIPTION])
+        if not isinstance(description, dict):
+            raise InputError(f"its {DESCRIPTION} is no mapping")
     except Exception as error:  # of the file system, ONNX Runtime or ours
         raise InputError(f"{path} cannot be used ({first_line(error)}): export it with task=export") from error
     return network, {name: value for name, value in description.items() if name not in ("sha256", "channels")}

@@ -168,6 +168,8 @@ def create_predictor(network: Network, description: dict[str, Any], path: Path, 
     """
     try:
         encoding, grid = create_encoding(**description["encoding"]), Grid(**description["grid"])
+        if not isinstance(description.get("window", {}), dict):
+            raise InputError(f"window: must be a mapping, got {description['window']!r}")
         statistics = Statistics(**description["statistics"]) if "statistics" in description else None
         predictor = Predictor(network, encoding, grid, statistics, **description.get("window", {}))
         size_px = min(grid.size_px, largest_px)

@@ -4,6 +4,7 @@ Hub.
 The directories in repro/weights/ are links to the published ones in reproduce/results; an installed package has copies.
 """
 
+import os
 import re
 from pathlib import Path
 
@@ -31,7 +32,7 @@ def locate(weights: str | Path) -> Path:
     name = str(weights)
     if name in NAMED_NETWORKS:
         return DIRECTORY / name
-    paths = Path(name).expanduser(), project_directory() / name
+    paths = Path(os.path.expanduser(name)), project_directory() / name
     if there := [path for path in paths if name and path.exists()]:
         return there[0]
     if not REPOSITORY.fullmatch(name) or any(path.parent.exists() for path in paths):

@@ -17,7 +17,7 @@ from repro.prediction.logs import ReadOptions
 from repro.prediction.poses import DISORDER_S
 from repro.prediction.ros import LaserScans, add_odometry, add_pose, add_transforms, seconds
 from repro.prediction.transforms import BASES, Transforms
-from repro.system.errors import InputError
+from repro.system.errors import InputError, printable
 
 LOGGER = logging.getLogger(__name__)
 LASER, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
@@ -101,7 +101,7 @@ class _Bag:
         self._read_poses()
 
     def warn(self, text: str) -> None:
-        LOGGER.warning("%s: %s", self.path, text)
+        LOGGER.warning("%s: %s", self.path, printable(text))
 
     def poses_of(self, ns: int, stamp: float) -> Transforms:
         """Return the poses of the run of a message, given the time of its record [ns] and its stamp [s]."""

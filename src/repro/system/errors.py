@@ -9,3 +9,8 @@ class InputError(ValueError):
     The command line shows its message without a traceback, and where one of several inputs may be left out, only this
     error leaves it out.
     """
+
+
+def printable(text: str) -> str:
+    """Return a text whose control characters, as in names of others, cannot control a terminal."""
+    return "".join(each if each.isprintable() or each == "\n" else ascii(each)[1:-1] for each in text)

@@ -16,6 +16,7 @@ from torch.nn import functional as F
 from repro.fields import ConfigError
 from repro.networks.model import Model
 from repro.system.errors import InputError
+from repro.system.files import read_mapping
 
 ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)
 
@@ -95,8 +96,12 @@ def load_smp_network(directory: Path) -> Any:
     directory.
 
     Raises:
-        ValueError: it has an activation.
+        ValueError: it has an activation, or an encoder that is neither of smp nor a plain one of timm, which might be
+            loaded from elsewhere.
     """
+    config = read_mapping(directory / "config.json", "export it again")
+    if errors := encoder_errors(Model("unet", encoder_name=str(config.get("encoder_name")))):
+        raise InputError(f"{errors[0]}")
     network = smp.from_pretrained(directory, strict=True, encoder_weights=None)
     activations = [module for module in network.modules() if isinstance(module, Activation)]
     if any(not isinstance(module.activation, torch.nn.Identity) for module in activations):
