@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from repro.learning.adaptation import HIDDEN, UNKNOWN, Labeled, drawn
+from repro.learning.labels import HIDDEN, UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.visibility import shown_pixels
