@@ -19,12 +19,12 @@ from repro.learning.networks.trained import TorchNetwork
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.stream import EXTRA, PredictionStream, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
+from repro.runs.model import paper_model
 from repro.scans import Scans
 from repro.system.errors import InputError
 
