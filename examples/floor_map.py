@@ -21,11 +21,11 @@ from PIL import Image
 from pydantic import Field
 from scipy import ndimage
 
-from repro.fields import Finite
 from repro.system.errors import InputError
+from repro.system.fields import Finite
 from repro.system.files import check_regular, read_typed, write_text
 from repro.system.places import conf_directory
-from repro.world_obstacles import MAX_FIXED, MAX_VERTICES
+from repro.worlds.obstacles import MAX_FIXED, MAX_VERTICES
 
 MAX_CELLS = 10_000  # along one side of a map
 Position = Annotated[float, Field(ge=-1e7, le=1e7, allow_inf_nan=False)]  # [m]; float64 resolves a millimeter there

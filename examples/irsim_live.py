@@ -25,9 +25,9 @@ from repro.prediction.drawing import shade
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.paths import robot_commands
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import make, outlines_of_world
-from repro.simulation.worlds import sample_world
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
 WEIGHTS = {  # by experiment, below reproduce/results

@@ -18,7 +18,6 @@ from hydra._internal.utils import get_args_parser
 from repro.baselines.registry import PREDICTORS
 from repro.cli import compose, main
 from repro.cli.jobs import RESULTS, Job
-from repro.config import PROJECTION
 from repro.evaluation.analysis import gather
 from repro.evaluation.evaluate import evaluate_baseline, read_predictions
 from repro.evaluation.paired import paired_differences
@@ -26,6 +25,7 @@ from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
+from repro.runs.config import PROJECTION
 from repro.runs.devices import one_thread
 from repro.system.files import write_text
 from reproduce.upper_bound import privileged

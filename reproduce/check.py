@@ -20,7 +20,7 @@ from repro.recordings.recorded import load_recorded
 from repro.reporting.paper import read_paper
 from repro.runs.devices import one_thread
 from repro.simulation.recorder import record_experiment
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "reproduce" / "results"

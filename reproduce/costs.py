@@ -25,10 +25,10 @@ from repro.learning.networks.trained import TorchNetwork, export_onnx
 from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.model import NETWORKS, Model, paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.reporting import documents
 from repro.runs.devices import clock, one_thread, resolve_precision
+from repro.runs.model import NETWORKS, Model, paper_model
 from repro.scans import Scans
 
 MODELS = Path(__file__).parents[1] / "conf" / "model"

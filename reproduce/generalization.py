@@ -38,7 +38,7 @@ from repro.scans import Scans
 from repro.simulation.recorder import record_experiment
 from repro.simulation.sensing import drifted_poses, noisy_poses, noisy_ranges, skipped_scans
 from repro.system.files import write_text
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 
 def dropped_beams(scans: Scans, share: float, rng: np.random.Generator) -> Scans:

@@ -21,18 +21,18 @@ import numpy as np
 import shapely
 
 from repro.maps.outlines import padded, placed
-from repro.parallel import count_cores
 from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.recordings.recorded import Recorded
+from repro.runs.parallel import count_cores
 from repro.scans import wrapped
 from repro.simulation.obstacle_motions import obstacle_states
+from repro.simulation.sampling import sample_world
 from repro.simulation.shapes import geometry
-from repro.simulation.worlds import sample_world
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 from repro.system.progress import progress
-from repro.world_config import WorldSpec
-from repro.world_obstacles import Drifting, Sized
+from repro.worlds.obstacles import Drifting, Sized
+from repro.worlds.spec import WorldSpec
 
 DRAWS = 512  # of each obstacle
 MOST_DRAWS = 64 * DRAWS  # tried of each obstacle

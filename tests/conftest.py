@@ -18,22 +18,21 @@ import pytest
 from hydra._internal.utils import get_args_parser
 from preloaded import preloaded_python
 
-from repro import world_config
 from repro.baselines.names import BASELINES
 from repro.cli import compose, main
 from repro.cli.call import Call
 from repro.cli.errors import Refused
-from repro.config import RECURRENT, Encoding, PairCounts, Training
 from repro.metrics.names import METRICS
-from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
 from repro.recordings.format import spec_fingerprint
 from repro.runs import provenance
-from repro.runs.config import Data, RunConfig
+from repro.runs.config import RECURRENT, Data, Encoding, PairCounts, RunConfig, Training
 from repro.runs.directories import Run
+from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.simulation.recorder import record_experiment
-from repro.world_config import WorldSpec
+from repro.worlds import spec as world_config
+from repro.worlds.spec import WorldSpec
 
 ROOT = Path(__file__).parents[1]
 TINY = (  # a call of seconds

@@ -11,8 +11,8 @@ import yaml
 from conftest import ROOT, read_calls
 from PIL import Image
 
-from repro.simulation.worlds import sample_world
-from repro.world_config import world_spec
+from repro.simulation.sampling import sample_world
+from repro.worlds.spec import world_spec
 
 SPEC = importlib.util.spec_from_file_location("floor_map", ROOT / "examples" / "floor_map.py")
 floor_map = importlib.util.module_from_spec(SPEC)

@@ -7,7 +7,6 @@ import pytest
 from conftest import ROOT, world_spec
 from reproduce import generalization
 
-from repro import world_config
 from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
 from repro.recordings.reader import open_recordings
@@ -15,7 +14,8 @@ from repro.recordings.recorded import load_recorded
 from repro.reporting.results import read_rows
 from repro.simulation.raycasting import scan
 from repro.simulation.recorder import record_experiment
-from repro.simulation.worlds import sample_world
+from repro.simulation.sampling import sample_world
+from repro.worlds import spec as world_config
 
 RESULTS = ROOT / "reproduce" / "results"
 

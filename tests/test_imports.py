@@ -14,7 +14,6 @@ import repro
 SOURCE = ROOT / "src" / "repro"
 LIBRARY = (
     "system",
-    "fields",
     "scans",
     "maps",
     "metrics",
@@ -133,7 +132,7 @@ MODULES = [f"repro.{name}" for name in TREES if package_of(name) in LIBRARY and 
         (f"import {', '.join(MODULES)}", OF_THE_STUDY),
         (f"from repro import {', '.join(repro.__all__)}", OF_THE_STUDY),
         (f"import {', '.join(WITHOUT_SIMULATOR)}", ("irsim",)),
-        ("import repro.parallel", ("torch",)),
+        ("import repro.runs.parallel", ("torch",)),
     ],
     ids=["library", "public names", "training and evaluation", "processes"],
 )

@@ -14,8 +14,8 @@ from repro.learning.rehearsal import true_map
 from repro.maps.grid import Grid
 from repro.networks.predictor import load_predictor
 from repro.scans import Scans
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
 
 GRID = Grid(128, 25.0)
 CROSSING = Place("rooms", "crossing")
@@ -226,9 +226,9 @@ def test_no_training_has_the_worlds():
 
 
 def test_networks_are_asked_where_their_maps_fit():
-    found = script.networks_of(["buildings", "exp3", "again=rooms"], CROSSING, 25.0)
+    found = script.networks_of(["buildings", "exp3", "again=rooms"], CROSSING)
     assert list(found) == ["buildings", "again"]
-    assert list(script.networks_of(["buildings", "exp3"], PLACES[3], 50.0)) == ["exp3"]
+    assert list(script.networks_of(["buildings", "exp3"], PLACES[3])) == ["exp3"]
 
 
 def test_the_delivered_map_is_that_of_the_predictor(crowd):
@@ -244,10 +244,17 @@ def test_the_command_tunes_and_measures(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(script, "SEARCHED", 2)
     monkeypatch.setattr(tuning, "TRIED", {"radius_m": (1.2,)})
     monkeypatch.setattr(script, "PLACES", (CROSSING, *PLACES[3:4]))
-    monkeypatch.setattr(script, "CORRIDOR", CROSSING.name)
+    monkeypatch.setattr(script, "OF_CORRIDOR", CROSSING.name)
     for arguments in (["--tune"], ["--weights", "rooms", "exp3", "--recordings", "4"]):
         monkeypatch.setattr("sys.argv", ["movers", "--target", str(tmp_path), *arguments])
         script.main()
     files = {path.name for path in tmp_path.iterdir()}
-    assert {"tuned.json", "movers.csv", "corridor.csv", "corridor.png", "provenance.json"} <= files
+    assert {
+        "tuned.json",
+        "rooms_crossing.csv",
+        "paper_3.csv",
+        "corridor.csv",
+        "corridor.png",
+        "provenance.json",
+    } <= files
     assert "rooms crossing" in capsys.readouterr().out

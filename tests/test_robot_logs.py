@@ -27,9 +27,9 @@ from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.scans import Scans
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 ROOMS, DRIVE = "rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru"
 

@@ -10,7 +10,7 @@ from repro.navigation.arms import CLASSICAL
 from repro.navigation.courses import sample_course
 from repro.navigation.episodes import Fleet
 from repro.runs.devices import one_thread
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 ROOT = Path(__file__).parents[2]
 COURSES, ALONE = 100, 5

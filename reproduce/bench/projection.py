@@ -11,8 +11,8 @@ from repro.maps.encodings import Encoding, create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.scans import Scans
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
 from repro.system.threads import count_threads
 
 RUNS = 10_000

@@ -10,9 +10,9 @@ from table import head, row
 
 from repro.simulation import behaviors  # noqa: F401  registers the behaviors
 from repro.simulation.recorder import record_experiment
+from repro.simulation.sampling import reverse_direction, sample_world, write_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import reverse_direction, sample_world, write_world
-from repro.world_config import WorldSpec, read_world, world_spec
+from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 ROOT = Path(__file__).parents[2]
 PAPER_RUNS = 4 * (10_000 + 128 + 500)

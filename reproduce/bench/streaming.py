@@ -16,7 +16,6 @@ from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork, export_onnx, load_trained
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.model import Model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.readers import read_log
@@ -24,6 +23,7 @@ from repro.prediction.stream import PredictionStream
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import on_map
 from repro.runs.devices import one_thread
+from repro.runs.model import Model
 
 ROOT = Path(__file__).parents[2]
 TARGET_MS = 20

@@ -18,16 +18,16 @@ from table import head, row
 from torch import nn
 from torch.utils.data import DataLoader, TensorDataset
 
-from repro.config import Training
 from repro.learning.kernels import accelerate
 from repro.learning.losses import MapLoss
 from repro.learning.networks.create import create_network
 from repro.learning.training import TrainingModule, quiet
 from repro.maps.encodings import Encoding, create_encoding
-from repro.networks.model import NETWORKS, Model, paper_model
 from repro.recordings.datasets import Pairs, packed
 from repro.reporting.names import model_title
+from repro.runs.config import Training
 from repro.runs.devices import clock, resolve_device, resolve_precision
+from repro.runs.model import NETWORKS, Model, paper_model
 from repro.system.memory import keep_freed_memory
 
 COLUMNS = ("model", "way", "images/s", "to plain")

@@ -1,18 +1,19 @@
 """Memory of movers: what maps hold of obstacles that move, by the time since a beam last ended on them.
 
     python -m reproduce.movers --tune
-    python -m reproduce.movers [--weights buildings rooms NAME=DIRECTORY ...] [--places "rooms crossing" ...]
+    python -m reproduce.movers [--weights buildings rooms NAME=DIRECTORY ...] [--only "rooms crossing" corridor ...]
         [--recordings N] [--bags BAG ...] [--target DIRECTORY]
 
-The first call tunes the maps without a network (a constant rate, hits kept for a time, tracked clouds) on worlds of
-their own and writes tuned.json. The second one measures them and networks, by their names or directories, where the
-size of the map is that of the world, and writes movers.csv (see `measures.rows`), a person in a corridor
-(corridor.csv, corridor.png) and, with bags of a standing lidar, bags.csv. A network takes about N / 200 CPU minutes.
+The first call tunes the maps without a network (a constant rate, hits kept for a time, tracked movers) on worlds of
+their own and writes tuned.json. The second one measures them and networks, where the size of the map is that of the
+world, and writes a table for each kind of worlds (rooms_crossing.csv and others, see `measures.rows`), a person in a
+corridor (corridor.csv, corridor.png) and, with bags of a standing lidar, bags.csv. `--only` chooses among these. A
+network takes about a CPU minute for 200 recordings of all worlds, the maps without one three minutes.
 """
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -38,24 +39,26 @@ WEIGHTS = ("buildings", "rooms", "exp3", "exp4")
 FIRST_SEED, FIRST_TUNED = 4_000_000, 5_000_000  # of the worlds, above those of all splits
 TUNED, SEARCHED = 200, 60  # worlds for the rates, of which the first ones choose the settings of the clouds
 SIZE_PX = 128  # of the maps for tuning
-CORRIDOR, OF_BAGS = "rooms people", "places people"  # whose clouds follow people in the corridor and in bags
+CORRIDOR, BAGS, TUNED_FILE = "corridor", "bags", "tuned.json"
+OF_CORRIDOR, OF_BAGS = "rooms people", "places people"  # whose clouds follow people in the corridor and in bags
 
 
-def networks_of(names: list[str], place: Place, size_m: float) -> dict[str, Predictor]:
+def networks_of(names: list[str], place: Place) -> dict[str, Predictor]:
     """Load the networks that can be asked in a place: of maps as large as its worlds, of a robot in the middle or not.
 
     Raises:
         InputError: a network takes other windows than the worlds have.
     """
+    spec = place.spec
     loaded = {name.split("=")[0]: load(name.split("=")[-1]) for name in names}
     fitting = {
         name: each
         for name, each in loaded.items()
-        if each.grid.size_m == size_m and not (each.is_centered and not place.centered) and not each.has_fixed
+        if each.grid.size_m == spec.world.width and not (each.is_centered and not place.centered) and not each.has_fixed
     }
     for name, each in fitting.items():
-        if (each.steps, each.step_s) != (place.spec.steps, place.spec.world.step_time):
-            raise InputError(f"{name}: expected windows of {place.spec.steps} steps, got {each.steps}")
+        if (each.steps, each.step_s) != (spec.steps, spec.world.step_time):
+            raise InputError(f"{name}: expected windows of {spec.steps} steps, got {each.steps}")
     return fitting
 
 
@@ -87,8 +90,8 @@ def measured(place: Place, networks: dict[str, Predictor], tuned: Tuned, recordi
         yield from ({"world": place.name, "size_px": size_px, **row} for row in rows(movers, (CONSTANT, HITS, TRACKED)))
 
 
-def in_corridor(networks: dict[str, Predictor], tuned: Tuned, target: Path) -> None:
-    """Write table and figure of a person in a corridor."""
+def in_corridor(networks: dict[str, Predictor], tuned: Tuned, stem: Path) -> Iterator[dict[str, Any]]:
+    """Draw the figure of a person in a corridor, and yield the rows of its table."""
     grid = Grid(SIZE_PX, next(iter(networks.values())).grid.size_m)
 
     def tracked(scans: Scans) -> np.ndarray:
@@ -98,69 +101,10 @@ def in_corridor(networks: dict[str, Predictor], tuned: Tuned, target: Path) -> N
     def of_network(predictor: Predictor) -> Callable[[Scans], np.ndarray]:
         return lambda scans: obstacle_map(predictor, scans, corridor.RANGE_MAX_M)
 
-    maps = {name: of_network(each) for name, each in networks.items()} | {TRACKED: tracked}
-    grids = {name: each.grid for name, each in networks.items()} | {TRACKED: grid}
-    _write(target / "corridor.csv", corridor.rows(maps, grids))
-    corridor.figure(maps, grids, target / "corridor")
-
-
-def main() -> None:
-    """Tune, or measure and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    names = [place.name for place in PLACES]
-    parser.add_argument("--tune", action="store_true")
-    parser.add_argument("--weights", nargs="+", default=list(WEIGHTS))
-    parser.add_argument("--places", nargs="+", choices=names, default=names)
-    parser.add_argument("--recordings", type=int, default=200)
-    parser.add_argument("--bags", nargs="+", type=Path, default=[])
-    parser.add_argument("--target", type=Path, default=TARGET)
-    options = parser.parse_args()
-    origin = environment()  # before the results change the working tree
-    options.target.mkdir(parents=True, exist_ok=True)
-    with one_thread():
-        (tune_all if options.tune else measure_all)(options)
-    about = {name: value for name, value in vars(options).items() if name not in ("target", "bags")}
-    about["bags"] = [path.name for path in options.bags]
-    name = "tuned_provenance.json" if options.tune else "provenance.json"
-    write_json(options.target / name, {**about, **origin})
-
-
-def tune_all(options: argparse.Namespace) -> None:
-    """Tune the maps without a network for each place, and keep those of other places."""
-    path = options.target / "tuned.json"
-    for place in (place for place in PLACES if place.name in options.places):
-        grid = Grid(SIZE_PX, place.spec.world.width)
-        tuned = tune(place, range(FIRST_TUNED, FIRST_TUNED + TUNED), SEARCHED, grid)
-        others = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        write_json(path, {**others, place.name: tuned.plain()})
-
-
-def measure_all(options: argparse.Namespace) -> None:
-    """Measure the networks and the maps without one."""
-    found: list[dict[str, Any]] = []
-    for place in (place for place in PLACES if place.name in options.places):
-        if networks := networks_of(options.weights, place, place.spec.world.width):
-            found += measured(place, networks, tuned_of(place.name, options.target), options.recordings)
-            _write(options.target / "movers.csv", found)
-    networks = networks_of(options.weights, PLACES[0], PLACES[0].spec.world.width)
-    if networks:
-        in_corridor(networks, tuned_of(CORRIDOR, options.target), options.target)
-    if networks and options.bags:
-        rows_of_bags = in_bags(networks, tuned_of(OF_BAGS, options.target), options.bags)
-        _write(options.target / "bags.csv", rows_of_bags)
-
-
-def tuned_of(name: str, target: Path) -> Tuned:
-    """Read what was tuned in a place.
-
-    Raises:
-        InputError: nothing was.
-    """
-    path = target / "tuned.json"
-    content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    if name not in content:
-        raise InputError(f'{path} lacks {name}: call with --tune --places "{name}" first')
-    return Tuned.parse(content[name])
+    maps = {name: of_network(network) for name, network in networks.items()} | {TRACKED: tracked}
+    grids = {name: network.grid for name, network in networks.items()} | {TRACKED: grid}
+    corridor.figure(maps, grids, stem)
+    yield from corridor.rows(maps, grids)
 
 
 def in_bags(networks: dict[str, Predictor], tuned: Tuned, paths: list[Path]) -> Iterator[dict[str, Any]]:
@@ -171,10 +115,76 @@ def in_bags(networks: dict[str, Predictor], tuned: Tuned, paths: list[Path]) -> 
         yield from ({"size_px": size_px, **row} for row in bags.rows(windows))
 
 
-def _write(path: Path, found: Any) -> None:
-    table = pd.DataFrame(found)
+def main() -> None:
+    """Tune, or measure and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parts = [*(place.name for place in PLACES), CORRIDOR, BAGS]
+    parser.add_argument("--tune", action="store_true")
+    parser.add_argument("--weights", nargs="+", default=list(WEIGHTS))
+    parser.add_argument("--only", nargs="+", choices=parts, default=parts)
+    parser.add_argument("--recordings", type=int, default=200)
+    parser.add_argument("--bags", nargs="+", type=Path, default=[])
+    parser.add_argument("--target", type=Path, default=TARGET)
+    options = parser.parse_args()
+    origin = environment()  # before the results change the working tree
+    options.target.mkdir(parents=True, exist_ok=True)
+    with one_thread():
+        for place in (place for place in PLACES if place.name in options.only):
+            if options.tune:
+                tune_place(place, options.target)
+                _record(options.target, f"tuned {place.name}", {"worlds": TUNED, **origin})
+            else:
+                measure_place(place, options, origin)
+        networks = {} if options.tune else networks_of(options.weights, PLACES[0])
+        if networks and CORRIDOR in options.only:
+            stem = options.target / CORRIDOR
+            _write(stem, in_corridor(networks, tuned_of(OF_CORRIDOR, options.target), stem), {**origin})
+        if networks and options.bags and BAGS in options.only:
+            found = in_bags(networks, tuned_of(OF_BAGS, options.target), options.bags)
+            _write(options.target / BAGS, found, {"bags": [path.name for path in options.bags], **origin})
+
+
+def tune_place(place: Place, target: Path) -> None:
+    """Tune the maps without a network for a place, and keep those of other places."""
+    path = target / TUNED_FILE
+    tuned = tune(place, range(FIRST_TUNED, FIRST_TUNED + TUNED), SEARCHED, Grid(SIZE_PX, place.spec.world.width))
+    others = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    write_json(path, {**others, place.name: tuned.plain()})
+
+
+def tuned_of(name: str, target: Path) -> Tuned:
+    """Read what was tuned in a place.
+
+    Raises:
+        InputError: nothing was.
+    """
+    path = target / TUNED_FILE
+    content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    if name not in content:
+        raise InputError(f'{path} lacks {name}: call with --tune --only "{name}" first')
+    return Tuned.parse(content[name])
+
+
+def measure_place(place: Place, options: argparse.Namespace, origin: dict[str, Any]) -> None:
+    """Write the table of a place, if any network has maps of its size."""
+    if networks := networks_of(options.weights, place):
+        found = measured(place, networks, tuned_of(place.name, options.target), options.recordings)
+        about = {"weights": list(networks), "recordings": options.recordings, **origin}
+        _write(options.target / place.name.replace(" ", "_"), found, about)
+
+
+def _write(stem: Path, found: Iterable[dict[str, Any]], about: dict[str, Any]) -> None:
+    """Write a table to <stem>.csv, and its origin."""
+    table, path = pd.DataFrame(found), stem.with_suffix(".csv")
     write_text(path, table.to_csv(index=False, float_format="%.4g"))
+    _record(stem.parent, path.name, about)
     print(f"{path}\n{table.to_string()}", flush=True)
+
+
+def _record(target: Path, name: str, about: dict[str, Any]) -> None:
+    path = target / "provenance.json"
+    others = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    write_json(path, {**others, name: about})
 
 
 if __name__ == "__main__":

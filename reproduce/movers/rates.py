@@ -55,7 +55,8 @@ Follower = CloudSettings | TrackSettings
 def plain(follower: Follower) -> dict[str, Any]:
     """Return the settings of a follower by their names."""
     values = asdict(follower)
-    return {**values, **values.pop("prior", {})}
+    prior = values.pop("prior", {})
+    return values | prior
 
 
 def parse(values: dict[str, Any]) -> Follower:

@@ -19,11 +19,11 @@ from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut, on_map
 from repro.scans import Scans
 from repro.simulation.raycasting import scan
+from repro.simulation.sampling import sample_world
 from repro.simulation.sensing import sensed
 from repro.simulation.simulator import Recording, simulate
-from repro.simulation.worlds import sample_world
 from repro.system.places import conf_directory
-from repro.world_config import WorldSpec, read_world, world_spec
+from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 SLACK_M = 0.2  # of a region: one pixel at 25 m and 128 px
 BINS = ("0", "1-5", "6-10", "11-20", "21-40", "41-99")  # scans since the last hit

@@ -4,7 +4,8 @@ from functools import cache
 from pathlib import Path
 
 from repro.learning import adaptation, rehearsal
-from repro.learning.adaptation import Labeled, adapt, label
+from repro.learning.adaptation import adapt, label
+from repro.learning.labels import Labeled
 from repro.learning.networks.trained import load_trained, save_trained
 from repro.learning.rehearsal import rehearsed
 from repro.networks.predictor import Predictor

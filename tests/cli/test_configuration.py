@@ -7,10 +7,10 @@ from conftest import ROOT, read_calls, refuse, run_py
 
 from repro.cli.call import Call
 from repro.cli.jobs import RESULTS, Job
-from repro.config import PairCounts
-from repro.fields import OLDEST_GRAY
-from repro.networks.model import NETWORKS, PAPER_ENCODER, paper_model
-from repro.world_config import world_spec
+from repro.runs.config import PairCounts
+from repro.runs.model import NETWORKS, PAPER_ENCODER, paper_model
+from repro.system.fields import OLDEST_GRAY
+from repro.worlds.spec import world_spec
 
 LIDAR = "world.robot.sensors.0"
 

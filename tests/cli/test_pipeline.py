@@ -10,7 +10,7 @@ from conftest import ROOT, TINY, run_py
 
 from repro.baselines.names import QUICK_BASELINES
 from repro.metrics.names import METRICS
-from repro.networks.model import NETWORKS
+from repro.runs.model import NETWORKS
 
 pytestmark = pytest.mark.slow
 

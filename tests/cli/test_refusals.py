@@ -17,7 +17,7 @@ from conftest import cpu_seconds, read_calls, refuse, run_py
 from repro.cli.call import read_call
 from repro.cli.errors import Refused
 from repro.system.places import conf_directory
-from repro.world_config import plain
+from repro.worlds.spec import plain
 
 LIDAR = "world.robot.sensors.0"
 CALLS = {
@@ -82,7 +82,7 @@ CALLS = {
     "encoding=stack4 decay=false": "has no decay",
     "encoding=series10 oldest_gray=0.3": "has no oldest gray",
     "encoding=series10 exp=3 world.motions.rotate.steps=9": "divides a window into 10 parts, those of exp 3 have 9",
-    "model=convgru": "encoding=projection: model convgru takes a series of images: encoding=series10 or",
+    "model=convgru": "encoding=projection: model convgru takes a series of images: encoding=series10, recent10",
     "model=convlstm encoding=stack4 model.encoder_name=mit_b0": "model.encoder_name=mit_b0: architecture convlstm has",
     "model=convgru encoding=series10 model.parameters.hidden=9": "hidden must be a multiple of 16",
     "model=convgru encoding=series10 model.parameters.stride=4.0": "stride 2 or 4, got 48 and 4.0",

@@ -3,18 +3,18 @@ from dataclasses import asdict
 import pytest
 from conftest import ROOT, fake_run, run_config
 
-import repro.world_config
+import repro.worlds.spec
 from repro.cli.study import Study, describe_outputs
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
-from repro.networks.model import NETWORKS
 from repro.recordings.format import shards_of
 from repro.reporting.names import duration
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.runs.keys import RunKey
+from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 
 PAIRS = PairCounts(200, 4, 4)
-EXPERIMENTS = repro.world_config.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
+EXPERIMENTS = repro.worlds.spec.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
 
 
 def test_the_study_has_the_papers_24_trainings(tmp_path):

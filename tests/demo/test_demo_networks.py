@@ -11,9 +11,9 @@ from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork, save_trained
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
-from repro.world_config import read_world
+from repro.runs.model import paper_model
+from repro.worlds.spec import read_world
 
 PAGE_GRID = Grid(32, 50.0)
 PROJECTION = create_encoding("projection", {"decay": True, "oldest_gray": 0.8})

@@ -13,8 +13,8 @@ from conftest import world_spec
 from repro.demo.page import ASSETS, describe_world
 from repro.maps.encodings import create_encoding, to_input
 from repro.maps.grid import Grid
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import reverse_direction, sample_world
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from conftest import ROOT, run_config
 
-from repro.config import PROJECTION
 from repro.evaluation.analysis import ANALYZED, averages, gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import evaluate, evaluate_baseline
@@ -15,12 +14,13 @@ from repro.learning.training import train
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import Measured, draw_weights
 from repro.metrics.counts import count_quantized, pooled_scores
-from repro.networks.model import NETWORKS, paper_model
 from repro.recordings.reader import open_recordings
+from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
+from repro.runs.model import NETWORKS, paper_model
 from repro.runs.outputs import Outputs
 from repro.simulation.recorder import record_experiment
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 GRID = Grid(32, 50.0)
 

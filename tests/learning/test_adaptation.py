@@ -12,9 +12,11 @@ from conftest import ROOT, read_calls
 from repro.cli.jobs import Job
 from repro.cli.tasks import adapt as task
 from repro.learning import adaptation
-from repro.learning.adaptation import HIDDEN, UNKNOWN, Labeled, PartialLoss, adapt, calibrate, label
+from repro.learning.adaptation import PartialLoss, adapt, label
 from repro.learning.held_out import View, labeled, turns_of
+from repro.learning.labels import HIDDEN, UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
+from repro.learning.platt import calibrate
 from repro.learning.rehearsal import SHARE, rehearsed
 from repro.maps.series import Series
 from repro.maps.statistics import Statistics
@@ -22,9 +24,9 @@ from repro.prediction.logs import ScanLog
 from repro.prediction.times import window_of
 from repro.recordings.datasets import Pairs
 from repro.scans import wrapped
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 PREDICTOR = load_trained("rooms")
 

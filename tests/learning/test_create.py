@@ -6,7 +6,7 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 
 from repro.learning.networks.create import OWN_ARCHITECTURES, check_interface, create_network, load_network
-from repro.networks.model import NETWORKS, Model, paper_model
+from repro.runs.model import NETWORKS, Model, paper_model
 
 MILLIONS = {"unet": 5.55, "fpn": 5.07, "upernet": 10.73, "segformer": 3.71}
 

@@ -7,7 +7,7 @@ from torch import nn
 from repro.learning.kernels import DepthwiseConv2d, FloatGroupNorm, accelerate
 from repro.learning.networks.create import create_network, load_network
 from repro.learning.networks.smp_networks import FusedSegformerDecoder, LeanUnetBlock
-from repro.networks.model import NETWORKS, paper_model
+from repro.runs.model import NETWORKS, paper_model
 
 
 def gradients(network, image):

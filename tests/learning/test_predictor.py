@@ -12,12 +12,12 @@ from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork, load_trained, module_of, save_trained
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection, newest_hits
-from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
 from repro.prediction.stream import PredictionStream
+from repro.runs.model import paper_model
 from repro.scans import Scans
+from repro.simulation.sampling import reverse_direction, sample_world, write_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 

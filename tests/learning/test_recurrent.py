@@ -10,8 +10,8 @@ from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork, save_trained
 from repro.maps.grid import Grid
 from repro.maps.series import Series
-from repro.networks.model import Model
 from repro.networks.predictor import Predictor
+from repro.runs.model import Model
 
 both = pytest.mark.parametrize("network_class", [ConvGRU, ConvLSTM])
 

@@ -13,7 +13,7 @@ from repro.maps.series import Recent, Series, Stack
 from repro.maps.visibility import newest_passed
 from repro.recordings.reader import open_recordings
 from repro.scans import Scans
-from repro.world_config import plain
+from repro.worlds.spec import plain
 
 GRID = Grid(64, 50.0)
 CONFIGURED = sorted((ROOT / "conf" / "encoding").glob("*.yaml"))

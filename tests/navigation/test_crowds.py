@@ -11,7 +11,7 @@ from repro.navigation.courses import TURN_STEPS, sample_course
 from repro.navigation.crowds import Crowd
 from repro.navigation.episodes import Fleet
 from repro.simulation.shapes import standing, union
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 WORLD = read_world(ROOT / "conf" / "world" / "rooms.yaml")
 SPECS = {name: world_spec(WORLD, name) for name in ("crossing", "people")}

@@ -23,7 +23,7 @@ from repro.reporting.navigation import TITLES, barn, compare
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
-from repro.world_config import WorldSpec, read_world, world_spec
+from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 WORLD = read_world(ROOT / "conf" / "world" / "navigation.yaml")
 SPECS = {name: world_spec(WORLD, name) for name in ("static", "fast")}

@@ -8,8 +8,8 @@ from repro.learning.networks.trained import load_trained
 from repro.networks.predictor import load_predictor
 from repro.networks.weights import locate
 from repro.scans import Scans
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
 
 SIDES_M = {
     "indoor": 25.0,

@@ -19,12 +19,12 @@ from repro.learning.networks.trained import TorchNetwork
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.logs import ScanLog
 from repro.prediction.stream import EXTRA, PredictionStream, predict_map
 from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
+from repro.runs.model import paper_model
 from repro.scans import Scans
 from repro.system.errors import InputError
 
@@ -131,6 +131,19 @@ def test_an_empty_place_has_a_map_whose_pixels_in_view_are_known(predictor):
     assert not found.moving.any()
     assert len(found.hits) == 0
     assert found.pose == pytest.approx(LOG.poses[STEPS - 1])
+
+
+def test_what_moves_is_logged_once(small, caplog):
+    fine = dataclasses.replace(small, grid=Grid(128, 50.0))
+    ranges = np.full((STEPS + 5, 91), 20.0, np.float32)
+    for step, values in enumerate(ranges):
+        values[5 * step : 5 * step + 6] = 8.0  # of someone who walks across the view
+    maps = feed(PredictionStream(fine, ANGLES, steps=STEPS), ranges=ranges, poses=np.tile(LOG.poses[0], (STEPS + 5, 1)))
+    assert maps[-1].moving.any()
+    assert caplog.text.count("something moves") == 1
+    caplog.clear()
+    feed(PredictionStream(small, ANGLES, steps=STEPS), LOG.stamps[: STEPS + 5])
+    assert "something moves" not in caplog.text
 
 
 def test_a_map_has_the_newest_hits_in_the_frame_of_the_poses(small):

@@ -20,8 +20,8 @@ from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor
+from repro.runs.model import paper_model
 from repro.system.errors import InputError
 
 EXAMPLE = ROOT / "examples" / "rooms.npz"

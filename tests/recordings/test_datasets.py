@@ -12,8 +12,8 @@ from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.recordings.reader import open_recordings
 from repro.scans import Scans
 from repro.simulation.raycasting import scan
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import reverse_direction, sample_world
 
 
 def test_pairs_are_images_and_maps_of_the_split(recorded):

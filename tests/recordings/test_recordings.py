@@ -9,8 +9,8 @@ from repro.recordings.format import SPLITS, spec_fingerprint
 from repro.recordings.reader import open_recordings
 from repro.simulation import recorder
 from repro.simulation.recorder import record_experiment, write_shard
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import reverse_direction, sample_world
 
 PAIRS = {"train": 8, "val": 4, "test": 4}
 

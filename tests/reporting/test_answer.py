@@ -3,10 +3,10 @@
 import pandas as pd
 import pytest
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
-from repro.networks.model import NETWORKS
 from repro.reporting.answer import answer, beside_paper, decay_table, effects, effects_line
 from repro.reporting.paper import read_paper
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.runs.model import NETWORKS
 
 
 def results(lower: float = 0.0, encodings=(PROJECTION, PROJECTION_NO_DECAY)) -> pd.DataFrame:

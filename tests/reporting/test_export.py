@@ -15,13 +15,13 @@ from repro.learning.networks.trained import TorchNetwork, load_trained, save_tra
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
-from repro.networks.model import paper_model
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.format import spec_fingerprint
 from repro.reporting.export import CARD_METRICS, export_run, export_weights, hub_metadata, make_card
 from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
-from repro.world_config import read_world, world_spec
+from repro.runs.model import paper_model
+from repro.worlds.spec import read_world, world_spec
 
 PUBLISHED = ROOT / "reproduce" / "results" / "workstation" / "exp4-unet"
 

@@ -7,7 +7,6 @@ import pytest
 from conftest import fake_run, world_spec
 
 from repro.cli.figures import draw_figures
-from repro.config import PROJECTION
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.reporting.figures import (
@@ -19,12 +18,13 @@ from repro.reporting.figures import (
     results,
     write_figures,
 )
+from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.simulation.recorder import record_experiment
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import sample_world
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import pandas as pd
 import pytest
 from conftest import ROOT, fake_run, fake_study
 
-from repro.config import Encoding
 from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
 from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
 from repro.reporting.tables import make_tables
+from repro.runs.config import Encoding
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 

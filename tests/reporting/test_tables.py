@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 from conftest import fake_run, fake_study, run_config
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
 from repro.metrics.names import METRICS, TABLE_METRICS
-from repro.networks.model import NETWORKS
 from repro.reporting.paper import read_paper, targets
 from repro.reporting.results import read_results
 from repro.reporting.tables import Table, caption, compare, make_tables, missing, not_shown, write_tables
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
+from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 
 SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})

@@ -9,7 +9,7 @@ from conftest import TINY, damage, read_calls
 from repro.baselines.names import QUICK_BASELINES
 from repro.cli.errors import explain
 from repro.cli.jobs import Job
-from repro.config import PROJECTION
+from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 

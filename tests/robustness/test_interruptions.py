@@ -91,7 +91,7 @@ def kill_at_random(python, code, rng, longest_s):
 
 def test_a_killed_recording_ends_with_the_same_bytes(tmp_path, python):
     code = (
-        "import os; from pathlib import Path; from repro.world_config import read_world, world_spec\n"
+        "import os; from pathlib import Path; from repro.worlds.spec import read_world, world_spec\n"
         "from repro.recordings import format; from repro.simulation.recorder import record_experiment\n"
         "print(os.getpid(), flush=True); format.SHARD_WORLDS = 2\n"
         "spec = world_spec(read_world(Path('conf/world/paper.yaml')), '4')\n"

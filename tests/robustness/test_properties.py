@@ -13,20 +13,20 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from repro.cli.errors import Refused
-from repro.config import Training
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.learning.losses import MapLoss
 from repro.learning.networks.create import create_network
 from repro.learning.training import TrainingModule
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
-from repro.networks.model import NETWORKS, paper_model
 from repro.recordings.datasets import Batches, Pairs, load_pairs
 from repro.recordings.format import shards_of
 from repro.recordings.reader import open_recordings
+from repro.runs.config import Training
+from repro.runs.model import NETWORKS, paper_model
+from repro.simulation.checks import world_errors
 from repro.simulation.recorder import record_experiment, write_shard
-from repro.simulation.schema import world_errors
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 pytestmark = pytest.mark.slow
 EXAMPLES = int(os.environ.get("REPRO_EXAMPLES", "12"))  # if set, the examples are new ones in every run

@@ -5,7 +5,7 @@ import pytest
 
 from repro.simulation.obstacle_motions import Drift
 from repro.simulation.paths import motion_of, robot_commands
-from repro.world_motions import integrated
+from repro.worlds.motions import integrated
 
 
 @pytest.mark.parametrize("direction", [1, -1])

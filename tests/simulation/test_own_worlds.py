@@ -10,12 +10,12 @@ import shapely
 from conftest import ROOT
 from shapely import LineString, Point
 
-import repro.world_config
+import repro.worlds.spec
 from repro.simulation.obstacle_motions import obstacle_states
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, simulate
-from repro.simulation.worlds import reverse_direction, sample_world
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 SHAPES = {
     "circle": {"name": "circle", "radius": 1.3},
@@ -60,9 +60,9 @@ def both(spec: WorldSpec, seed: int) -> tuple[dict, dict]:
 
 @pytest.mark.parametrize("name", ["paper", "office", "drive", "rooms"])
 def test_the_worlds_of_conf_agree_with_plain_irsim(name):
-    world = repro.world_config.read_world(ROOT / "conf" / "world" / f"{name}.yaml")
+    world = repro.worlds.spec.read_world(ROOT / "conf" / "world" / f"{name}.yaml")
     for experiment in world["experiments"]:
-        for item in both(repro.world_config.world_spec(world, experiment), 3):
+        for item in both(repro.worlds.spec.world_spec(world, experiment), 3):
             assert check_replay(item, simulate(item)) < 1e-9
 
 
@@ -145,7 +145,7 @@ def test_a_first_beam_through_a_corner_is_left_to_plain_irsim_with_noise():
     assert check_replay(world, simulate(world)) == 0
 
 
-ROOMS = repro.world_config.world_spec(repro.world_config.read_world(ROOT / "conf" / "world" / "rooms.yaml"), "people")
+ROOMS = repro.worlds.spec.world_spec(repro.worlds.spec.read_world(ROOT / "conf" / "world" / "rooms.yaml"), "people")
 
 
 @pytest.mark.parametrize("seed", range(5))

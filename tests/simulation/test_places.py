@@ -7,17 +7,17 @@ from conftest import ROOT
 
 from repro.scans import Scans
 from repro.simulation import recorder
+from repro.simulation.checks import world_errors
 from repro.simulation.obstacle_motions import Walk
 from repro.simulation.paths import robot_commands
 from repro.simulation.rooms import sample_rooms
-from repro.simulation.schema import world_errors
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.sensing import drifted_poses, sensed, skipped_scans
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, drive_robot, simulate
-from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
-from repro.world_config import Sensing, read_world, world_spec
-from repro.world_obstacles import Cabinets
+from repro.worlds.obstacles import Cabinets
+from repro.worlds.spec import Sensing, read_world, world_spec
 
 SPEC = world_spec(read_world(ROOT / "conf" / "world" / "places.yaml"), "people")
 SHARP = {"range_m": (30, 30), "noise_m": (0, 0), "lost_share": (0, 0), "every_beam": (1, 1), "every_step": (1, 1)}

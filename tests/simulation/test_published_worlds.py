@@ -6,9 +6,9 @@ import pytest
 from conftest import ROOT
 
 from repro.recordings.format import spec_fingerprint
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.simulator import simulate
-from repro.simulation.worlds import reverse_direction, sample_world
-from repro.world_config import read_world, world_spec
+from repro.worlds.spec import read_world, world_spec
 
 PUBLISHED = {  # by world and experiment: starts of the fingerprint, of the hashes of worlds, and of two recordings
     ("paper", "1"): ("d4c75e9db2a32d28", "761a940523c8f985", "096a6800c192d51c"),

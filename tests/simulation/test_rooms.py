@@ -6,8 +6,8 @@ import shapely
 from conftest import ROOT
 
 from repro.simulation.rooms import _Floor, sample_rooms
-from repro.simulation.worlds import reverse_direction, sample_world
-from repro.world_config import read_world, world_spec
+from repro.simulation.sampling import reverse_direction, sample_world
+from repro.worlds.spec import read_world, world_spec
 
 WORLD = read_world(ROOT / "conf" / "world" / "rooms.yaml")
 SPEC = world_spec(WORLD, "people")

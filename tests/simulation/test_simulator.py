@@ -6,8 +6,8 @@ import pytest
 from conftest import world_spec
 
 from repro.simulation.raycasting import scan
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.simulator import check_replay, make, simulate
-from repro.simulation.worlds import reverse_direction, sample_world
 
 
 def test_a_wall_ahead_is_measured_at_its_distance():

@@ -5,9 +5,9 @@ import pytest
 import yaml
 from conftest import world_spec
 
+from repro.simulation.sampling import reverse_direction, sample_world, write_world
 from repro.simulation.shapes import shape_radius
 from repro.simulation.simulator import check_replay, drive_robot, simulate
-from repro.simulation.worlds import reverse_direction, sample_world, write_world
 
 
 @pytest.mark.parametrize("seed", range(20))

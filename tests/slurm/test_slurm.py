@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
-from repro.networks.model import NETWORKS
+from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 
 pytestmark = [

@@ -1,6 +1,6 @@
 """Names and titles of the baselines; imports no numerical library."""
 
-from repro.networks.model import NETWORKS
+from repro.runs.model import NETWORKS
 
 BASELINES = {
     "all_free": "All free",

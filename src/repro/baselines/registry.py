@@ -25,7 +25,7 @@ from repro.metrics.scores import THRESHOLD
 from repro.recordings.recorded import Recorded
 from repro.system.errors import InputError
 from repro.system.progress import progress
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 Settings = dict[str, Any]
 Baseline = Callable[[Recorded, Recorded], tuple[np.ndarray, Settings]]

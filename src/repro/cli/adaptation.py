@@ -8,8 +8,9 @@ from pathlib import Path
 from repro.cli.jobs import Job
 from repro.cli.prediction import name_of, read
 from repro.cli.settings import Prediction
-from repro.learning.adaptation import Labeled, adapt, label
+from repro.learning.adaptation import adapt, label
 from repro.learning.held_out import View
+from repro.learning.labels import Labeled
 from repro.learning.networks.trained import load_trained, save_trained
 from repro.learning.rehearsal import rehearsed
 from repro.networks.predictor import Predictor

@@ -19,13 +19,13 @@ from pydantic import (
 from repro.cli.errors import Refused, did_you_mean
 from repro.cli.settings import Adaptation, Demo, Log, Navigation, Prediction, Publish, Runtime, UserPath
 from repro.cli.tasks import Task, tasks
-from repro.config import RECURRENT, Encoding, Scale, Training
-from repro.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
-from repro.networks.model import NETWORKS, PAPER_ENCODER, Model
-from repro.parallel import has_gpu, training_memory_gb
+from repro.runs.config import RECURRENT, Encoding, Scale, Training
+from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
+from repro.runs.parallel import has_gpu, training_memory_gb
 from repro.system.errors import InputError
+from repro.system.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
 from repro.system.memory import total_memory_gb
-from repro.world_config import world_spec
+from repro.worlds.spec import world_spec
 
 
 def _as_text(value: Any) -> Any:
@@ -35,7 +35,7 @@ def _as_text(value: Any) -> Any:
 @lru_cache(8)
 def _errors_of_world(text: str) -> list[ConfigError]:
     """Return the errors of a world, as JSON; the jobs of a sweep share it."""
-    from repro.simulation.schema import world_errors  # samples worlds, which needs the study
+    from repro.simulation.checks import world_errors  # samples worlds, which needs the study
 
     return world_errors(json.loads(text))
 

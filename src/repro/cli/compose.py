@@ -28,14 +28,14 @@ from yaml import YAMLError
 
 from repro.cli.errors import WANTS_TRACEBACKS, Refused, did_you_mean
 from repro.cli.tasks import summaries, tasks
-from repro.config import NO_DECAY, Encoding
-from repro.parallel import has_gpu, parallel_trainings
+from repro.runs.config import NO_DECAY, Encoding
 from repro.runs.keys import RunKey
+from repro.runs.parallel import has_gpu, parallel_trainings
 from repro.system.errors import InputError
 from repro.system.files import check_size
 from repro.system.places import conf_directory
 from repro.system.progress import progress
-from repro.world_config import plain
+from repro.worlds.spec import plain
 
 GROUPS = ("world", "encoding", "model", "scale", "train")
 

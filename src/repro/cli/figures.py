@@ -2,13 +2,13 @@
 
 import itertools
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.recordings.format import SPLITS
 from repro.recordings.reader import open_recordings
 from repro.reporting.figures import load_example, write_figures
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.runs.keys import lowest_seeds
 from repro.runs.outputs import Outputs
-from repro.simulation.worlds import sample_world
+from repro.simulation.sampling import sample_world
 
 
 def draw_figures(outputs: Outputs) -> None:

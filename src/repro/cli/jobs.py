@@ -11,7 +11,7 @@ from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.system.places import project_directory
-from repro.world_config import WorldSpec, world_spec
+from repro.worlds.spec import WorldSpec, world_spec
 
 ROOT = project_directory()
 RESULTS = ROOT / "reproduce" / "results"

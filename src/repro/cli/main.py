@@ -18,11 +18,11 @@ from repro.cli.compose import Composed, composed, launch
 from repro.cli.errors import WANTS_TRACEBACKS, Refused, explain
 from repro.cli.jobs import Job
 from repro.cli.tasks import keys_without_effect
-from repro.parallel import has_gpu, use_one_thread
 from repro.runs.outputs import Outputs
+from repro.runs.parallel import has_gpu, use_one_thread
 from repro.system.errors import InputError, printable
 from repro.system.places import conf_directory
-from repro.world_config import plain
+from repro.worlds.spec import plain
 
 USAGE = """Usage: repro task=<task> [key=value ...], in a checkout python run.py; --help lists the tasks and keys.
 

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, Field, model_validator
 
 from repro.cli.errors import Refused
-from repro.fields import KNOWN_KEYS, Name, NotNegative, ordered
-from repro.parallel import has_gpu
+from repro.runs.parallel import has_gpu
 from repro.system.errors import InputError
+from repro.system.fields import KNOWN_KEYS, Name, NotNegative, ordered
 
 Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true"]  # of Lightning
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))

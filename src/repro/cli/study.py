@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from repro.baselines.names import rank
-from repro.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
-from repro.networks.model import NETWORKS
 from repro.recordings.format import recordings_in
 from repro.reporting.render import Cells
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
+from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.files import is_locked
-from repro.world_config import is_moving
+from repro.worlds.spec import is_moving
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from jinja2.utils import htmlsafe_json_dumps
 from repro.demo.networks import DemoNetwork
 from repro.demo.runtime import VERSION, Runtime
 from repro.recordings.format import SHOWN_SEED
+from repro.simulation.sampling import World, sample_world
 from repro.simulation.simulator import drive_robot, move_obstacles, outlines_of_world
-from repro.simulation.worlds import World, sample_world
 from repro.system.errors import InputError
-from repro.world_config import WorldSpec, world_spec
+from repro.worlds.spec import WorldSpec, world_spec
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
 PAGE, WORKER = ("world.js", "drawing.js", "main.js"), ("visibility.js", "encodings.js", "worker.js")

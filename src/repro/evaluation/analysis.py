@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 
 from repro.baselines.names import rank
-from repro.config import NO_DECAY
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import read_per_image, read_quantized
 from repro.evaluation.recency import RECENCY
@@ -24,11 +23,12 @@ from repro.learning.networks.create import create_network
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary
 from repro.metrics.counts import count_quantized
-from repro.networks.model import NETWORKS
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import open_recordings
+from repro.runs.config import NO_DECAY
 from repro.runs.directories import Run
 from repro.runs.keys import CELL
+from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.progress import progress

@@ -11,33 +11,33 @@ import copy
 import functools
 import math
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from sklearn.linear_model import LogisticRegression
 from torch import Tensor, nn
 from torch.optim.lr_scheduler import OneCycleLR
 
-from repro.config import Training
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
+from repro.learning.labels import HIDDEN, UNKNOWN, Labeled, drawn
 from repro.learning.losses import HIDDEN_WEIGHT
 from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
+from repro.learning.platt import calibrate
 from repro.learning.training import TrainingModule, fit, load_best
-from repro.maps.statistics import Statistics, summarize
+from repro.maps.statistics import Statistics
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings
-from repro.recordings.datasets import Pairs, packed
+from repro.recordings.datasets import Pairs
+from repro.runs.config import Training
 from repro.scans import Scans
 from repro.system.errors import InputError
 
-UNKNOWN, HIDDEN = 2, 4  # in a map, where 1 is free and 0 an obstacle; see `Labeled`
 DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that swings is in all of them in turn
 MAX_WINDOWS = 60  # of each view, evenly over its log, so that no log outweighs others
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
@@ -52,20 +52,6 @@ SCHEDULE = Training(  # ours
     dice_eps=1e-6,
     flip_augmentation=True,
 )
-
-
-@dataclass(frozen=True)
-class Labeled:
-    """Windows of logs with partial labels.
-
-    Args:
-        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 2 unknown, and 4 more where standing
-            obstacles hide the pixel.
-        statistics: those of the windows.
-    """
-
-    pairs: Pairs
-    statistics: Statistics
 
 
 class PartialLoss(nn.Module):
@@ -169,15 +155,6 @@ def _labeled(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Lab
     return drawn([scans for scans, _ in windows], list(shown), predictor)
 
 
-def drawn(windows: list[Scans], labels: list[np.ndarray], predictor: Predictor) -> Labeled:
-    """Encode windows, (T, N), on their maps, with the codes of their maps, (H, W), see `Labeled`."""
-    encoding, grid = predictor.encoding, predictor.grid
-    images = [packed(encoding.encode(scans.batched(), grid), encoding) for scans in windows]
-    maps = torch.from_numpy(np.stack(labels).astype(np.uint8))[:, None]
-    statistics = summarize((scans.batched() for scans in windows), grid)
-    return Labeled(Pairs(torch.cat(images), maps, encoding), statistics)
-
-
 def adapt(
     predictor: Predictor,
     logs: list[tuple[Labeled, Labeled]],
@@ -232,31 +209,6 @@ def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:
     pairs = [part.pairs for part in parts]
     stored, maps = torch.cat([each.stored for each in pairs]), torch.cat([each.maps for each in pairs])
     return Pairs(stored.to(device), maps.to(device), pairs[0].encoding)
-
-
-@torch.inference_mode()
-def calibrate(network: nn.Module, pairs: Pairs) -> None:
-    """Scale and shift the logits of a network, in the convolution that draws the map, to fit known pixels (Platt 1999).
-
-    Args:
-        network: the network, which is changed.
-        pairs: windows with labels, see `Labeled`.
-    """
-    network.eval()
-    logits, free, weights = [], [], []
-    for number in range(len(pairs)):
-        image, target = pairs.batch(torch.tensor([number], device=pairs.maps.device))
-        codes = target.to(torch.uint8)
-        known = (codes & UNKNOWN) == 0
-        logits.append(network(image)[known].float().cpu())
-        free.append((codes[known] & 1).cpu())
-        weights.append(torch.full_like(logits[-1], 1 / max(len(logits[-1]), 1)))  # windows count alike, as in the loss
-    values, truth, weight = (torch.cat(each).numpy() for each in (logits, free, weights))
-    model = LogisticRegression(C=np.inf).fit(values[:, None], truth, weight)
-    *_, last = (layer for layer in network.modules() if isinstance(layer, nn.Conv2d) and layer.out_channels == 1)
-    last.weight.mul_(float(model.coef_[0, 0]))
-    assert last.bias is not None
-    last.bias.mul_(float(model.coef_[0, 0])).add_(float(model.intercept_[0]))
 
 
 @torch.inference_mode()

@@ -2,18 +2,18 @@
 
 import numpy as np
 
-from repro.learning.adaptation import HIDDEN, UNKNOWN, Labeled, drawn
+from repro.learning.labels import HIDDEN, UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.visibility import shown_pixels
 from repro.networks.predictor import Predictor
 from repro.prediction.windows import on_map
 from repro.scans import Scans
+from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import Recording, simulate
-from repro.simulation.worlds import sample_world
 from repro.system.places import conf_directory
 from repro.system.progress import progress
-from repro.world_config import WorldSpec, read_world, world_spec
+from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 WORLDS = (("places", "crowds"), ("rooms", "crossing"))  # and their experiments, in turn: with walls, and open
 SHARE = 0.4  # of the windows of logs

@@ -21,7 +21,6 @@ from lightning.pytorch.callbacks import WeightAveraging
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from repro.config import Training
 from repro.learning.callbacks import Budget, Checkpoint, History, Stop
 from repro.learning.checkpoints import WholeCheckpointIO, find_best, resume_from, start_from
 from repro.learning.kernels import accelerate, create_optimizer
@@ -33,13 +32,13 @@ from repro.maps.statistics import Statistics
 from repro.networks.predictor import Predictor
 from repro.recordings.datasets import Batches, Pairs, encoding_of, grid_of, load_pairs_of_run, training_statistics
 from repro.recordings.reader import Recordings, open_recordings
-from repro.runs.config import RunConfig
+from repro.runs.config import RunConfig, Training
 from repro.runs.devices import forget_peak_memory, peak_memory_gb, resolve_device, resolve_precision
 from repro.runs.directories import Run
 from repro.runs.provenance import Status
 from repro.system.errors import InputError
 from repro.system.memory import keep_freed_memory
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 
 class TrainingModule(L.LightningModule):

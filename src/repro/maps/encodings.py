@@ -12,12 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import ValidationError
 
-from repro.fields import config_errors_of
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.maps.series import Recent, Series, Stack
 from repro.scans import Scans
 from repro.system.errors import InputError
+from repro.system.fields import config_errors_of
 
 
 class Encoding(Protocol):

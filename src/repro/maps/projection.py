@@ -6,10 +6,10 @@ from typing import ClassVar
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from repro.fields import OLDEST_GRAY, STRICT, Gray
 from repro.maps.grid import Grid
 from repro.scans import Scans
 from repro.system.compiled import compiled
+from repro.system.fields import OLDEST_GRAY, STRICT, Gray
 from repro.system.threads import in_threads
 
 

@@ -7,12 +7,12 @@ from typing import ClassVar
 import numpy as np
 from pydantic.dataclasses import dataclass
 
-from repro.fields import STRICT, FrameCount, MaximumRange
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 from repro.system.errors import InputError
+from repro.system.fields import STRICT, FrameCount, MaximumRange
 
 PRECISION = 1_000_000  # of the factor between the lengths of two parts
 ROUNDING = 1e-3  # steps

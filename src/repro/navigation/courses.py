@@ -10,11 +10,11 @@ import shapely
 
 from repro.navigation.crowds import Crowd
 from repro.simulation.placement import Attempts, Site, sample_obstacles
+from repro.simulation.sampling import World, check_spec, experiment_number, sample_fixed
 from repro.simulation.shapes import Obstacle, boundaries, shape_radius, union
 from repro.simulation.simulator import first_states, move_obstacles, outlines_of_world
-from repro.simulation.worlds import World, check_spec, experiment_number, sample_fixed
 from repro.system.errors import InputError
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 GOALS = 2
 TURN_STEPS = 100  # of the turn on the spot with which an episode begins, a window

@@ -20,7 +20,7 @@ from repro.navigation.planner import Planner, Settings
 from repro.scans import wrapped
 from repro.simulation.raycasting import scan
 from repro.simulation.simulator import beam_angles
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 EVERY = 5  # steps from one map and command to the next
 REACHED_M = 1.0  # distance to a goal at which it counts as reached

@@ -22,7 +22,7 @@ from repro.recordings.format import spec_fingerprint
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, write_json, write_text
 from repro.system.progress import progress
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)

@@ -14,7 +14,7 @@ from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
 from repro.prediction.intake import LogScan
 from repro.prediction.misses import MissCheck
-from repro.prediction.moving import moving_pixels, parts_of_window, stands
+from repro.prediction.moving import MOVERS, moving_pixels, parts_of_window, stands
 from repro.prediction.poses import MAX_PLACE_M
 from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.prediction.times import Clock, parts_of, steps_before, window_of
@@ -142,6 +142,7 @@ class PredictionStream:
         most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock, self._misses = Clock(self.settings), MissCheck()
+        self._has_movers = False  # of which it is said once
         self._lock = OneAtATime("update")
 
     def __copy__(self) -> "PredictionStream":
@@ -169,7 +170,7 @@ class PredictionStream:
         """
         with self._lock:
             self._take(*self._checked(ranges, pose), stamp)
-            return self._predict()
+            return self._with_warning(self._predict())
 
     def add(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
         """Take a scan, see `update`, without predicting a map; `reason` says why it was left out, if it was."""
@@ -179,7 +180,14 @@ class PredictionStream:
     def predict(self) -> StreamMap | None:
         """Predict the map at the time of the newest scan; None if the scans do not fill a window, see `update`."""
         with self._lock:
-            return self._predict()
+            return self._with_warning(self._predict())
+
+    def _with_warning(self, predicted: StreamMap | None) -> StreamMap | None:
+        """Return a map, and say once that something moves."""
+        if predicted is not None and predicted.moving.any() and not self._has_movers:
+            self._has_movers = True
+            LOGGER.warning("%s (%.2f s)", MOVERS, predicted.stamp)
+        return predicted
 
     def _checked(self, raw: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return copies of the ranges in float32 and of the pose in float64, and warn of misses that are none."""

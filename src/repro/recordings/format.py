@@ -18,7 +18,7 @@ import numpy as np
 from repro.scans import Scans
 from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 FORMAT = 1
 SPLITS = {"train": 0, "val": 1_000_000, "test": 2_000_000}  # first world seed of each split
@@ -51,7 +51,7 @@ class ShardContent:
 
     Args:
         scans: ranges (R, T, N), angles (N,), poses (R, T, 3); recordings 2 w and 2 w + 1 are world w in
-            direction 1 and -1, see `simulation.worlds`.
+            direction 1 and -1, see `simulation.sampling`.
         outlines: outlines in their own frame [m], (K, V, 2).
         states: obstacle poses x, y [m], heading [rad], (K, T, 3).
         world: index in the shard of the world that each obstacle belongs to, (K,).

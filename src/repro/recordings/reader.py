@@ -14,7 +14,7 @@ from typing import Any
 from repro.recordings.format import BrokenShard, Shard, ShardContent, holds, read_shard
 from repro.system.errors import InputError
 from repro.system.files import read_typed, sha256
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 
 @dataclass(frozen=True)

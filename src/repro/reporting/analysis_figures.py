@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from repro.baselines.names import OTHER_BOUNDS, rank
-from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY, RECURRENT
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.names import predictor_title
@@ -26,6 +25,7 @@ from repro.reporting.plots import (
     save_or_delete,
 )
 from repro.reporting.tables import OURS
+from repro.runs.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY, RECURRENT
 
 NETWORK_DOT: dict[str, Any] = {"color": ACCENT, "marker": "o"}
 BASELINE_DOT: dict[str, Any] = {"color": INK, "marker": "s", "markerfacecolor": "white"}

@@ -6,13 +6,13 @@ Obstacles that move, and a projection without time decay, lower the specificity,
 import pandas as pd
 
 from repro.baselines.names import rank
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
-from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title
 from repro.reporting.paper import read_paper
 from repro.reporting.render import Cells, number
 from repro.reporting.tables import averages_of
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.runs.keys import CELL
+from repro.runs.model import NETWORKS
 
 CLOSE = ("accuracy", "specificity")
 TWINS = {"1": "3", "2": "4"}  # the experiment with standing obstacles, and the one with moving ones

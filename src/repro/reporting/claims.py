@@ -19,10 +19,10 @@ import pandas as pd
 from uncertainties import nominal_value, std_dev, ufloat
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
-from repro.config import PROJECTION
-from repro.networks.model import NETWORKS
 from repro.reporting.paper import paper_rows
+from repro.runs.config import PROJECTION
 from repro.runs.keys import CELL
+from repro.runs.model import NETWORKS
 
 Z = 1.96  # half-width of a 95 % interval in standard errors
 Number = Any  # a float, or a number of `uncertainties` with its standard error

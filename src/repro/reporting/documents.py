@@ -11,7 +11,6 @@ from pathlib import Path
 import pandas as pd
 
 from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
-from repro.config import PROJECTION
 from repro.maps.encodings import ENCODINGS, kind_of
 from repro.metrics.names import SUMMARY
 from repro.reporting.claims import Verdict, count_verdicts, on_paper
@@ -20,6 +19,7 @@ from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells, number, with_interval
 from repro.reporting.results import read_frames, read_published
 from repro.reporting.tables import Table, caption, make_tables, missing
+from repro.runs.config import PROJECTION
 from repro.runs.keys import CELL
 from repro.system.errors import InputError
 

@@ -9,19 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repro.config import PROJECTION
 from repro.evaluation.evaluate import read_predictions
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import true_maps
 from repro.reporting.names import experiment_title
 from repro.reporting.plots import ACCENT, STYLE, save, save_or_delete
+from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.scans import Scans
 from repro.simulation.paths import motion_of
+from repro.simulation.sampling import World, reverse_direction
 from repro.simulation.simulator import make
-from repro.simulation.worlds import World, reverse_direction
 
 
 @dataclass(frozen=True)

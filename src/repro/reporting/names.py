@@ -1,7 +1,7 @@
 """Names of experiments, models and predictors, and durations, in tables, figures and messages."""
 
 from repro.baselines.names import BASELINES, OTHER_BOUNDS
-from repro.config import NO_DECAY, PROJECTION
+from repro.runs.config import NO_DECAY, PROJECTION
 
 TITLES = {
     "unet": "U-Net",

@@ -8,14 +8,14 @@ verdict is also reported at half and double the tolerance.
 
 import pandas as pd
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
 from repro.metrics.names import METRICS
-from repro.networks.model import NETWORKS
 from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, judge
 from repro.reporting.paper import TABLES
 from repro.reporting.results import of_papers_worlds
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.runs.keys import CELL
+from repro.runs.model import NETWORKS
 
 SEEDS = {  # twice the largest standard deviation of an average row over two seeds, laptop scale, constant learning rate
     **{"ssim": 0.014, "accuracy": 0.002, "dice": 0.001},

@@ -13,8 +13,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.config import PROJECTION, PROJECTION_NO_DECAY
-from repro.networks.model import NETWORKS
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.results import (
     conflicts,
@@ -26,7 +24,9 @@ from repro.reporting.results import (
     recordings_of,
 )
 from repro.reporting.tables import caption
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.runs.keys import KEY, RunKey
+from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Provenance
 from repro.system.errors import InputError

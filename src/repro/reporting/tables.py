@@ -6,14 +6,14 @@ from pathlib import Path
 import pandas as pd
 
 from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
-from repro.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.metrics.names import HEADINGS, TABLE_METRICS
-from repro.networks.model import NETWORKS
 from repro.reporting.names import model_title, predictor_title
 from repro.reporting.paper import read_paper
 from repro.reporting.render import Cells, number
 from repro.reporting.results import of_papers_worlds, settings_of
+from repro.runs.config import NO_DECAY, PROJECTION, PROJECTION_NO_DECAY
 from repro.runs.keys import CELL
+from repro.runs.model import NETWORKS
 from repro.system.files import write_text
 
 OURS = ("convgru", "series10")  # our best network and input: DEVIATIONS D17, D22

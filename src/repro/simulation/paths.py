@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 
 from repro.system.errors import InputError
-from repro.world_config import Map
-from repro.world_motions import Motion, RandomGoals, Rotation, Square, Sweep, Waypoints, integrated
+from repro.worlds.motions import Motion, RandomGoals, Rotation, Square, Sweep, Waypoints, integrated
+from repro.worlds.spec import Map
 
 Behavior = dict[str, Any]  # of the robot, as IR-SIM reads it
 BEHAVIORS: dict[str, Any] = {"rotate": Rotation, "square": Square, "waypoints": Waypoints, "sweep": Sweep}

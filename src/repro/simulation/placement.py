@@ -9,7 +9,7 @@ import shapely
 
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import Line, Obstacle, Shape, boundaries, shape_radius, standing
-from repro.world_obstacles import Shaped, Sized
+from repro.worlds.obstacles import Shaped, Sized
 
 _PLACEMENTS = 200  # attempts to place one obstacle
 _MOTIONS = 50  # attempts to find it a motion out of the robot's way

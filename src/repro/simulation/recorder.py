@@ -16,7 +16,6 @@ import joblib
 import numpy as np
 
 from repro.maps.outlines import padded
-from repro.parallel import process_pool
 from repro.recordings.format import (
     FORMAT,
     SHARD_WORLDS,
@@ -28,14 +27,15 @@ from repro.recordings.format import (
     spec_fingerprint,
 )
 from repro.recordings.reader import Manifest, ShardEntry, open_recordings
+from repro.runs.parallel import process_pool
 from repro.scans import Scans
+from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.sensing import sensed
 from repro.simulation.simulator import Recording, check_replay, simulate
-from repro.simulation.worlds import reverse_direction, sample_world
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
 from repro.system.progress import progress
-from repro.world_config import WorldSpec
+from repro.worlds.spec import WorldSpec
 
 VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
 

@@ -15,8 +15,8 @@ import shapely
 
 from repro.simulation.shapes import Obstacle, line_strings, standing
 from repro.system.errors import InputError
-from repro.world_motions import Motion, RandomGoals
-from repro.world_obstacles import Cabinets, Rooms
+from repro.worlds.motions import Motion, RandomGoals
+from repro.worlds.obstacles import Cabinets, Rooms
 
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]

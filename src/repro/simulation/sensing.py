@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from repro.scans import Scans
-from repro.world_config import Sensing
+from repro.worlds.spec import Sensing
 
 RAD_PER_M = 0.05  # heading noise per position noise: at a range of 20 m both shift a hit equally
 

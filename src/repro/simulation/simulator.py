@@ -23,8 +23,8 @@ from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers o
 from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.paths import motion_of, robot_commands
 from repro.simulation.raycasting import grazes, scan
+from repro.simulation.sampling import World
 from repro.simulation.shapes import Shape
-from repro.simulation.worlds import World
 from repro.system.errors import InputError
 
 # isort: split

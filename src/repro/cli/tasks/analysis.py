@@ -8,7 +8,7 @@ def run(job: Job) -> None:
     """Write analysis/ and report.html."""
     print(f"analyzing {job.outputs.path}: baselines first", flush=True)
     from repro.cli.analysis import analyze, evaluate_baselines  # takes seconds
-    from repro.parallel import process_pool
+    from repro.runs.parallel import process_pool
 
     with process_pool(job.call.runtime.workers) as parallel:
         evaluate_baselines(job.outputs, parallel)

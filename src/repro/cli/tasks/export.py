@@ -2,7 +2,7 @@
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
-from repro.config import PROJECTION
+from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 
 

@@ -24,7 +24,7 @@ def run(job: Job) -> None:
     from repro.reporting.navigation import write_results
     from repro.runs.devices import few_threads
     from repro.runs.provenance import environment
-    from repro.world_config import world_spec
+    from repro.worlds.spec import world_spec
 
     settings, directory = job.call.navigation, job.outputs.path / "navigation"
     specs = {name: world_spec(job.call.world, name) for name in settings.experiments}

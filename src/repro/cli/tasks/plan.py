@@ -8,7 +8,7 @@ def run(job: Job) -> None:
     """Print the status of an outputs directory, and the usual time of the whole study."""
     from repro.cli.study import Study, describe_outputs
     from repro.recordings.format import spec_fingerprint
-    from repro.world_config import world_spec
+    from repro.worlds.spec import world_spec
 
     experiments = job.call.world["experiments"]
     worlds = {name: spec_fingerprint(world_spec(job.call.world, name)) for name in experiments}

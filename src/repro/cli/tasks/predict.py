@@ -8,7 +8,8 @@ from repro.cli.tasks import NETWORK_KEYS, Task
 
 def run(job: Job) -> None:
     """Predict the map at the end of every window of the log."""
-    print(f"loading {job.call.prediction.weights}, then {job.call.scans}", flush=True)
+    assert job.call.scans, "validated"
+    print(f"loading {job.call.prediction.weights}, then {' and '.join(map(str, job.call.scans))}", flush=True)
     from repro.cli.prediction import predict_log  # takes seconds
 
     predict_log(job)

@@ -14,7 +14,7 @@ def run(job: Job) -> None:
     if not job.run.is_trained:
         print(f"training {job.run}, after PyTorch is loaded", flush=True)
     from repro.learning.training import train  # takes seconds
-    from repro.parallel import use_idle_cores
+    from repro.runs.parallel import use_idle_cores
     from repro.runs.provenance import Status
 
     use_idle_cores()

@@ -11,7 +11,7 @@ def run(job: Job) -> None:
     """Write the world of the seed, its twin and the figure."""
     from repro.recordings.format import SHOWN_SEED
     from repro.reporting.figures import write_world_figure
-    from repro.simulation.worlds import reverse_direction, sample_world, write_world
+    from repro.simulation.sampling import reverse_direction, sample_world, write_world
 
     world = sample_world(job.spec, SHOWN_SEED + job.call.seed)
     stem = f"exp{job.key.experiment}-seed{job.call.seed}"

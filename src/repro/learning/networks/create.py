@@ -15,11 +15,11 @@ import torch
 from huggingface_hub import PyTorchModelHubMixin
 from torch import Tensor, nn
 
-from repro.fields import ConfigError
 from repro.learning.networks.convgru import ConvGRU
 from repro.learning.networks.convlstm import ConvLSTM
-from repro.networks.model import Model
+from repro.runs.model import Model
 from repro.system.errors import InputError
+from repro.system.fields import ConfigError
 from repro.system.plugins import plugins
 
 OWN_ARCHITECTURES: dict[str, Any] = {

@@ -13,9 +13,9 @@ from segmentation_models_pytorch.encoders import encoders
 from torch import Tensor
 from torch.nn import functional as F
 
-from repro.fields import ConfigError
-from repro.networks.model import Model
+from repro.runs.model import Model
 from repro.system.errors import InputError
+from repro.system.fields import ConfigError
 from repro.system.files import read_mapping
 
 ARCHITECTURES = sorted(smp.MODEL_ARCHITECTURES_MAPPING)

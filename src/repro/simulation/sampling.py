@@ -32,9 +32,9 @@ from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, Obstacle, boundaries, filled, shape_radius, standing, union
 from repro.system.errors import InputError
 from repro.system.files import write_text
-from repro.world_config import WorldSpec
-from repro.world_motions import RandomGoals, Rotation, Square
-from repro.world_obstacles import Shaped, Sized
+from repro.worlds.motions import RandomGoals, Rotation, Square
+from repro.worlds.obstacles import Shaped, Sized
+from repro.worlds.spec import WorldSpec
 
 World = dict[str, Any]
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from repro.system.errors import InputError
-from repro.world_fields import (
+from repro.worlds.limits import (
     Coordinate,
     Length,
     Number,

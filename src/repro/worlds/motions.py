@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from repro.system.errors import InputError
-from repro.world_fields import (
+from repro.worlds.limits import (
     Angle,
     Duration,
     Length,

@@ -5,32 +5,17 @@ import re
 from typing import Any
 
 import shapely
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
-from repro.fields import ConfigError, Name, config_errors_of
+from repro.simulation.sampling import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.simulation.shapes import geometry
-from repro.simulation.worlds import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.system.errors import InputError
-from repro.world_config import Experiment, Map, Robot, WorldSpec, world_spec
-from repro.world_fields import Part
-from repro.world_motions import Motion
-from repro.world_obstacles import FixedList, Populations, Rooms
+from repro.system.fields import ConfigError, config_errors_of
+from repro.worlds.spec import WorldFile, WorldSpec, world_spec
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
 SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others
 MAX_READINGS = 2_000_000  # of a recording; a shard of a hundred recordings is held in memory, 4 bytes each
-
-
-class Worlds(Part):
-    """The complete content of conf/world."""
-
-    world: Map
-    robot: Robot
-    motions: dict[Name, Motion]
-    obstacles: dict[Name, Populations]
-    fixed: dict[Name, FixedList] = Field(default_factory=dict)
-    rooms: dict[Name, Rooms] = Field(default_factory=dict)
-    experiments: dict[Name, Experiment]
 
 
 def world_errors(world: dict[str, Any]) -> list[ConfigError]:
@@ -51,7 +36,7 @@ def world_errors(world: dict[str, Any]) -> list[ConfigError]:
         return [ConfigError("world.experiments", numbers, f'names are strings: write "{numbers[0]}" in the YAML')]
     try:
         # JSON, for strict types and lists where the schema has tuples; other values of YAML become text
-        Worlds.model_validate_json(json.dumps(world, default=str))
+        WorldFile.model_validate_json(json.dumps(world, default=str))
     except ValidationError as error:
         return _once(config_errors_of(error, "world."))
     errors = []

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 from omegaconf import DictConfig, OmegaConf
 from pydantic import Field, ValidationError, model_validator
 
-from repro.fields import NotNegative, config_errors_of
 from repro.system.errors import InputError
-from repro.world_fields import Duration, Length, Limit, Part, Probability, Range, Speed, Steps
-from repro.world_motions import Motion, RandomGoals, Waypoints
-from repro.world_obstacles import Behavior, Disc, FixedList, Populations, Rooms, Shaped, Sized
+from repro.system.fields import Name, NotNegative, config_errors_of
+from repro.worlds.limits import Duration, Length, Limit, Part, Probability, Range, Speed, Steps
+from repro.worlds.motions import Motion, RandomGoals, Waypoints
+from repro.worlds.obstacles import Behavior, Disc, FixedList, Populations, Rooms, Shaped, Sized
 
 
 class Map(Part):
@@ -107,8 +107,20 @@ class Experiment(Part):
         return [population.behavior for population in self.populations if population.behavior]
 
 
+class WorldFile(Part):
+    """The complete content of a file of conf/world."""
+
+    world: Map
+    robot: Robot
+    motions: dict[Name, Motion]
+    obstacles: dict[Name, Populations]
+    fixed: dict[Name, FixedList] = Field(default_factory=dict)
+    rooms: dict[Name, Rooms] = Field(default_factory=dict)
+    experiments: dict[Name, Experiment]
+
+
 class WorldSpec(Experiment):
-    """What decides the worlds of an experiment, as `simulation.worlds.sample_world` takes it.
+    """What decides the worlds of an experiment, as `simulation.sampling.sample_world` takes it.
 
     Args:
         experiment: its name.

@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from repro.fields import STRICT, ordered
 from repro.system.errors import InputError
+from repro.system.fields import STRICT, ordered
 
 T = TypeVar("T")
 

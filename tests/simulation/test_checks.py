@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from conftest import ROOT
 
-from repro.simulation.schema import world_errors
-from repro.world_config import read_world
+from repro.simulation.checks import world_errors
+from repro.worlds.spec import read_world
 
 OFFICE, ROOMS = (read_world(ROOT / "conf" / "world" / f"{name}.yaml") for name in ("office", "rooms"))
 DRIVE = {"name": "waypoints", "points_m": [[2.0, 10.0], [18.0, 10.0]], "speed_m_s": 1.0, "turn_rad_s": 1.0, "steps": 50}

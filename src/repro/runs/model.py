@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from repro.fields import KNOWN_KEYS, Name
+from repro.system.fields import KNOWN_KEYS, Name
 
 NETWORKS = ("unet", "fpn", "upernet", "segformer")  # the paper's four, in its order
 PAPER_ENCODER = "mit_b0"

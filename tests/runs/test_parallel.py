@@ -6,8 +6,8 @@ import joblib
 import psutil
 import pytest
 
-from repro import parallel
-from repro.parallel import parallel_trainings, process_pool, training_memory_gb, use_idle_cores
+from repro.runs import parallel
+from repro.runs.parallel import parallel_trainings, process_pool, training_memory_gb, use_idle_cores
 
 
 @pytest.fixture(autouse=True)
