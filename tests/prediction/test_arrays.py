@@ -25,6 +25,10 @@ from log_files import ANGLES, BEAMS, POSES, RANGES, SCANS, STAMPS, npz, read
         ({"ranges": RANGES > 2.5}, "ranges: expected floating-point numbers, got bool"),
         ({"ranges": RANGES.astype(np.int16)}, "ranges: expected floating-point numbers, got int16"),
         ({"ranges": RANGES.astype("m8[s]")}, r"ranges: expected floating-point numbers, got timedelta64\[s\]"),
+        (
+            {"stamps": STAMPS.astype(np.float16)},
+            r"stamps: float16 resolves 0\.062 s at 102\.9 s: expected seconds, stored",
+        ),
         ({"poses": POSES > 0}, "poses: expected real numbers, got bool"),
         ({"poses": POSES.astype(int)}, "poses: int64 resolves 1 m at positions"),
         (

@@ -3,6 +3,7 @@
 import gzip
 import math
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +31,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from repro.prediction.intake import LogScan
 from repro.prediction.logs import ScanLog, collect
 from repro.prediction.readings import readings
+from repro.prediction.sharpness import sharper_convention
 
 COUNTS = "101, 180, 181, 201, 360, 361, 401, 540, 541"  # of readings of FLASER
 
@@ -65,6 +67,30 @@ def test_raw_scans_of_carmen_are_placed_by_the_odometry_around_them(tmp_path):
     expect(read(path), atol=1e-3)
     path.write_text("\n".join([robotlaser(0), *written, *map(robotlaser, range(1, SCANS))]))
     expect(read(path))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (f"{-math.pi / 2:.8f}", "1e18", "expected beam angles in radians within one turn, got 181 beams from 1e.18"),
+        ("0.050000 -0.020000", "1e17 -0.020000", "with a pose farther than 1e.07 m"),
+    ],
+)
+def test_fields_that_no_lidar_has_are_refused_or_left_out(old, new, message, tmp_path):
+    written = [line.replace(old, new) for line in lines(robotlaser)]
+    if "pose" in message:
+        assert any(re.search(message, reason) for reason in read(carmen(tmp_path / "log", written)).skipped)
+    else:
+        with pytest.raises(ValueError, match=message):
+            read(carmen(tmp_path / "log", written))
+
+
+def test_a_clock_that_was_set_back_to_its_first_time_has_no_other_message(tmp_path):
+    """First and last time are equal, which divided by zero."""
+    stamps = np.concatenate([100 + 0.1 * np.arange(15), 100 - 1.4 + 0.1 * np.arange(15)])
+    log = read(npz(tmp_path / "log.npz", stamps=stamps), replace(WINDOWS, steps=2))
+    log = replace(log, stamps=np.concatenate([log.stamps[:-1], log.stamps[:1]]))
+    assert sharper_convention(log, replace(WINDOWS, steps=2)) is None
 
 
 def test_a_line_without_an_end_is_refused(tmp_path):

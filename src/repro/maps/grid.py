@@ -4,7 +4,6 @@ The world axes are those of IR-SIM: x to the right, y up, the origin at the lowe
 (row, column) with row 0 at the top, so that a displayed image has the orientation of the world in IR-SIM.
 """
 
-import math
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from repro.system.errors import InputError
 
-LARGEST_PX = 4096  # side of a map, as of conf/scale
+LARGEST_PX, LARGEST_M = 4096, 10_000.0  # side of a map
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,8 @@ class Grid:
         if (
             not isinstance(self.size_px, Integral)
             or not 1 <= self.size_px <= LARGEST_PX
-            or not 0 < self.size_m < math.inf
+            or isinstance(self.size_m, bool)
+            or not 0 < self.size_m <= LARGEST_M
         ):
             raise InputError(
                 f"a grid needs a whole number of pixels and a positive size, got {self.size_px} px for {self.size_m} m"

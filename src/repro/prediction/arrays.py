@@ -14,7 +14,7 @@ from repro.system.files import first_line
 ARRAYS = ("ranges", "angles", "poses", "stamps")
 RANGE_MAX = "range_max_m"
 MAX_NAMED = 10  # arrays of a file that a message names
-RESOLUTION_M = 0.01  # of a position
+RESOLUTION_M, RESOLUTION_S = 0.01, 0.02  # of a position and of a time
 
 
 def array_scans(path: Path, pose: tuple[float, float, float] | None = None) -> Iterator[LogScan]:
@@ -37,6 +37,7 @@ def array_scans(path: Path, pose: tuple[float, float, float] | None = None) -> I
     if range_max_m.size != 1:
         raise InputError(f"{path}: {RANGE_MAX}: expected one number, got an array of shape {range_max_m.shape}")
     _check_resolution(path, poses)
+    _check_stamps(path, content["stamps"])
     gaps = np.diff(angles)
     if not len(gaps) or not np.isfinite(gaps).all() or np.abs(gaps - gaps.mean()).max() > 0.01 * abs(gaps.mean()):
         raise InputError(f"{path}: the beam angles are not evenly spaced: resample the scans first")
@@ -66,6 +67,16 @@ def _read(path: Path, *, needs_poses: bool) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: cannot be read ({type(error).__name__}: {first_line(error)}): {expected}") from error
     kinds = {"ranges": "f"}  # whole numbers are rounded, or mm
     return {name: real(f"{path}: {name}", array, kinds=kinds.get(name, "fiu")) for name, array in arrays.items()}
+
+
+def _check_stamps(path: Path, stamps: np.ndarray) -> None:
+    """Refuse times whose type does not resolve them, as float32 since 1970 or float16."""
+    last_s = np.abs(stamps[np.isfinite(stamps)]).max(initial=0)
+    if stamps.dtype.kind == "f" and np.spacing(last_s) > RESOLUTION_S:
+        raise InputError(
+            f"{path}: stamps: {stamps.dtype} resolves {np.spacing(last_s):.2g} s at {last_s:.4g} s: expected seconds, "
+            "stored as float64"
+        )
 
 
 def _check_resolution(path: Path, poses: np.ndarray) -> None:

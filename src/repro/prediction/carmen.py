@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from repro.prediction.intake import LogScan
+from repro.prediction.poses import MAX_GAP_S
 from repro.scans import wrapped
 from repro.system.errors import InputError
 
@@ -106,8 +107,11 @@ class _Odometry:
         self._last_s, self._last = math.nan, (math.nan, math.nan, math.nan)
 
     def add(self, stamp: float, pose: tuple[float, float, float]) -> Iterator[LogScan]:
-        """Take a pose of the robot, and yield the scans that it places; NaN is the pose of those before the first."""
+        """Take a pose of the robot, and yield the scans that wait, placed unless it is the first or follows a gap."""
         for scan in self.waiting:
+            if not stamp - self._last_s <= MAX_GAP_S:  # also of times that are not finite
+                yield scan
+                continue
             share = (scan.stamp - self._last_s) / (stamp - self._last_s) if stamp > self._last_s else 1.0
             x, y, heading = (one + min(max(share, 0), 1) * (other - one) for one, other in self._between(pose))
             place = x + self.ahead_m * math.cos(heading), y + self.ahead_m * math.sin(heading), heading

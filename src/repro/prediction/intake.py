@@ -10,12 +10,14 @@ import numpy as np
 
 from repro.maps.validity import FULL_TURN
 from repro.prediction.misses import MissCheck
+from repro.prediction.poses import MAX_PLACE_M
 from repro.prediction.readings import beams_of_turn, is_in_meters, readings
 from repro.prediction.times import WindowSettings
 from repro.system.errors import InputError
 
 LOGGER = logging.getLogger(__name__)
-MAX_BEAMS = 100_000
+MAX_BEAMS = 20_000
+MAX_RANGE_M = 10_000.0
 FIRST_SCANS = 20  # of which the most frequent beams are those of the lidar
 WITHOUT_POSE = "without a pose"
 OTHER_BEAMS = ("with another number of beams", "with other beam angles")
@@ -129,6 +131,8 @@ class Intake:
         self.reasons = []
         if self.settings.range_max_m is not None:
             scan = replace(scan, range_max_m=self.settings.range_max_m)
+        elif scan.range_max_m > MAX_RANGE_M:  # of a driver that knows none
+            scan = replace(scan, range_max_m=math.inf)
         if reason := _why_unplaced(scan):
             self._leave_out(reason)
             return []
@@ -218,7 +222,7 @@ def _check_beams(scan: LogScan, source: str) -> None:
     count, spacing = len(scan.ranges), scan.spacing
     if not 2 <= count <= MAX_BEAMS:
         raise InputError(f"{source}: expected scans of 2 to {MAX_BEAMS} beams, got {count}")
-    if not math.isfinite(scan.first_angle) or not 0 < abs(spacing) * (count - 1) <= FULL_TURN:
+    if not abs(scan.first_angle) <= 2 * FULL_TURN or not 0 < abs(spacing) * (count - 1) <= FULL_TURN:
         raise InputError(
             f"{source}: expected beam angles in radians within one turn, got {count} beams from "
             f"{scan.first_angle:.4g} with a spacing of {spacing:.4g}"
@@ -238,4 +242,6 @@ def _why_unplaced(scan: LogScan) -> str | None:
         return "without a time"
     if not len(scan.ranges):
         return "without beams"
-    return WITHOUT_POSE if scan.pose is None or not np.isfinite(scan.pose).all() else None
+    if scan.pose is None or not np.isfinite(scan.pose).all():
+        return WITHOUT_POSE
+    return None if np.abs(scan.pose[:2]).max() <= MAX_PLACE_M else f"with a pose farther than {MAX_PLACE_M:g} m"

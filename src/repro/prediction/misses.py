@@ -13,7 +13,7 @@ import numpy as np
 from repro.scans import wrapped
 
 NEWEST = 100  # scans in which misses are counted
-FEWEST = 50  # of them, before they are judged
+FEWEST = 20  # of them, before they are judged
 TURN = 1.0  # of the lidar [rad], by which a beam that sees nothing on one side sees something on another
 MAX_ALWAYS = 0.02  # share of the beams that miss in every scan; 0 in the logs
 MAX_ONLY = 0.05  # share of the scans without a hit; 0

@@ -81,7 +81,7 @@ def _sharpness(log: ScanLog, windows: list[np.ndarray]) -> float:
 
 def _windows(log: ScanLog, settings: WindowSettings) -> Iterator[np.ndarray]:
     """Yield the indices of a few scans of a few windows, evenly over the log."""
-    stride_s = (log.stamps[-1] - log.stamps[0]) / WINDOWS
+    stride_s = max(np.ptp(log.stamps) / WINDOWS, settings.step_s)  # also after the clock was set back
     for begin, end in parts_of(log.stamps, settings):
         for last in ends_of(log.stamps[begin:end], settings, stride_s):
             steps = begin + steps_before(log.stamps[begin : begin + last + 1], settings)

@@ -24,7 +24,7 @@ from pydantic import TypeAdapter
 
 from repro.metrics.names import METRICS
 from repro.runs.config import RunConfig, differences
-from repro.runs.provenance import Provenance, Status, environment
+from repro.runs.provenance import Provenance, Status, changed_since, environment
 from repro.runs.tables import read_table
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_typed, sha256, write_json, write_text
@@ -173,6 +173,11 @@ class Run:
     def is_evaluated(self) -> bool:
         """Whether the run has its metrics; if metrics.csv is lost, the next evaluation writes it again."""
         return self.status is Status.evaluated and self.metrics.is_file()
+
+    @property
+    def done(self) -> str:
+        """Return the run, and whether its code has changed since, for a message that there is nothing to do."""
+        return f"{self}{changed_since(self.provenance().last('trained'))}"
 
     def begin_step(self, step: str, status: Status, **facts: Any) -> None:
         """Add an entry for a new step, with time, versions, hardware and commit."""

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from repro.system.errors import InputError
 from repro.system.places import project_directory
 
 OWN = "dynamic-map-prediction"
@@ -41,6 +42,20 @@ class Provenance:
     error: str | None = None
     steps: list[dict[str, Any]] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        kinds: dict[str, Any] = {
+            "step": str,
+            "files": dict,
+            "commit": (str, type(None)),
+            "recordings": str,
+            "weights_sha256": str,
+        }
+        for step in self.steps:
+            if wrong := [name for name, kind in kinds.items() if name in step and not isinstance(step[name], kind)]:
+                raise InputError(f"a step has a wrong {wrong[0]}: {step[wrong[0]]!r}")
+            if "step" not in step:
+                raise InputError("a step has no name")
+
     def fact(self, name: str) -> Any:
         """Return the latest value of a fact among all steps; None if no step has it."""
         return next((step[name] for step in reversed(self.steps) if name in step), None)
@@ -48,6 +63,14 @@ class Provenance:
     def last(self, name: str) -> dict[str, Any] | None:
         """Return the latest step of a name; None if there is none."""
         return next((step for step in reversed(self.steps) if step["step"] == name), None)
+
+
+def changed_since(step: dict[str, Any] | None) -> str:
+    """Return that the code has another commit than in a step, for the end of a message; empty if it has not."""
+    before, now = (step or {}).get("commit"), _commit()
+    if not before or not now or before.rstrip("+") == now.rstrip("+"):
+        return ""
+    return f" (with the code of commit {before[:8]}, now {now[:8]}: delete the run to train it again)"
 
 
 def environment() -> dict[str, Any]:

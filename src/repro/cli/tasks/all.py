@@ -13,7 +13,7 @@ def run(job: Job) -> None:
     if all(run.is_evaluated for run in runs):
         job.run.prepare(job.config)
         job.run.check_files()
-        print(f"done already: {job.run}", flush=True)
+        print(f"done already: {job.run.done}", flush=True)
         return
     if not job.run.is_evaluated:
         job.run.check(job.config)

@@ -18,7 +18,7 @@ def run(job: Job) -> None:
     job.run.check(job.config)
     if job.run.is_evaluated:
         job.run.check_files()
-        print(f"done already: {job.run}")
+        print(f"done already: {job.run.done}")
     else:
         print(f"evaluating {job.run}", flush=True)
         row = evaluate(job.run, job.recordings, accelerator=job.call.runtime.accelerator)
