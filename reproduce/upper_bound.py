@@ -64,7 +64,7 @@ def privileged(val: Recorded, test: Recorded) -> tuple[np.ndarray, dict[str, Any
     """Predict the test recordings in threads; nothing is tuned on the validation set.
 
     Raises:
-        ValueError: the worlds have other laws than the paper's.
+        InputError: the worlds have other laws than the paper's.
     """
     assert test.recordings, "the privileged predictor needs the true obstacles"
     spec = test.recordings.spec

@@ -9,7 +9,7 @@ from shapely import affinity
 
 from repro.baselines import registry, tracker
 from repro.baselines.names import BASELINES
-from repro.baselines.occupancy_grids import log_odds_grid, transitional_grid
+from repro.baselines.occupancy_grids import log_odds_grid, observation, transitional_grid
 from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
@@ -71,6 +71,14 @@ def test_space_that_a_beam_passed_over_is_free_for_some_steps_unless_it_was_hit_
     at_wall, before, behind, out_of_view = since[24, 13], since[24, 9], since[24, 15], since[24, 2]
     assert (before, behind) == (0, 1)
     assert at_wall == out_of_view == 9
+
+
+def test_a_pixel_in_which_a_beam_ends_is_not_passed_also_where_another_beam_passes_it():
+    recorded = one_recording(np.where(np.arange(41) % 2, 10.0, np.inf)[None])  # ten beams in a pixel
+    hit, passed = observation(recorded.scans, GRID, 30.0)
+    assert hit.any()
+    assert passed.any()
+    assert not (hit & passed).any()
 
 
 def test_dilation_draws_discs():

@@ -30,6 +30,14 @@ def test_pixels_up_to_the_first_obstacle_are_shown():
     assert not shown[1, 11, 12:28].any()
 
 
+def test_a_lidar_off_the_map_shows_the_side_that_it_sees():
+    maps = np.ones((1, 40, 40), np.uint8)
+    maps[:, :, 20] = 0  # a wall at x from 5 to 5.25 m
+    shown = shown_pixels(maps, np.array([[-2.0, 5.0, 0.0]]), GRID)[0]
+    assert shown[:, :21].mean() > 0.95
+    assert not shown[:, 21:].any()
+
+
 def test_hidden_pixels_count_less():
     logits = torch.tensor(np.random.default_rng(0).normal(size=(1, 1, 4, 4)), dtype=torch.float32)
     target = torch.tensor([0.0, 1, 0, 1]).repeat(4).view(1, 1, 4, 4)

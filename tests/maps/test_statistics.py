@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from repro.maps.grid import Grid
-from repro.maps.statistics import LEVELS, TITLES, measure, summarize
+from repro.maps.statistics import LEVELS, TITLES, lower_median, measure, summarize
 from repro.scans import Scans
 
 GRID = Grid(10, 10.0)
@@ -42,6 +42,11 @@ def test_the_statistics_of_two_windows_by_hand():
         assert values[name] == pytest.approx(value, abs=1e-4), name
 
 
+def test_the_median_is_the_lower_of_two_in_the_middle():
+    values = np.array([[4.0, 1, 3, 2], [np.nan, 5, 1, 3], [np.nan] * 4])
+    assert np.array_equal(lower_median(values), [2, 3, np.nan], equal_nan=True)
+
+
 def test_quantiles_are_those_of_all_windows_with_a_hit():
     random = np.random.default_rng(0)
     ranges = random.uniform(1, 4, (50, 4, 3))
@@ -60,6 +65,8 @@ def test_windows_outside_the_training_are_named():
     values = {name: float(value[1]) for name, value in measure(windows(), GRID).items()}
     assert statistics.outside(values) == []
     assert statistics.outside(values | {"fov_deg": 90.8, "path_m": 3.02}) == []  # within one percent
+    assert statistics.outside(values | {"beams": 300.0}) == []  # they draw nearly the same images
+    assert statistics.outside(values | {"beams": 2.0}) == ["beams"]
     changed = values | {"fov_deg": 91.0, "path_m": 3.1, "hit_share": 0.2}
     assert set(statistics.outside(changed)) == {"fov_deg", "path_m", "hit_share"}
     known = dataclasses.replace(statistics, quantiles={"beams": statistics.quantiles["beams"]})

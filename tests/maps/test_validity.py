@@ -78,3 +78,14 @@ def test_windows_without_information_are_refused_unless_asked_for(scans, message
     with pytest.raises(ValueError, match=message):
         check(**scans)
     check(**scans, allow_empty=True)
+
+
+@pytest.mark.parametrize(("kept", "is_refused"), [(25, True), (35, False)])
+def test_a_window_needs_a_twentieth_of_its_readings(kept, is_refused):
+    ranges = np.full(RANGES.size, np.nan)
+    ranges[:kept] = 12.0  # of 600
+    if is_refused:
+        with pytest.raises(ValueError, match=r"too few valid readings: expected at least 5% .* the fewest have 4.2%"):
+            check(ranges=ranges.reshape(RANGES.shape))
+    else:
+        check(ranges=ranges.reshape(RANGES.shape))

@@ -117,7 +117,8 @@ def test_nothing_is_judged_on_worlds_that_are_not_the_papers():
     assert list(none.columns) == list(COLUMNS)
     for claims, number in ((frames["claims"], 1), (none, 0)):
         page = render(Path("laptop"), results, {**frames, "claims": claims}, {})
-        assert page.count('<section id="claims">') == page.count('href="#claims"') == number
+        assert page.count('<section id="claims">') == number
+        assert ('href="#claims"' in page) == bool(number)
 
 
 def test_verdicts_are_counted_in_the_order_from_reproduced_to_untested():

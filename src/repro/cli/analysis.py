@@ -30,7 +30,7 @@ def evaluate_baselines(outputs: Outputs, parallel: joblib.Parallel) -> None:
         parallel: processes that tune baselines.
 
     Raises:
-        ValueError: no network has been evaluated, or a run is damaged.
+        InputError: no network has been evaluated, or a run is damaged.
     """
     keys = [key for key in keys_of(read_results(outputs)) if not key.is_baseline]
     if not keys:
@@ -53,7 +53,7 @@ def analyze(outputs: Outputs, parallel: joblib.Parallel) -> None:
     """Analyze all runs, each experiment in one process, and write analysis/ and report.html.
 
     Raises:
-        ValueError: a run is damaged.
+        InputError: a run is damaged.
     """
     results = read_results(outputs)
     print(f"analyzing {len(results)} runs", flush=True)

@@ -51,7 +51,7 @@ def gather(outputs: Outputs, parallel: joblib.Parallel | None = None) -> dict[st
         the tables of `ANALYZED`, each a tidy frame; empty if no run is evaluated.
 
     Raises:
-        ValueError: a recording or a run is damaged.
+        InputError: a recording or a run is damaged.
     """
     by_experiment: dict[str, dict[Cell, list[Run]]] = defaultdict(dict)
     for cell, runs in _cells(outputs).items():

@@ -51,7 +51,7 @@ def load_test_set(recordings: Recordings, grid: Grid) -> TestSet:
     """Read the test recordings of an experiment and label their pixels and obstacles.
 
     Raises:
-        ValueError: a shard is damaged, see `Recordings.shards`.
+        InputError: a shard is damaged, see `Recordings.shards`.
     """
     lidar = recordings.spec.lidar
     parts: dict[str, list[np.ndarray]] = defaultdict(list)

@@ -23,7 +23,7 @@ def coverage_and_visibility(recordings: Recordings, split: str, grid: Grid) -> d
         only these cannot exceed.
 
     Raises:
-        ValueError: no obstacle of the split covers the center of a pixel.
+        InputError: no obstacle of the split covers the center of a pixel.
     """
     covered_px = maps_px = seen_px = all_px = 0.0
     for shard in recordings.shards(split):

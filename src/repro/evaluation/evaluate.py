@@ -45,7 +45,7 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         the pooled metrics, as in metrics.csv.
 
     Raises:
-        ValueError: the run is not trained, or the recordings are not those it was trained on.
+        InputError: the run is not trained, or the recordings are not those it was trained on.
     """
     with run.exclusive():
         if run.is_evaluated:
@@ -112,7 +112,7 @@ def read_per_image(run: Run) -> dict[str, np.ndarray]:
     """Read the metrics in `IN_INTERVALS` of every test image of an evaluated run, each (M,).
 
     Raises:
-        ValueError: per_image.csv cannot be read.
+        InputError: per_image.csv cannot be read.
     """
     table = read_table(run.check_file("per_image.csv"), IN_INTERVALS, run.evaluate_again)
     return {name: table[name].to_numpy() for name in IN_INTERVALS}
@@ -134,7 +134,7 @@ def read_quantized(run: Run) -> np.ndarray:
     """Read the quantized probabilities of free, (M, H, W), uint8, 255 for 1.
 
     Raises:
-        ValueError: the file is missing or cannot be read.
+        InputError: the file is missing or cannot be read.
     """
     path = run.check_file("predictions.npz")
     try:

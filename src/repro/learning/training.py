@@ -122,7 +122,7 @@ def train(
         `trained` (`evaluated` if the run already is) or `paused`.
 
     Raises:
-        ValueError: the recordings are missing, damaged or differ from those the run started with, or the network does
+        InputError: the recordings are missing, damaged or differ from those the run started with, or the network does
             not map images to logits of one map.
         FloatingPointError: the loss is not finite; the run is marked failed.
     """

@@ -36,7 +36,7 @@ def readings(ranges: np.ndarray, range_min_m: float, range_max_m: float, misses:
     `invalid`, see `misses`. Many lidars report a lost beam in these ways; it must not mark the pixels along it as free.
 
     Raises:
-        ValueError: the maximum is not positive and above the minimum, or the readings are no floating-point numbers.
+        InputError: the maximum is not positive and above the minimum, or the readings are no floating-point numbers.
     """
     if not range_max_m > max(range_min_m, 0):  # false for NaN
         raise InputError(f"expected a maximum range above the minimum, got {range_min_m} to {range_max_m} m")

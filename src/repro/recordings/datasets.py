@@ -83,7 +83,7 @@ class Batches:
             worlds: obstacles are distributed equally above and below, and the mirrored path is that of the twin.
 
     Raises:
-        ValueError: there are fewer training pairs than one batch needs.
+        InputError: there are fewer training pairs than one batch needs.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ def load_pairs(
         marks_hidden: whether the maps mark the pixels that standing obstacles hide at the last step, see `Pairs`.
 
     Raises:
-        ValueError: a shard fails verification, see `Recordings.shards`, or the encoding draws other images
+        InputError: a shard fails verification, see `Recordings.shards`, or the encoding draws other images
             than it should.
     """
     shards = progress(recordings.shards(split, count), f"drawing {split}")

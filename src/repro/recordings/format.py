@@ -71,7 +71,7 @@ def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
     """Yield the shards of all splits.
 
     Raises:
-        ValueError: a count is odd or below 2.
+        InputError: a count is odd or below 2.
     """
     for split, count in pairs.items():
         if count % 2 or count < 2:
@@ -111,7 +111,7 @@ def read_shard(path: Path, fingerprint: str) -> ShardContent:
 
     Raises:
         BrokenShard: the shard cannot be read.
-        ValueError: the shard was recorded with another configuration.
+        InputError: the shard was recorded with another configuration.
     """
     try:
         with open_arrays(path) as file:

@@ -40,7 +40,7 @@ class Manifest:
         """What decides the worlds.
 
         Raises:
-            ValueError: it is damaged, or of a version with other keys.
+            InputError: it is damaged, or of a version with other keys.
         """
         return WorldSpec.parse(self.spec)
 
@@ -61,7 +61,7 @@ class Recordings:
         """Check that they are of the worlds that a run is configured for, see `format.spec_fingerprint`.
 
         Raises:
-            ValueError: they are of other worlds.
+            InputError: they are of other worlds.
         """
         if self.manifest.fingerprint != fingerprint:
             raise InputError(
@@ -77,7 +77,7 @@ class Recordings:
             count: number of recordings to cover, from the first, see `format.holds`; None for all.
 
         Raises:
-            ValueError: a shard is missing, truncated, altered, or of another configuration, or there are too few.
+            InputError: a shard is missing, truncated, altered, or of another configuration, or there are too few.
         """
         asked = self.manifest.pairs | ({split: count} if count else {})
         for entry in self._used(asked):
@@ -92,7 +92,7 @@ class Recordings:
         """Hash the checksums of the shards that hold `pairs`, None for all, for provenance: a SHA-256 in hexadecimal.
 
         Raises:
-            ValueError: there are no such recordings.
+            InputError: there are no such recordings.
         """
         checksums = [entry.sha256 for entry in self._used(pairs or self.manifest.pairs)]
         return hashlib.sha256("".join(checksums).encode()).hexdigest()
@@ -115,7 +115,7 @@ def open_recordings(directory: Path) -> Recordings:
     """Read the manifest of a recorded experiment.
 
     Raises:
-        ValueError: the manifest is missing or cannot be read.
+        InputError: the manifest is missing or cannot be read.
     """
     path = directory / "manifest.json"
     if not path.is_file():

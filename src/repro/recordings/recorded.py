@@ -53,7 +53,7 @@ def load_recorded(recordings: Recordings, split: str, grid: Grid) -> Recorded:
     """Read the recordings of a split with their true maps.
 
     Raises:
-        ValueError: a shard fails verification, see `Recordings.shards`.
+        InputError: a shard fails verification, see `Recordings.shards`.
     """
     shards = list(recordings.shards(split))
     ranges, poses = (np.concatenate([getattr(shard.scans, name) for shard in shards]) for name in ("ranges", "poses"))

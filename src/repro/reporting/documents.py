@@ -185,7 +185,7 @@ def with_results(text: str, results: Path) -> str:
     in both tables.
 
     Raises:
-        ValueError: a mark is not closed before the next one.
+        InputError: a mark is not closed before the next one.
     """
     begins, ends = text.count("<!-- results:"), len(MARKS.findall(text))
     if begins != ends or any("<!-- results:" in match[0][len(match[1]) :] for match in MARKS.finditer(text)):

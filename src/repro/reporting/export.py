@@ -30,7 +30,7 @@ def export_weights(run: Run, target: Path, *, force: bool = False) -> None:
         force: whether to replace existing weights.
 
     Raises:
-        ValueError: the run is not evaluated, or the directory has other files, or weights that are not to be replaced.
+        InputError: the run is not evaluated, or the directory has other files, or weights that are not to be replaced.
     """
     predictor = _evaluated_predictor(run)
     if (target / "predictor.json").is_file() and not force:
@@ -55,7 +55,7 @@ def export_run(run: Run, target: Path) -> float:
         the largest difference of a probability from that of torch.
 
     Raises:
-        ValueError: the run is not evaluated, or ONNX Runtime gives other maps than torch.
+        InputError: the run is not evaluated, or ONNX Runtime gives other maps than torch.
     """
     predictor = _evaluated_predictor(run)
     card = make_card(run, str(target / ONNX), "float32 weights in ONNX; the batch is dynamic")

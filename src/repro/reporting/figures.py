@@ -55,7 +55,7 @@ def load_example(outputs: Outputs, key: RunKey) -> Example:
         key: key of the run.
 
     Raises:
-        ValueError: the run or its recordings do not exist or cannot be read.
+        InputError: the run or its recordings do not exist or cannot be read.
     """
     run = outputs.run(key)
     config, shard = run.config(), next(open_recordings(outputs.recordings(key.experiment)).shards("test"))

@@ -78,7 +78,7 @@ def render_published(directory: Path) -> str:
     """Return the report of a published directory.
 
     Raises:
-        ValueError: a table cannot be read.
+        InputError: a table cannot be read.
     """
     figures = images_of(directory, directory / "analysis")
     return render(Path("outputs", directory.name), read_published(directory), read_frames(directory), figures)

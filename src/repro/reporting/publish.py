@@ -58,7 +58,7 @@ def publish(outputs: Outputs, results: Path, *, force: bool = False) -> Path:
         the published directory.
 
     Raises:
-        ValueError: no network is evaluated or published, a run is damaged, or without force there are doubts.
+        InputError: no network is evaluated or published, a run is damaged, or without force there are doubts.
     """
     name = outputs.path.name
     if not re.fullmatch(r"[\w-]+", name):

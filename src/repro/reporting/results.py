@@ -36,7 +36,7 @@ def read_results(outputs: Outputs) -> pd.DataFrame:
         no run is evaluated.
 
     Raises:
-        ValueError: a run is damaged, or the runs cannot share a table, see `outputs.check_together`.
+        InputError: a run is damaged, or the runs cannot share a table, see `outputs.check_together`.
     """
     configs = {run: run.config() for run in outputs.runs() if run.status is Status.evaluated}
     if not configs:
@@ -90,7 +90,7 @@ def read_rows(path: Path, columns: Iterable[str] = (), fix: str = "restore or de
         fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file cannot be read, lacks a column, or has a seed that is no integer.
+        InputError: the file cannot be read, lacks a column, or has a seed that is no integer.
     """
     types = dict.fromkeys(("experiment", "encoding", "trained", "tested"), str)
     try:
@@ -107,7 +107,7 @@ def read_published(directory: Path) -> pd.DataFrame:
     """Load the runs.csv of a published directory, with the columns of `read_results`.
 
     Raises:
-        ValueError: the directory has no runs.csv, or it cannot be read, or it has a run twice or without its metrics.
+        InputError: the directory has no runs.csv, or it cannot be read, or it has a run twice or without its metrics.
     """
     path = directory / "runs.csv"
     if not path.is_file():
@@ -141,7 +141,7 @@ def read_origins(directory: Path, keys: Iterable[RunKey] = ()) -> dict[str, Prov
         keys: the runs that must have an entry.
 
     Raises:
-        ValueError: provenance.json cannot be read or lacks one of the runs.
+        InputError: provenance.json cannot be read or lacks one of the runs.
     """
     path = directory / "provenance.json"
     origins = read_typed(dict[str, Provenance], path, FROM_GIT)

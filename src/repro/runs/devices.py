@@ -30,7 +30,7 @@ def resolve_device(accelerator: str = "auto") -> str:
         `cuda` or `cpu`.
 
     Raises:
-        ValueError: the accelerator is unknown, or it is `gpu` and no CUDA GPU is visible.
+        InputError: the accelerator is unknown, or it is `gpu` and no CUDA GPU is visible.
     """
     if accelerator not in ("auto", "cpu", "gpu"):
         raise InputError(f"runtime.accelerator must be auto, cpu or gpu, got {accelerator!r}")

@@ -54,7 +54,7 @@ class Run:
         """Return the pooled metrics of an evaluated run; those that are younger than the evaluation are not there.
 
         Raises:
-            ValueError: metrics.csv cannot be read.
+            InputError: metrics.csv cannot be read.
         """
         self.check_file(self.metrics.name)
         fix = f"{'delete it and ' if self.metrics.is_file() else ''}run the same command with task=evaluate"
@@ -69,7 +69,7 @@ class Run:
         """Return the path of a file that evaluation wrote, verified against its checksum.
 
         Raises:
-            ValueError: the file differs from the one that was written.
+            InputError: the file differs from the one that was written.
         """
         path = self.path / name
         expected = (self.provenance().fact("files") or {}).get(name)
@@ -81,7 +81,7 @@ class Run:
         """Check that the weights and the results of an evaluated run are those that were written.
 
         Raises:
-            ValueError: a file is missing, differs from its checksum or cannot be read; the message says what to do.
+            InputError: a file is missing, differs from its checksum or cannot be read; the message says what to do.
         """
         origin, weights = self.provenance(), self.model / "model.safetensors"
         for name in origin.fact("files") or {}:
@@ -109,7 +109,7 @@ class Run:
         """Create the directory and its config.yaml, or check that an existing one holds the same run.
 
         Raises:
-            ValueError: the directory holds a run of another configuration; the message names the differences.
+            InputError: the directory holds a run of another configuration; the message names the differences.
         """
         if not self.has_begun:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -123,7 +123,7 @@ class Run:
         """Check that the directory is empty or holds the run of this configuration.
 
         Raises:
-            ValueError: the directory holds a run of another configuration; the message names the differences.
+            InputError: the directory holds a run of another configuration; the message names the differences.
         """
         if not self.has_begun:
             return
@@ -135,7 +135,7 @@ class Run:
         """Read the configuration of the run.
 
         Raises:
-            ValueError: this is not a run directory, or its config.yaml cannot be read.
+            InputError: this is not a run directory, or its config.yaml cannot be read.
         """
         if not self.has_begun:
             raise InputError(f"{self} is not a run directory: it has no config.yaml")
@@ -193,7 +193,7 @@ class Run:
         """Store the fingerprint of the recordings that the run uses, or check that it has not changed.
 
         Raises:
-            ValueError: the run was started with other recordings.
+            InputError: the run was started with other recordings.
         """
         used = self.provenance().fact("recordings")
         if used not in (None, fingerprint):

@@ -44,7 +44,7 @@ class RunKey:
         """Return the key of a run directory from its path, relative to the outputs directory.
 
         Raises:
-            ValueError: the path is not that of a run directory.
+            InputError: the path is not that of a run directory.
         """
         match PurePath(path).parts:
             case ("baselines", experiment, model) if experiment.startswith("exp"):

@@ -95,7 +95,7 @@ def check_together(config: RunConfig, others: Mapping[Run, RunConfig]) -> None:
     Runs that differ in the seed alone must have the same settings, because tables average them.
 
     Raises:
-        ValueError: another run has other data, or another seed other settings; the message names the differences.
+        InputError: another run has other data, or another seed other settings; the message names the differences.
     """
     for run, other in others.items():
         worlds = config.data.worlds if other.experiment == config.experiment else other.data.worlds

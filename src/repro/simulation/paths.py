@@ -24,7 +24,7 @@ def motion_of(behavior: Behavior) -> Rotation | Square | Waypoints | Sweep:
     """Return the motion of a robot behavior as written in a world YAML.
 
     Raises:
-        ValueError: the behavior is none of `BEHAVIORS`.
+        InputError: the behavior is none of `BEHAVIORS`.
     """
     if behavior["name"] not in BEHAVIORS:
         raise InputError(f"robot behavior must be one of {sorted(BEHAVIORS)}, got {behavior['name']!r}")
@@ -73,7 +73,7 @@ def check_path(
         radius_m: radius of the robot [m].
 
     Raises:
-        ValueError: it does not.
+        InputError: it does not.
     """
     points = motion.points_m if isinstance(motion, Waypoints) else []
     for number, (x, y) in enumerate(points, start=1):
@@ -115,7 +115,7 @@ def to_waypoints(
         the behavior `waypoints`, or `sweep`, in direction 1.
 
     Raises:
-        ValueError: there is no free place for a start and a goal.
+        InputError: there is no free place for a start and a goal.
     """
     size = np.array([world.width, world.height])
     margin_m = max(motion.margin_m or 0.0, radius_m)

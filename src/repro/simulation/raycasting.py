@@ -32,7 +32,7 @@ def scan(
         ranges [m], (T, N), inf for a miss; and whether each obstacle was hit, (O,).
 
     Raises:
-        ValueError: an obstacle contains the center of the robot.
+        InputError: an obstacle contains the center of the robot.
     """
     heading = poses[:, 2:] + angles  # (T, N)
     directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)

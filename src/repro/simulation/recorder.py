@@ -60,7 +60,7 @@ def record_experiment(
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
-        ValueError: a count is odd, existing recordings are of another configuration, or IR-SIM disagrees.
+        InputError: a count is odd, existing recordings are of another configuration, or IR-SIM disagrees.
     """
     fingerprint = spec_fingerprint(spec)
     directory.mkdir(parents=True, exist_ok=True)
@@ -113,7 +113,7 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
-        ValueError: IR-SIM disagrees.
+        InputError: IR-SIM disagrees.
     """
     recordings: list[Recording] = []
     for seed in range(shard.first_seed, shard.first_seed + shard.worlds):

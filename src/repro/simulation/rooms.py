@@ -35,7 +35,7 @@ def check_rooms(rooms: Rooms, motion: Motion, width_m: float, robot_m: float) ->
         robot_m: diameter of the robot [m].
 
     Raises:
-        ValueError: the robot drives through walls or fits through no door, or there are too many rooms.
+        InputError: the robot drives through walls or fits through no door, or there are too many rooms.
     """
     if not isinstance(motion, RandomGoals):
         raise InputError(f"rooms need the motion random_goals, which avoids their walls, got {motion.name}")

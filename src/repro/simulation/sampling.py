@@ -49,7 +49,7 @@ def sample_world(spec: WorldSpec, seed: int) -> World:
         seed: any non-negative integer; the same seed gives the same world.
 
     Raises:
-        ValueError: the obstacles do not fit, or the robot would leave its zone or touch a fixed obstacle.
+        InputError: the obstacles do not fit, or the robot would leave its zone or touch a fixed obstacle.
     """
     check_spec(spec)
     width = spec.world.width
@@ -115,7 +115,7 @@ def check_spec(spec: WorldSpec) -> None:
     """Check the combination of values: the map is square, and the robot stays in its zone and off fixed obstacles.
 
     Raises:
-        ValueError: the map is not square, the robot would leave its zone or touch a fixed obstacle, or see
+        InputError: the map is not square, the robot would leave its zone or touch a fixed obstacle, or see
             `rooms.check_rooms`.
     """
     world, motion, clear_m, radius_m = spec.world, spec.motion, spec.clear_radius_m, spec.robot.shape.radius

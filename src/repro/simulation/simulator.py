@@ -55,7 +55,7 @@ def simulate(world: World) -> Recording:
     """Simulate one world.
 
     Raises:
-        ValueError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
+        InputError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
     steps = motion_of(world["robot"]["behavior"]).steps
@@ -89,7 +89,7 @@ def replay(world: World) -> tuple[Scans, np.ndarray]:
         the scans, and the obstacle pose after each step: x, y [m], heading [rad], (O, T, 3).
 
     Raises:
-        ValueError: a behavior is not active.
+        InputError: a behavior is not active.
     """
     env = make(world)
     lidar = env.robot.lidar
@@ -107,7 +107,7 @@ def check_replay(world: World, recording: Recording) -> float:
     """Replay a world in plain IR-SIM, compare, and return the largest difference of a range [m].
 
     Raises:
-        ValueError: the two disagree on which beams hit, or a range, a state of an obstacle, a pose of the robot or an
+        InputError: the two disagree on which beams hit, or a range, a state of an obstacle, a pose of the robot or an
             angle of a beam differs by more than 1e-6.
     """
     reference, states = replay(world)
@@ -132,7 +132,7 @@ def make(world: World, **options: Any) -> Any:
     """Create the IR-SIM environment of a world, with options of `irsim.make`; all its behaviors are active.
 
     Raises:
-        ValueError: a behavior is not active.
+        InputError: a behavior is not active.
     """
     seed = world.get("custom", {}).get("seed")  # of the noise
     with tempfile.TemporaryDirectory() as folder:

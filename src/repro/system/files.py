@@ -120,7 +120,7 @@ def check_regular(path: Path) -> None:
     """Check that a path is a file with an end: reading a pipe would wait, and reading a device might fill the memory.
 
     Raises:
-        ValueError: it is something else.
+        InputError: it is something else.
         OSError: it is missing.
     """
     if not stat.S_ISREG(path.stat().st_mode):
@@ -135,7 +135,7 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
         fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file is missing, truncated, empty, nested too deeply, or does not hold a mapping.
+        InputError: the file is missing, truncated, empty, nested too deeply, or does not hold a mapping.
     """
     try:
         check_regular(path)
@@ -184,7 +184,7 @@ def read_typed(kind: type[T], path: Path, fix: str) -> T:
         fix: what to do if the file cannot be read; appended to the message.
 
     Raises:
-        ValueError: the file is missing, truncated, empty, or does not match the dataclass.
+        InputError: the file is missing, truncated, empty, or does not match the dataclass.
     """
     content = read_mapping(path, fix)
     try:

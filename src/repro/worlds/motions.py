@@ -68,7 +68,7 @@ class Square(Part):
         """Compute the commands.
 
         Raises:
-            ValueError: first_steps is longer than a side.
+            InputError: first_steps is longer than a side.
         """
         first, side = self.first_steps, self.drive_steps
         if not 0 <= first <= side:

@@ -139,7 +139,7 @@ class WorldSpec(Experiment):
         """Check `experiment`, `world`, `robot` and the keys of the experiment.
 
         Raises:
-            ValueError: a key is unknown or missing, or a value is of another type or out of range.
+            InputError: a key is unknown or missing, or a value is of another type or out of range.
         """
         try:
             return cls.model_validate_json(json.dumps({**raw, "raw": raw}))  # JSON, for strict types and tuples
@@ -169,7 +169,7 @@ class WorldSpec(Experiment):
         """Return the spec with other values of the lidar, by their names in conf/world.
 
         Raises:
-            ValueError: see `parse`.
+            InputError: see `parse`.
         """
         raw = copy.deepcopy(self.raw)
         raw["robot"]["sensors"][0].update(values)
@@ -199,7 +199,7 @@ def world_spec(world: Mapping[str, Any], experiment: str) -> WorldSpec:
     """Return what decides the worlds of an experiment of a file of conf/world.
 
     Raises:
-        ValueError: see `WorldSpec.parse`.
+        InputError: see `WorldSpec.parse`.
     """
     parts = {"experiment": experiment, "world": world["world"], "robot": world["robot"]}
     return WorldSpec.parse({**parts, **world["experiments"][experiment]})

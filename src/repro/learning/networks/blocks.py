@@ -64,7 +64,7 @@ def check_series(in_channels: int, frames: int) -> None:
     """Check that images are those of a series.
 
     Raises:
-        ValueError: there are fewer than two parts, or another number of images in each.
+        InputError: there are fewer than two parts, or another number of images in each.
     """
     if frames < 2 or in_channels % frames:
         raise InputError(f"needs a series of at least 2 parts, got {in_channels} images in {frames} parts")

@@ -30,7 +30,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         indexed: the network also learns what each part of the window has in common, such as its length.
 
     Raises:
-        ValueError: a parameter is not allowed.
+        InputError: a parameter is not allowed.
     """
 
     def __init__(

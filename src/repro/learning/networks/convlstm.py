@@ -21,7 +21,7 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         hidden: channels of the LSTM state, a multiple of 16.
 
     Raises:
-        ValueError: a parameter is not allowed.
+        InputError: a parameter is not allowed.
     """
 
     def __init__(self, in_channels: int, frames: int, hidden: int = 32) -> None:

@@ -41,7 +41,7 @@ def create_network(model: Model, in_channels: int = 1, frames: int = 1) -> nn.Mo
         frames: parts of the window with channels of their own, for a class that has this parameter.
 
     Raises:
-        ValueError: the architecture or one of its parameters is not allowed, or the encoder weights cannot be loaded.
+        InputError: the architecture or one of its parameters is not allowed, or the encoder weights cannot be loaded.
     """
     architecture = model.kind
     if architecture in OWN_ARCHITECTURES:
@@ -66,7 +66,7 @@ def check_interface(network: nn.Module, in_channels: int, size_px: int = 64) -> 
         size_px: pixels along one side of the two images of the check.
 
     Raises:
-        ValueError: it has no `save_pretrained`, or its output is of another kind or shape.
+        InputError: it has no `save_pretrained`, or its output is of another kind or shape.
     """
     if not isinstance(network, PyTorchModelHubMixin):
         name = type(network).__name__
@@ -96,7 +96,7 @@ def load_network(directory: Path, architecture: str) -> nn.Module:
         architecture: see `architecture_of`.
 
     Raises:
-        ValueError: the architecture is unknown, or the network does not end in logits.
+        InputError: the architecture is unknown, or the network does not end in logits.
     """
     if architecture == "smp":
         return _smp_networks().load_smp_network(directory).float()

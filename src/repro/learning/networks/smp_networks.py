@@ -96,7 +96,7 @@ def load_smp_network(directory: Path) -> Any:
     directory.
 
     Raises:
-        ValueError: it has an activation, or an encoder that is neither of smp nor a plain one of timm, which might be
+        InputError: it has an activation, or an encoder that is neither of smp nor a plain one of timm, which might be
             loaded from elsewhere.
     """
     config = read_mapping(directory / "config.json", "export it again")
