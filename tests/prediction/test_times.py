@@ -1,5 +1,7 @@
 """The clock of scans by its definition, and the windows of a stream against those of a log."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -23,7 +25,9 @@ def stream_windows(stamps: list[float]) -> dict[float, list[int]]:
     predictor = Predictor(lambda images: images, Projection(), Grid(32, 50.0))
     stream, found = PredictionStream(predictor, ANGLES, steps=WINDOWS.steps), {}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("repro.prediction.stream.predict_map", lambda _, window, *others: window)
+        still = SimpleNamespace(any=lambda: False)
+        found_map = lambda _, window, *others: SimpleNamespace(ranges=window.ranges, moving=still)  # noqa: E731
+        patch.setattr("repro.prediction.stream.predict_map", found_map)
         for number, stamp in enumerate(stamps):
             window = stream.update(np.full(5, 1.0 + number), (0.01 * number, 0, 0), stamp)
             if window is not None:
