@@ -168,7 +168,7 @@ def _share(counts: np.ndarray) -> np.ndarray:
 
 
 def sets_of(paths: list[Path]) -> dict[str, list[str]]:
-    """Return the logs over which is averaged: of all places that have one, and of those that chose nothing."""
+    """Return the logs over which is averaged: of all places that have one, and of those besides development."""
     names = [path.name for path in paths]
     if is_standing(paths[0]):
         return {f"all {len(names)}": names}
@@ -176,7 +176,7 @@ def sets_of(paths: list[Path]) -> dict[str, list[str]]:
     unused = [name for name in carmen if name not in DEVELOPMENT]
     sets = {f"CARMEN, all {len(carmen)}": carmen}
     if len(unused) < len(carmen):
-        sets[f"CARMEN, the {len(unused)} that chose nothing"] = unused
+        sets[f"CARMEN, the {len(unused)} besides development"] = unused
     sets["Wean Hall"] = [name for name in names if name not in carmen]
     return {title: found for title, found in sets.items() if found}
 
