@@ -3,7 +3,7 @@
 from repro.system.plugins import plugin_names
 
 METRICS = ("ssim", "accuracy", "dice", "precision", "recall", "specificity")  # the paper's six, in its order
-EXTRA_METRICS: tuple[str, ...] = ()  # more columns of the tables, from `scores.py` and `evaluation.image_metrics`
+EXTRA_METRICS: tuple[str, ...] = ()  # more columns, of `scores` or `image_metrics`
 GROUP = "repro.image_metrics"  # entry points of other packages, whose metrics are more columns
 TABLE_METRICS = METRICS + EXTRA_METRICS + plugin_names(GROUP)
 HEADINGS = {
