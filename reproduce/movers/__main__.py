@@ -35,7 +35,7 @@ from reproduce.movers.scenes import PLACES, Place, bin_of, scenes
 from reproduce.movers.tuning import Asked, Tuned, tune
 
 TARGET = Path(__file__).parents[1] / "results" / "movers"
-WEIGHTS = ("buildings", "rooms", "exp3", "exp4")
+WEIGHTS = ("indoor", "buildings", "rooms", "exp3", "exp4")
 FIRST_SEED, FIRST_TUNED = 4_000_000, 5_000_000  # of the worlds, above those of all splits
 TUNED, SEARCHED = 200, 60  # worlds for the rates, of which the first ones choose the settings of the clouds
 SIZE_PX = 128  # of the maps for tuning

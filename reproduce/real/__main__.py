@@ -9,7 +9,7 @@ also compare the least probability of free there, calibrated on logs of other pl
 
 The network of --adapted is adapted to the logs of two thirds of the places, as task=adapt does, and tested on the
 others; those of --weights are tested as they are. Maps without a network are fitted to the same logs as the adapted
-network, and the boosting is tuned on the development logs among these. The rows go to held_out.csv in the target,
+network. The boosting is tuned on the development logs among these, where these are of two places or more. The rows go to held_out.csv in the target,
 their origin to provenance.json. With --save, the network is first adapted to all logs.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
@@ -48,7 +48,7 @@ from reproduce.real.maps import Fitted, Sample
 from reproduce.real.measures import Measured, around, auroc, calibrated, count, counts_of, rows_of
 
 RESULTS = Path(__file__).parents[1] / "results"
-TARGET, KEPT = RESULTS / "real_logs", RESULTS.parents[1] / "outputs" / "real"
+TARGET, KEPT = RESULTS / "indoor", RESULTS.parents[1] / "outputs" / "real"
 OWN, WITHIN = "own pixel", "within one pixel"
 SAMPLED_WINDOWS, SAMPLED_PIXELS = 120, 100  # of each log, the latter of each window, to which maps are fitted
 BATCH = 16  # windows that are predicted together

@@ -1,4 +1,4 @@
-"""Whether something moves among the hits of a window, which no map can follow once the beams have left it.
+"""Whether something moves among the hits of a window, which a map may lose once the beams have left it.
 
 A hit is of something that moves if beams had passed over its pixel and those beside it before, and nothing had been
 hit there, or if they did so afterwards: it came, or it left. Wrong poses and fine structures make such hits, too, but
