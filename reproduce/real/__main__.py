@@ -9,8 +9,8 @@ also compare the least probability of free there, calibrated on logs of other pl
 
 The network of --adapted is adapted to the logs of two thirds of the places, as task=adapt does, and tested on the
 others; those of --weights are tested as they are. Maps without a network are fitted to the same logs as the adapted
-network. The boosting is tuned on the development logs among these, where these are of two places or more. The rows go to held_out.csv in the target,
-their origin to provenance.json. With --save, the network is first adapted to all logs.
+network. The boosting is tuned on the development logs among these, where these are of two places or more. The rows go
+to held_out.csv in the target, their origin to provenance.json. With --save, the network is first adapted to all logs.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
