@@ -85,7 +85,7 @@ def test_parts_get_shorter_towards_now_and_the_newest_is_one_step(steps):
     lengths = np.diff([0, *Recent(10)._ends(steps)])
     assert lengths.sum() == steps
     assert lengths[-1] == lengths.min() == 1
-    assert (np.diff(lengths[:-1]) <= (0 if steps == 100 else 1)).all()  # ends are rounded
+    assert (np.diff(lengths) <= 0).all()
     if steps == 100:
         assert lengths.tolist() == [32, 23, 15, 10, 7, 5, 3, 2, 2, 1]
 

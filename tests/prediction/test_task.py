@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import uuid
 from dataclasses import replace
 from pathlib import Path
@@ -150,3 +151,13 @@ def test_several_files_are_one_log(run, tmp_path):
     run()
     tables = [pd.read_csv(tmp_path / "predictions" / name / "windows.csv") for name in ("part0-and-1-others", "rooms")]
     pd.testing.assert_frame_equal(*tables)
+
+
+def test_maps_of_another_log_of_the_same_name_are_not_replaced(run, tmp_path):
+    for day in ("one", "two"):
+        (tmp_path / day).mkdir()
+        shutil.copy(EXAMPLE, tmp_path / day / "log.npz")
+    for _ in range(2):
+        run(tmp_path / "one" / "log.npz")  # again, from the same file
+    with pytest.raises(ValueError, match=r"predictions/log has the maps of .*one/log\.npz: delete it, or set outputs="):
+        run(tmp_path / "two" / "log.npz")

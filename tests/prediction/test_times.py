@@ -62,7 +62,7 @@ def test_the_windows_of_a_stream_are_those_of_the_log(stamps):
         windows = [each for each in cut(log, WINDOWS, 1e-9, 50.0) if isinstance(each, Window)]
     except ValueError as error:  # too few scans, or too short for a window
         if "prediction.spacing=distance" not in str(error):
-            assert not expected
+            assert not expected.keys() & set(kept(stamps))  # but those of wrong times, as the scans after them tell
         return
     found = {window.stamp: (window.scans.ranges[:, 0] - 1).astype(int).tolist() for window in windows}
     assert found.items() <= expected.items()

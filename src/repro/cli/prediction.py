@@ -31,10 +31,11 @@ from repro.prediction.stream import predict_map
 from repro.prediction.times import UnusableTimes, WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
-from repro.system.files import clear_leftovers, lock, replacing_directory, write_json, write_text
+from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
 from repro.system.progress import progress
 
 LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
+SOURCE = "source.json"  # the log and the settings of the maps beside it
 LONGEST_NAME = 180  # bytes of the name of a log
 COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
@@ -52,7 +53,7 @@ def predict_log(job: Job) -> None:
     assert job.call.scans, "validated"
     path, *others = paths = [Path(name) for name in job.call.scans]
     target = target_of(job)
-    _check_target(target, *paths, Path(settings.weights))
+    _check_target(target, Path(settings.weights), paths)
     predictor = load(settings.weights)
     log, windows = read(path, predictor, settings, others)
     describe(log, windows, predictor.reach_m)
@@ -66,7 +67,7 @@ def predict_log(job: Job) -> None:
         predicted = [row for row in rows if "left_out" not in row]
         if not predicted:
             raise InputError(f"{path}: none of its {len(rows)} windows or parts can be used, see above")
-        write_json(new / "source.json", {"log": [*map(str, paths)], **asdict(settings)})
+        write_json(new / SOURCE, {"log": [os.path.realpath(path) for path in paths], **asdict(settings)})
         write_text(new / "windows.csv", _table(rows))
         if CAN_DRAW:
             _write_page(new, predicted, path.name, when)
@@ -104,9 +105,13 @@ def name_of(log: Path, *others: Path) -> str:
     return name + (f"-and-{len(others)}-others" if others else "")
 
 
-def _check_target(target: Path, *sources: Path) -> None:
-    """Refuse to replace a directory that has what is read."""
-    for source in sources:
+def _check_target(target: Path, weights: Path, logs: list[Path]) -> None:
+    """Refuse to replace a directory that has what is read, or maps of other files of the same name."""
+    if (target / SOURCE).is_file():
+        known = read_mapping(target / SOURCE, f"delete {target}").get("log")
+        if isinstance(known, list) and known != [os.path.realpath(log) for log in logs]:
+            raise InputError(f"{target} has the maps of {', '.join(map(str, known))}: delete it, or set outputs=")
+    for source in (*logs, weights):
         if Path(os.path.realpath(source)).is_relative_to(os.path.realpath(target)):
             raise InputError(f"{source} is in {target}, which the prediction replaces: move it, or set outputs=")
 

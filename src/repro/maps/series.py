@@ -119,7 +119,8 @@ class Recent(Series):
     """A series whose parts get shorter towards now: the newest is a single step, each older one longer by one factor.
 
     In equal parts of a second, whoever walks is a smear of several pixels, and the newest scan looks like one of a
-    second ago. The factor is such that the parts fill the window; their ends are rounded up.
+    second ago. The factor is such that the parts fill the window; their ends are rounded up, and no part is longer than
+    an older one.
 
     Args:
         frames: number of parts of the window; twice as many images.
@@ -134,6 +135,7 @@ class Recent(Series):
     def _ends(self, count: int) -> list[int]:
         powers = np.arange(self.frames)
         tried = range(PRECISION, count * PRECISION)
-        factor = bisect_left(tried, count, key=lambda number: ((number / PRECISION) ** powers).sum()) + PRECISION
+        with np.errstate(over="ignore"):  # of factors that are much too large
+            factor = bisect_left(tried, count, key=lambda number: ((number / PRECISION) ** powers).sum()) + PRECISION
         ages = np.ceil(np.cumsum((factor / PRECISION) ** powers)[:-1] - ROUNDING).astype(int)
-        return [*(count - ages[::-1]).tolist(), count]
+        return np.cumsum(np.sort(np.diff([0, *ages, count]))[::-1]).tolist()

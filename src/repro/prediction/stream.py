@@ -170,7 +170,7 @@ class PredictionStream:
         """
         with self._lock:
             self._take(*self._checked(ranges, pose), stamp)
-            return self._with_warning(self._predict())
+            return self._with_warning(None if self.reason else self._predict())
 
     def add(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
         """Take a scan, see `update`, without predicting a map; `reason` says why it was left out, if it was."""
@@ -178,7 +178,7 @@ class PredictionStream:
             self._take(*self._checked(ranges, pose), stamp)
 
     def predict(self) -> StreamMap | None:
-        """Predict the map at the time of the newest scan; None if the scans do not fill a window, see `update`."""
+        """Predict the map at the time of the newest scan that was kept; None if there is no window, see `update`."""
         with self._lock:
             return self._with_warning(self._predict())
 
@@ -209,7 +209,7 @@ class PredictionStream:
         """Take a scan from an `Intake`, whose beams are those of the stream, and predict the map at its time."""
         with self._lock:
             self._take(scan.ranges, self._checked_pose(scan.pose), scan.stamp)
-            return self._predict()
+            return None if self.reason else self._predict()
 
     def _take(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
         """Keep a scan, or state in `reason` why it is left out."""
@@ -223,8 +223,8 @@ class PredictionStream:
         self._kept.append((stamp, ranges, pose))
 
     def _predict(self) -> StreamMap | None:
-        """Predict the map of the window that ends with the newest scan, unless that was left out."""
-        if self.reason or not self._kept:
+        """Predict the map of the window that ends with the newest scan that was kept."""
+        if not self._kept:
             return None
         stamps, ranges, poses = zip(*self._kept, strict=True)
         begin, _ = parts_of(np.array(stamps), self.settings)[-1]

@@ -63,7 +63,7 @@ function equalParts(steps, frames) {
   return Array.from({ length: frames }, (_, part) => [begin(part), begin(part + 1)]);
 }
 
-/** Divide steps into parts of which the newest is one step and each older one longer by a factor, with ends rounded up. */
+/** Divide steps into parts of which the newest is one step and each older one longer by a factor, rounded. */
 function shorterParts(steps, frames) {
   const PRECISION = 1e6, ROUNDING = 1e-3, ages = (factor) => {
     let sum = 0;
@@ -75,8 +75,11 @@ function shorterParts(steps, frames) {
     if (ages(middle)[frames - 1] < steps) low = middle + 1;
     else high = middle;
   }
-  const begins = ages(low).map((age) => Math.max(steps - Math.ceil(age - ROUNDING), 0)).reverse();
-  return begins.map((begin, part) => [part ? begin : 0, begins[part + 1] ?? steps]);
+  const ends = ages(low).map((age) => Math.ceil(age - ROUNDING));
+  ends[frames - 1] = steps;
+  const lengths = ends.map((end, part) => end - (ends[part - 1] ?? 0)).sort((one, other) => other - one);
+  let begin = 0;
+  return lengths.map((length) => [begin, (begin += length)]);
 }
 
 /** Return the newest step at which each pixel was hit, counted from 1 at `first`, 0 without a hit. */
