@@ -20,6 +20,7 @@ from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor, load_predictor
+from repro.prediction.drawing import draw_map
 from repro.prediction.logs import ScanLog
 from repro.prediction.stream import EXTRA, PredictionStream, predict_map
 from repro.prediction.times import WindowSettings
@@ -334,6 +335,13 @@ def test_scans_are_taken_without_predicting_and_the_map_is_that_of_all_of_them(s
     other.add(LOG.ranges[20], LOG.poses[20], LOG.stamps[19])
     assert "not later" in other.reason  # and is no reason against the map of the scan before
     assert np.array_equal(other.predict().free, expected.free)
+
+
+def test_a_name_is_no_predictor_and_none_is_no_map():
+    with pytest.raises(InputError, match="expected that of load_predictor, got 'rooms'"):
+        PredictionStream("rooms", ANGLES)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="expected a map of a stream, got None"):
+        draw_map(None)  # type: ignore[arg-type]
 
 
 def test_a_fast_lidar_has_a_map_at_any_time(small):

@@ -54,7 +54,12 @@ def draw_map(predicted: StreamMap, axes: Axes | None = None) -> Figure:
 
     Returns:
         the figure, of which `savefig(path)` writes an image.
+
+    Raises:
+        InputError: there is no map, as before the scans fill a window, or Matplotlib is not installed.
     """
+    if predicted is None:
+        raise InputError("expected a map of a stream, got None: its scans do not fill a window, see `reason`")
     _check_matplotlib()
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure

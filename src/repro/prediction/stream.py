@@ -91,8 +91,8 @@ def predict_map(
 class PredictionStream:
     """Predicts a map for every scan from the window that ends with it.
 
-    stream = PredictionStream(predictor, angles)
-    predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
+        stream = PredictionStream(predictor, angles)
+        predicted = stream.update(ranges, pose, stamp)  # None until the scans fill a window
 
     `update` is `add` and `predict`, which are called alone where scans arrive more often than maps are needed.
     The rules are those of a log, see `times.Clock` and `times.steps_before`; the map equals that of
@@ -127,6 +127,8 @@ class PredictionStream:
         range_max_m: float | None = None,
         misses: str = "free",
     ) -> None:
+        if not isinstance(predictor, Predictor):
+            raise InputError(f"predictor: expected that of load_predictor, got {predictor!r}")
         if isinstance(center, str) and center != "robot":
             raise InputError(f"center: expected robot or x, y [m], got {center!r}")
         self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=range_max_m, misses=misses)
