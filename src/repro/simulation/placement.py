@@ -22,7 +22,7 @@ class Attempts:
 
     def __init__(self) -> None:
         self.places = iter(range(20_000))
-        self.motions = iter(range(2000))  # each is simulated
+        self.motions = iter(range(300))  # each is simulated; worlds of conf/world need 27 at most
 
 
 @dataclass(frozen=True)
