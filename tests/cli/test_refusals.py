@@ -49,6 +49,8 @@ CALLS = {
     "-m exp=3 train.dice_eps=1e-6,1e-5 seed=0,1": "seed0, such as train.dice_eps=1e-06 and train",
     "-m exp=3,3": "such as one and the same again: set outputs= for each",
     "-m task=predict scans=examples/rooms.npz prediction.fov_deg=60,80": "predictions/rooms, such as prediction",
+    "-m task=world world.world.step_time=0.1,0.2": "worlds/exp1-seed0, such as world.world.step_time=0.1",
+    "-m task=navigate world=navigation exp=mixed navigation.test_seeds=1,2": "navigation/keep, such as navigation",
     "-m task=all,report exp=3": "task=all,report: a sweep has one task",
     "-m task=report exp=3,4": "task=report: is done once for all runs",
     "-m exp=3 hydra/launcher=slurm": "srun is not found",

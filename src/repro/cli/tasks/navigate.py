@@ -76,8 +76,15 @@ def _checksum(path: Path) -> str:
     return " ".join(map(sha256, files))
 
 
+def _target(job: Job) -> Path:
+    arm = job.call.navigation.arm
+    name = f"{arm} {job.call.prediction.weights}" if arm in NETWORK_ARMS else arm
+    return job.outputs.path / "navigation" / name.replace("/", " ")
+
+
 TASK = Task(
     run,
+    target=_target,
     own=("navigation", "prediction"),
     ignores=NETWORK_KEYS,
     instead="whose networks are those of prediction.weights",

@@ -3,6 +3,8 @@
 No network is trained on the worlds of this task, see `recordings.format.SHOWN_SEED`.
 """
 
+from pathlib import Path
+
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
 
@@ -14,7 +16,7 @@ def run(job: Job) -> None:
     from repro.simulation.sampling import reverse_direction, sample_world, write_world
 
     world = sample_world(job.spec, SHOWN_SEED + job.call.seed)
-    stem = f"exp{job.key.experiment}-seed{job.call.seed}"
+    stem = _target(job).name
     figure = job.outputs.worlds / f"{stem}.png"
     for name, item in (("ccw", world), ("cw", reverse_direction(world))):
         path = job.outputs.worlds / f"{stem}-{name}.yaml"
@@ -24,4 +26,9 @@ def run(job: Job) -> None:
     print(figure)
 
 
-TASK = Task(run, names_scale=False)
+def _target(job: Job) -> Path:
+    path: Path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.call.seed}"
+    return path
+
+
+TASK = Task(run, target=_target, names_scale=False)
