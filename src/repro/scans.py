@@ -31,7 +31,8 @@ class Scans:
 
     def __post_init__(self) -> None:
         for name in ("ranges", "angles", "poses"):
-            object.__setattr__(self, name, real(name, getattr(self, name)))
+            kinds = "f" if name == "ranges" else "fiu"  # whole numbers are rounded ranges, or those of another unit
+            object.__setattr__(self, name, real(name, getattr(self, name), kinds=kinds))
         ranges, angles, poses = self.ranges.shape, self.angles.shape, self.poses.shape
         agree = (
             len(ranges) in (2, 3)
