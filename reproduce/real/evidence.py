@@ -39,7 +39,7 @@ class Evidence:
         newest = np.maximum(last_hit, last_passed)
         images = Series(PARTS, range_max_m).encode(window, grid)[0] == 0
         self.hit_parts, self.passed_parts = images[:PARTS].astype(np.float32), images[PARTS:].astype(np.float32)
-        hits, passes = self.hit_parts.sum(0), self.passed_parts.sum(0)
+        hits, passes = self.hit_counts, self.pass_counts = self.hit_parts.sum(0), self.passed_parts.sum(0)
         self.seen, self.hit = newest > 0, (last_hit > 0) & (last_hit >= last_passed)
         offsets = grid.centers().reshape(*self.hit.shape, 2) - scans.poses[-1, :2]
         self.offsets_px, self.heading = offsets / grid.resolution_m, float(scans.poses[-1, 2])
@@ -56,8 +56,7 @@ class Evidence:
 
     def features(self, pixels: np.ndarray) -> np.ndarray:
         """Return all features at flat indices of pixels, (P,) to (P, F): counts, blurs, position, lines, ray."""
-        hits, passes = self.hit_parts.sum(0), self.passed_parts.sum(0)
-        images = [gaussian_filter(image, blur) for image in (hits, passes) for blur in BLURS_PX]
+        images = [gaussian_filter(image, blur) for image in (self.hit_counts, self.pass_counts) for blur in BLURS_PX]
         for parts in (self.hit_parts, self.passed_parts):
             images += [gaussian_filter(part, blur) for part in parts[-LAST:] for blur in LAST_BLURS_PX]
         columns = [self.counts(pixels), np.stack([image.ravel()[pixels] for image in images], axis=1)]
@@ -103,7 +102,7 @@ class Evidence:
         columns = np.rint(column[:, None] + offsets[..., 0]).astype(np.int32)
         is_inside = (rows >= 0) & (rows < size) & (columns >= 0) & (columns < size)
         places = np.where(is_inside, rows * size + columns, 0)
-        images = self.hit_parts.sum(0), self.passed_parts.sum(0), self.seen
+        images = self.hit_counts, self.pass_counts, self.seen
         hits, passes, seen = (np.where(is_inside, image.ravel()[places], 0) for image in images)
         return hits, passes, seen
 

@@ -14,7 +14,7 @@ from repro.cli.tasks import adapt as task
 from repro.learning import adaptation
 from repro.learning.adaptation import PartialLoss, adapt, label
 from repro.learning.held_out import View, labeled, turns_of
-from repro.learning.labels import HIDDEN, UNKNOWN, Labeled
+from repro.learning.labels import UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.platt import calibrate
 from repro.learning.rehearsal import SHARE, rehearsed
@@ -22,7 +22,7 @@ from repro.maps.series import Series
 from repro.maps.statistics import Statistics
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import window_of
-from repro.recordings.datasets import Pairs
+from repro.recordings.datasets import HIDDEN, Pairs
 from repro.scans import wrapped
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
@@ -104,7 +104,7 @@ def test_the_loss_is_that_of_known_pixels_and_windows_count_alike():
 
 
 def test_a_calibrated_network_has_the_frequencies_of_the_labels():
-    """Logits that are twice too large and shifted are mended; what the label is depends on the image alone."""
+    """Logits that are twice too large and shifted are corrected; what the label is depends on the image alone."""
     network = torch.nn.Sequential(torch.nn.Conv2d(20, 4, 1), torch.nn.Conv2d(4, 1, 1)).eval()
     with torch.no_grad():
         for layer in network:
@@ -132,7 +132,7 @@ def test_simulated_windows_have_the_robot_in_the_middle_and_nothing_known_outsid
     assert (codes[:, 63:65, 63:65] == 1).all()  # the robot stands in the open, and is seen
     outside = (codes == UNKNOWN).float().mean((1, 2))
     assert ((outside > 0) & (outside < 0.8)).all()  # of the world
-    assert 0.002 < (codes == 0).float().sum() / (codes < UNKNOWN).float().sum() < 0.5
+    assert 0.002 < (codes == 0).float().sum() / (codes < HIDDEN).float().sum() < 0.5
 
 
 def test_statistics_are_widened_and_keep_their_median():

@@ -22,8 +22,8 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
-from repro.learning.labels import HIDDEN, UNKNOWN, Labeled, drawn
-from repro.learning.losses import HIDDEN_WEIGHT
+from repro.learning.labels import UNKNOWN, Labeled, drawn
+from repro.learning.losses import bce_loss, shown_weight
 from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
 from repro.learning.platt import calibrate
@@ -33,7 +33,7 @@ from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed
 from repro.prediction.logs import ScanLog
 from repro.prediction.times import WindowSettings
-from repro.recordings.datasets import Pairs
+from repro.recordings.datasets import HIDDEN, Pairs
 from repro.runs.config import Training
 from repro.scans import Scans
 from repro.system.errors import InputError
@@ -63,10 +63,9 @@ class PartialLoss(nn.Module):
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
         """Compute the loss of logits (B, 1, H, W) against the maps of `Labeled`, (B, 1, H, W), in float32."""
         codes = target.to(torch.uint8)
-        each = nn.functional.binary_cross_entropy_with_logits(logits.float(), (codes & 1).float(), reduction="none")
-        weight = ((codes & UNKNOWN) == 0) * torch.where((codes & HIDDEN) > 0, HIDDEN_WEIGHT, 1.0)
-        means = (weight * each).sum((1, 2, 3)) / weight.sum((1, 2, 3)).clamp(min=1)
-        return means.mean()
+        weights = ((codes & UNKNOWN) == 0) * shown_weight((codes & HIDDEN) > 0)
+        windows = zip(logits.float(), (codes & 1).float(), weights, strict=True)
+        return torch.stack([bce_loss(*window) for window in windows]).mean()
 
 
 class Adaptation(TrainingModule):

@@ -10,7 +10,7 @@ from repro.networks.predictor import Predictor
 from repro.recordings.datasets import Pairs, packed
 from repro.scans import Scans
 
-UNKNOWN, HIDDEN = 2, 4  # in a map, where 1 is free and 0 an obstacle; see `Labeled`
+UNKNOWN = 4  # added to the pixels of a map whose label is unknown; `datasets.HIDDEN` is 2
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class Labeled:
     """Windows of logs with partial labels.
 
     Args:
-        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 2 unknown, and 4 more where standing
-            obstacles hide the pixel.
+        pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 4 unknown, and 2 more where standing
+            obstacles hide the pixel, as in `Pairs`.
         statistics: those of the windows.
     """
 

@@ -59,5 +59,9 @@ class ShownLoss(nn.Module):
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
         """Compute the loss of logits (B, 1, H, W) against true maps with hidden pixels, see `Pairs`, in float32."""
         hidden = target >= HIDDEN
-        weight = 1.0 - (1.0 - HIDDEN_WEIGHT) * hidden.float()
-        return bce_loss(logits.float(), target.float() - HIDDEN * hidden.float(), weight)
+        return bce_loss(logits.float(), target.float() - HIDDEN * hidden.float(), shown_weight(hidden))
+
+
+def shown_weight(hidden: Tensor) -> Tensor:
+    """Return the weight of pixels, given whether standing obstacles hide them, of the same shape."""
+    return 1.0 - (1.0 - HIDDEN_WEIGHT) * hidden.float()

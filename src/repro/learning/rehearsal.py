@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from repro.learning.labels import HIDDEN, UNKNOWN, Labeled, drawn
+from repro.learning.labels import UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.maps.outlines import standing
 from repro.maps.visibility import shown_pixels
 from repro.networks.predictor import Predictor
 from repro.prediction.windows import on_map
+from repro.recordings.datasets import HIDDEN
 from repro.scans import Scans
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import Recording, simulate
@@ -43,9 +45,8 @@ def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, n
     scans = recording.scans
     origin = scans.poses[-1, :2] - grid.size_m / 2
     window = on_map(scans.ranges, scans.angles, scans.poses, origin)
-    stands = ~(np.ptp(recording.states, axis=1) > 0).any(-1)
-    free, standing = (true_map(recording, origin, grid, which) for which in (slice(None), stands))
-    shown = shown_pixels(standing[None], window.poses[-1:], grid)[0]
+    free, still = (true_map(recording, origin, grid, which) for which in (slice(None), standing(recording.states)))
+    shown = shown_pixels(still[None], window.poses[-1:], grid)[0]
     centers = grid.centers().reshape(*shown.shape, 2) + origin
     is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
     return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown)

@@ -19,6 +19,11 @@ def placed(outlines: np.ndarray, states: np.ndarray) -> np.ndarray:
     return np.stack([own_x * cos - own_y * sin + x, own_x * sin + own_y * cos + y], -1)
 
 
+def standing(states: np.ndarray) -> np.ndarray:
+    """Return which obstacles do not move during a recording, bool, (K,), from their poses at each step, (K, T, 3)."""
+    return ~(np.ptp(states, axis=1) > 0).any(-1)
+
+
 def padded(outlines: np.ndarray, vertices: int) -> np.ndarray:
     """Pad outlines (O, V, 2) to more vertices by repeating the last one."""
     return np.pad(outlines, ((0, 0), (0, vertices - outlines.shape[1]), (0, 0)), mode="edge")

@@ -159,7 +159,7 @@ def create_predictor(network: Network, description: dict[str, Any], path: Path, 
 
     Args:
         network: the network.
-        description: what its file says of it.
+        description: the content of its file, see `description_of`.
         path: the file, for messages.
         largest_px: side of the images with which it is checked, if its maps are larger.
 
@@ -182,7 +182,7 @@ def create_predictor(network: Network, description: dict[str, Any], path: Path, 
 
 
 def description_of(predictor: Predictor) -> dict[str, Any]:
-    """Return what a file says of a predictor beside its network: encoding, grid, window, statistics."""
+    """Return the description of a predictor in its file: encoding, grid, window, statistics."""
     content: dict[str, Any] = {
         "encoding": {"name": predictor.encoding.name, "parameters": vars(predictor.encoding)},
         "grid": dataclasses.asdict(predictor.grid),

@@ -175,7 +175,7 @@ class PredictionStream:
             return self._with_warning(None if self.reason else self._predict())
 
     def add(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
-        """Take a scan, see `update`, without predicting a map; `reason` says why it was left out, if it was."""
+        """Take a scan, see `update`, without predicting a map; `reason` has the cause if it was left out."""
         with self._lock:
             self._take(*self._checked(ranges, pose), stamp)
 

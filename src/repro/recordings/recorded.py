@@ -6,6 +6,7 @@ import numpy as np
 
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
+from repro.maps.outlines import standing
 from repro.recordings.format import ShardContent
 from repro.recordings.reader import Recordings
 from repro.scans import Scans
@@ -19,7 +20,7 @@ def true_maps(shard: ShardContent, grid: Grid, *, only_standing: bool = False) -
         grid: grid of the maps.
         only_standing: leave out obstacles that move during the recording.
     """
-    kept = ~(np.ptp(shard.states, axis=1) > 0).any(-1) if only_standing else np.ones(len(shard.states), bool)
+    kept = standing(shard.states) if only_standing else np.ones(len(shard.states), bool)
     outlines, states, owner = (array[kept] for array in (shard.outlines, shard.states[:, -1], shard.world))
     maps = rasterize(outlines, states, owner, len(shard.scans) // 2, grid)
     return np.repeat(maps, 2, axis=0)  # a world and its twin share their map

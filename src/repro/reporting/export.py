@@ -75,6 +75,13 @@ def _evaluated_predictor(run: Run) -> Predictor:
     return load_trained(run.model)
 
 
+def _loading(path: str) -> tuple[str, str, str]:
+    """Return the further import and the function that load a network, and what defines its encoding and grid."""
+    if path.endswith(ONNX):
+        return "", "repro.load_predictor", "The metadata of the file define"
+    return "\nfrom repro.learning.networks.trained import load_trained", "load_trained", "`predictor.json` defines"
+
+
 def make_card(run: Run, path: str, form: str) -> str:
     """Return the model card: metadata of the Hugging Face Hub, use, input, output, data, metrics, limits.
 
@@ -92,9 +99,7 @@ def make_card(run: Run, path: str, form: str) -> str:
     encoder = f" ({config.model.encoder_name})" if config.model.encoder_name else ""
     title = f"{model_title(config.model.name)}{encoder}, experiment {config.experiment}"
     parameters = ", ".join(f"{name} {value}" for name, value in config.encoding.parameters.items())
-    is_onnx = path.endswith(ONNX)
-    imports = "" if is_onnx else "\nfrom repro.learning.networks.trained import load_trained"
-    loader = "repro.load_predictor" if is_onnx else "load_trained"
+    imports, loader, description = _loading(path)
     library = "segmentation-models-pytorch" if encoder else "pytorch"
     return f"""---
 {hub_metadata(title, setup, measured, library)}
@@ -111,7 +116,7 @@ free = predictor.predict(repro.Scans(ranges, angles, poses))  # probability of f
 
 **Input**: lidar ranges [m] (B, T, N), inf for a miss; beam angles [rad] (N,); poses x, y [m], heading [rad] (B, T, 3)
 in a map of {config.data.size_m:g} x {config.data.size_m:g} m with its origin at the lower left; NumPy \
-arrays. {"The metadata of the file define" if is_onnx else "`predictor.json` defines"} the encoding
+arrays. {description} the encoding
 ({config.encoding.name}: {parameters}) and the grid ({config.data.size_px} px).
 **Output**: the map at the last step, row 0 at the top; a pixel below 0.5 is an obstacle.
 

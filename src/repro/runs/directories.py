@@ -81,7 +81,7 @@ class Run:
         """Check that the weights and the results of an evaluated run are those that were written.
 
         Raises:
-            InputError: a file is missing, differs from its checksum or cannot be read; the message says what to do.
+            InputError: a file is missing, differs from its checksum or cannot be read; the message names the remedy.
         """
         origin, weights = self.provenance(), self.model / "model.safetensors"
         for name in origin.fact("files") or {}:

@@ -61,7 +61,7 @@ def write_onnx(path: Path, network: nn.Module, channels: int, description: dict[
 
 
 def _content(model: onnx.ModelProto, description: dict[str, Any], card: str) -> bytes:
-    """Return the file of a model, without what the export says of its source, and with its checksum."""
+    """Return the serialized model with its checksum, without the notes of the exporter on its source."""
     for part in (model, model.graph, *model.graph.node, *model.graph.value_info):
         del part.metadata_props[:]
     text = json.dumps(description | {"sha256": NO_CHECKSUM})
