@@ -108,10 +108,10 @@ verify: setup ## check two published rows of experiment 4: record its test pairs
 bench: setup ## speed and memory as ratios to a plain implementation, on this machine
 	$(PY) reproduce/bench
 
-demo: setup ## one HTML file that runs a network in the browser
-	$(PY) run.py task=demo $(SCALE_ARG) $(ARGS)
+demo: setup ## one HTML file that runs the ConvGRU and the paper's U-Net in the browser
+	$(PY) run.py task=demo 'demo.networks=[exp4,reproduce/results/workstation/exp4-unet]' $(SCALE_ARG) $(ARGS)
 
-docs: setup ## update the generated tables of README.md and docs/, and the published reports, from reproduce/results
+docs: setup ## update the generated tables of README.md and docs/ from reproduce/results
 	$(PY) -m repro.cli.documents
 
 clean: ## delete caches and .venv; outputs/ stays

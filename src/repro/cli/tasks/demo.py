@@ -10,6 +10,7 @@ def run(job: Job) -> None:
     Raises:
         InputError: a network or the runtime cannot be used.
     """
+    print("loading ONNX Runtime Web and the networks", flush=True)
     from repro.demo.networks import load_demo_network
     from repro.demo.page import render
     from repro.demo.runtime import load_runtime
@@ -18,9 +19,9 @@ def run(job: Job) -> None:
     runtime = load_runtime()
     networks = []
     for number, name in enumerate(job.call.demo.networks, start=1):
-        print(f"network {number} of {len(job.call.demo.networks)}, exported and compared: {name}", flush=True)
+        print(f"network {number} of {len(job.call.demo.networks)}: {name}", flush=True)
         networks.append(load_demo_network(name))
-    page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
+    page = render(networks, runtime)
     path = job.outputs.path / "demo.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, page)
@@ -32,6 +33,6 @@ TASK = Task(
     once=True,
     names_scale=False,
     own=("demo",),
-    ignores=(*NETWORK_KEYS, "recordings", "runtime"),
+    ignores=("world", "exp", *NETWORK_KEYS, "recordings", "runtime"),
     instead="demo.networks chooses the network",
 )
