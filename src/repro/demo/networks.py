@@ -59,9 +59,8 @@ def load_demo_network(name: str) -> DemoNetwork:
 
 
 def _described(name: str, predictor: Predictor) -> str:
-    """Return what the model card of a network says of it: network and experiment, and obstacle IoU there; or its name."""
-    path = locate(name)
-    card = path / "README.md"
+    """Return network, experiment and obstacle IoU from the model card, or the name of a network without a card."""
+    card = locate(name) / "README.md"
     if isinstance(predictor.network, OnnxNetwork):
         text = predictor.network.metadata().get(CARD, "")
     else:
