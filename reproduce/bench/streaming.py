@@ -15,13 +15,13 @@ from table import head, row
 
 from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork, export_onnx, load_trained
+from repro.logs.formats import read_log
+from repro.logs.scan_log import ScanLog
+from repro.logs.times import WindowSettings
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor, load_predictor
-from repro.prediction.logs import ScanLog
-from repro.prediction.readers import read_log
 from repro.prediction.stream import PredictionStream
-from repro.prediction.times import WindowSettings
 from repro.prediction.windows import on_map
 from repro.runs.devices import one_thread
 from repro.runs.model import Model

@@ -16,14 +16,14 @@ from log_files import npz, read
 from repro.learning.networks.convgru import ConvGRU
 from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork
+from repro.logs.scan_log import ScanLog
+from repro.logs.times import WindowSettings
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.drawing import draw_map
-from repro.prediction.logs import ScanLog
 from repro.prediction.stream import EXTRA, PredictionStream, predict_map
-from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
 from repro.runs.model import paper_model
 from repro.scans import Scans

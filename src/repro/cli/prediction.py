@@ -18,17 +18,17 @@ import numpy as np
 from repro.cli.jobs import Job
 from repro.cli.prediction_report import Row, describe, line_of, say_left_out, summarize, time_in, warn_of
 from repro.cli.settings import Prediction
+from repro.logs.formats import CARMEN, kind_of, read_log
+from repro.logs.scan_log import ReadOptions, ScanLog
+from repro.logs.times import UnusableTimes, WindowSettings, window_of
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import compare
 from repro.prediction.drawing import draw_window
-from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import write_map, write_probabilities
-from repro.prediction.page import page_of
-from repro.prediction.readers import CARMEN, kind_of, read_log
+from repro.prediction.log_page import page_of
+from repro.prediction.map_files import write_map, write_probabilities
 from repro.prediction.stream import predict_map
-from repro.prediction.times import UnusableTimes, WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text

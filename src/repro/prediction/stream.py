@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from repro.logs.misses import MissCheck
+from repro.logs.poses import MAX_PLACE_M
+from repro.logs.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
+from repro.logs.scan_filter import LogScan
+from repro.logs.times import Clock, parts_of, steps_before, window_of
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.intake import LogScan
-from repro.prediction.misses import MissCheck
 from repro.prediction.moving import MOVERS, moving_pixels, parts_of_window, stands
-from repro.prediction.poses import MAX_PLACE_M
-from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
-from repro.prediction.times import Clock, parts_of, steps_before, window_of
 from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.arrays import real
