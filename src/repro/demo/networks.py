@@ -6,7 +6,6 @@ from pathlib import Path
 
 import yaml
 
-from repro.cli.prediction import load
 from repro.maps.encodings import kind_of
 from repro.networks.onnx_files import CARD, OnnxNetwork
 from repro.networks.predictor import Predictor
@@ -36,14 +35,13 @@ class DemoNetwork:
     onnx: bytes
 
 
-def load_demo_network(name: str) -> DemoNetwork:
-    """Load a network for the page by the name or the path of its weights, see `cli.prediction.load`.
+def demo_network(name: str, predictor: Predictor) -> DemoNetwork:
+    """Return a network for the page, by the name or the path of its weights and what was loaded from there.
 
     Raises:
-        InputError: there are no such weights, the network was trained with fixed obstacles or with the robot in the
-            middle, or the page cannot draw its encoding.
+        InputError: the network was trained with fixed obstacles or with the robot in the middle, or the page cannot
+            draw its encoding.
     """
-    predictor = load(name)
     if predictor.has_fixed:
         raise InputError(f"{name} was trained with fixed obstacles, which the demo does not have")
     if predictor.is_centered:

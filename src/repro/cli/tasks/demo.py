@@ -11,7 +11,8 @@ def run(job: Job) -> None:
         InputError: a network or the runtime cannot be used.
     """
     print("loading ONNX Runtime Web and the networks", flush=True)
-    from repro.demo.networks import load_demo_network
+    from repro.cli.prediction import load
+    from repro.demo.networks import demo_network
     from repro.demo.page import render
     from repro.demo.runtime import load_runtime
     from repro.system.files import write_text
@@ -20,7 +21,7 @@ def run(job: Job) -> None:
     networks = []
     for number, name in enumerate(job.call.demo.networks, start=1):
         print(f"network {number} of {len(job.call.demo.networks)}: {name}", flush=True)
-        networks.append(load_demo_network(name))
+        networks.append(demo_network(name, load(name)))
     page = render(networks, runtime)
     path = job.outputs.path / "demo.html"
     path.parent.mkdir(parents=True, exist_ok=True)
