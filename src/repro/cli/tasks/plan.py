@@ -14,7 +14,7 @@ def run(job: Job) -> None:
     worlds = {name: spec_fingerprint(world_spec(job.call.world, name)) for name in experiments}
     study = Study(job.outputs, experiments, job.call.seed, worlds)
     print(describe_outputs(study, job.call.scale.pairs), flush=True)
-    print(f"The whole study usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
+    print(f"It usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
 
 
 TASK = Task(run, once=True, trains=True)
