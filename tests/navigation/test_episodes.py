@@ -253,14 +253,12 @@ def test_the_maps_of_all_arms_show_what_was_seen():
         assert occupied[free] < 0.1, arm
 
 
-def test_recent_hits_are_added_to_a_network():
-    class Half:
+def test_the_map_of_a_network_is_one_minus_its_probability_of_free():
+    class Quarter:
         def predict(self, scans, allow_empty):
-            return np.full((len(scans), 64, 64), 0.5)
+            return np.full((len(scans), 64, 64), 0.25)
 
-    occupied = mapped(network_arm(Half(), with_hits=True), course((20.0, 25.0, 0.0, 0.0)))
-    assert set(np.unique(occupied)) == {0.5, 1.0}
-    assert set(np.unique(mapped(network_arm(Half()), course((20.0, 25.0, 0.0, 0.0))))) == {0.5}
+    assert set(np.unique(mapped(network_arm(Quarter()), course()))) == {0.75}
 
 
 def test_the_settings_name_every_arm():
@@ -319,9 +317,9 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert driven[before:] == [(name, study.FIRST["test"] + 3, 0.8) for name in SPECS]
     one = study.Study(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
     assert set(one.episodes("test", {**USUAL, "inflation_m": 0.8}, 3)["experiment"]) == {"fast"}
-    options = {"inflations_m": (0.8, 1.6), "people": "aware"}
-    with pytest.raises(InputError, match="episodes with another value of people"):
-        study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, **options).run(study.Seeds(2, 3, 1), {})
+    other = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0), inflations_m=(0.8, 1.6))
+    with pytest.raises(InputError, match="episodes with another value of grid"):
+        other.run(study.Seeds(2, 3, 1), {})
 
 
 def test_arms_are_compared_on_the_same_courses():

@@ -117,9 +117,9 @@ class Adaptation:
     name: Name | None
 
 
-NetworkArm = Literal["network", "network_hits"]  # of the network of the call
+NETWORK_ARM = "network"  # of the network of the call
 ClassicalArm = Literal["scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities"]
-ARMS, NETWORK_ARMS = get_args(ClassicalArm), get_args(NetworkArm)
+ARMS = get_args(ClassicalArm)
 SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test follow those of the validation
 
 
@@ -130,8 +130,6 @@ class Navigation:
     Args:
         arm: how the robots make maps.
         experiments: those of `world` in which they drive.
-        people: None if the obstacles move as in `world`; `unaware` or `aware` for people in their place, who walk to
-            goals, and see the robot or not.
         inflations_m: candidates for the radius by which obstacles grow [m].
         validation_seeds: courses per experiment for the choice of the settings of an arm.
         test_seeds: courses per experiment for the test.
@@ -140,9 +138,8 @@ class Navigation:
 
     __pydantic_config__ = KNOWN_KEYS
 
-    arm: Literal[ClassicalArm, NetworkArm]
+    arm: Literal[ClassicalArm, "network"]
     experiments: Annotated[list[Name], Field(min_length=1)]
-    people: Literal["unaware", "aware"] | None
     inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount

@@ -19,8 +19,6 @@ from repro.scans import Scans
 
 AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of an arm that knows velocities, from now on
 NEVER = -(10**6)  # step of what has not been seen
-HITS = "-hits"  # end of the name of the arm of a network that is combined with recent hits
-RECENT_S = 1.0  # age of the hits that are combined with a network
 
 
 @dataclass(eq=False)
@@ -111,10 +109,6 @@ def _network(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
     return 1 - predictor.predict(seen.window(who), allow_empty=True)[:, None]
 
 
-def _network_and_hits(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
-    return np.maximum(_network(predictor, seen, who), seen.hits(who, RECENT_S)[:, None])
-
-
 def _tracked(settings: Mapping[str, float], seen: Seen, who: np.ndarray) -> np.ndarray:
     """Return the tracked shapes now and ahead, with the settings that `baselines.registry.tracker` tunes."""
     chosen = dict(settings)
@@ -166,9 +160,9 @@ CLASSICAL = {
 }
 
 
-def network_arm(predictor: Predictor, *, with_hits: bool = False, weights: str = "") -> Arm:
-    """Return the arm of a trained network, alone or with recent hits: the larger of the two probabilities."""
-    return Arm(partial(_network_and_hits if with_hits else _network, predictor), weights=weights)
+def network_arm(predictor: Predictor, *, weights: str = "") -> Arm:
+    """Return the arm of a trained network."""
+    return Arm(partial(_network, predictor), weights=weights)
 
 
 def tracker_arm(settings: Mapping[str, float]) -> Arm:

@@ -69,7 +69,6 @@ class Fleet:
         arm: how the robots make maps.
         settings: values of the settings of the arm and of the planner.
         grid: grid of the maps.
-        is_visible: whether people see the robot when it drives; they always do during its first turn.
     """
 
     def __init__(
@@ -79,8 +78,6 @@ class Fleet:
         arm: Arm,
         settings: dict[str, Any],
         grid: Grid,
-        *,
-        is_visible: bool = False,
     ) -> None:
         robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
         self.step_s, self.range_max_m = spec.world.step_time, spec.lidar.range_max
@@ -90,7 +87,6 @@ class Fleet:
             number = round(2 * math.pi / lidar["angle_range"] * (lidar["number"] - 1))
             lidar |= {"angle_range": 2 * math.pi * (1 - 1 / number), "number": number}
         self.angles = beam_angles(lidar)
-        self.crowds, self.is_visible = [each.crowd() if each.crowd else None for each in courses], is_visible
         self.courses, self.settings = courses, {key: settings[key] for key in arm.candidates}
         self.arm = arm
         planned = Settings(**{key: value for key, value in settings.items() if key not in arm.candidates})
@@ -127,7 +123,6 @@ class Fleet:
         if step > TURN_STEPS:
             self.path_m[who] += np.abs(self.commands[who, 0]) * self.step_s
             self.moving_steps[who] += self.commands[who, 0] != 0
-        self._walk(who, step)
         obstacles = self.obstacles[:, who, step]
         distance, contact = nearest(self.poses[who, :2], self.outlines[:, who], obstacles, self.radii[:, who])
         self.clearance_m[who] = np.minimum(self.clearance_m[who], distance)
@@ -145,17 +140,6 @@ class Fleet:
         elif len(who):
             ranges, _ = scan(self.poses[who], self.angles, self.outlines[:, who], obstacles, self.range_max_m)
             self.seen.add(who, ranges.astype(np.float32), self.poses[who])
-
-    def _walk(self, who: np.ndarray, step: int) -> None:
-        """Move the people, if there are any."""
-        for index in who:
-            if crowd := self.crowds[index]:
-                pose, speed = self.poses[index], self.commands[index, 0]
-                robot = np.array([*pose[:2], speed * np.cos(pose[2]), speed * np.sin(pose[2]), self.radius_m])
-                last = len(self.courses[index].outlines)
-                people = slice(last - self.courses[index].people, last)
-                places = crowd.step(robot if self.is_visible or step <= TURN_STEPS else None)
-                self.obstacles[people, index, step, :2] = places
 
     def _end(self, index: int, outcome: str, step: int, contact: np.ndarray | None = None) -> None:
         course, pose = self.courses[index], self.poses[index]

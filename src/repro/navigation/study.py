@@ -54,8 +54,6 @@ class Study:
         specs: the worlds of the courses by their experiments.
         grid: grid of the maps.
         inflations_m: candidates of the inflation [m].
-        people: None if obstacles move as in their worlds; `unaware` or `aware` for people who walk, and see the robot
-            or not.
     """
 
     def __init__(
@@ -67,10 +65,9 @@ class Study:
         grid: Grid,
         *,
         inflations_m: Sequence[float],
-        people: str | None = None,
     ) -> None:
         self.directory, self.name, self.arm, self.specs, self.grid = directory / name, name, arm, specs, grid
-        self.inflations_m, self.people = tuple(inflations_m), people
+        self.inflations_m = tuple(inflations_m)
         self.courses: dict[tuple[str, int], Course] = {}
         self.driven = 0  # episodes of the present run
 
@@ -82,7 +79,7 @@ class Study:
             origin: the provenance of the episodes that are driven now, which is added to that of earlier ones.
 
         Raises:
-            InputError: the directory has episodes of other worlds, people, maps or weights.
+            InputError: the directory has episodes of other worlds, maps or weights.
         """
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
@@ -104,7 +101,7 @@ class Study:
     def _check_courses(self) -> None:
         """Refuse to mix episodes, and write of what they are."""
         present: dict[str, Any] = {name: spec_fingerprint(spec) for name, spec in self.specs.items()}
-        present |= {"people": self.people, "grid": dataclasses.asdict(self.grid), "weights": self.arm.weights}
+        present |= {"grid": dataclasses.asdict(self.grid), "weights": self.arm.weights}
         path = self.directory / COURSES
         known = read_mapping(path, "the courses of an arm") if path.is_file() else {}
         if other := [name for name in present if name in known and known[name] != present[name]]:
@@ -158,11 +155,9 @@ class Study:
         """Drive courses of several experiments, which have the same robot."""
         for experiment, seed in names:
             if (experiment, seed) not in self.courses:
-                has_people = self.people is not None
-                self.courses[experiment, seed] = sample_course(self.specs[experiment], seed, has_people=has_people)[0]
+                self.courses[experiment, seed] = sample_course(self.specs[experiment], seed)[0]
         spec, courses = next(iter(self.specs.values())), [self.courses[name] for name in names]
-        fleet = Fleet(spec, courses, self.arm, settings, self.grid, is_visible=self.people == "aware")
-        episodes = fleet.drive()
+        episodes = Fleet(spec, courses, self.arm, settings, self.grid).drive()
         self.driven += len(episodes)
         rows = pd.DataFrame(map(dataclasses.asdict, episodes))
         return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from repro.metrics.bootstrap import bounds, draw_weights
-from repro.navigation.arms import HITS
 from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
 from repro.reporting.names import predictor_title
 from repro.reporting.plots import INK, MARKERS, STYLE, columns, one_legend, save
@@ -91,11 +90,11 @@ def best_classical(test: pd.DataFrame) -> str | None:
 
 
 def title_of(arm: str) -> str:
-    """Return the title of an arm; that of a network is named `<model>-<encoding>`, with `-hits` for recent hits."""
+    """Return the title of an arm; that of a network is named `<model>-<encoding>`."""
     if arm in TITLES:
         return TITLES[arm]
-    model, _, encoding = arm.removesuffix(HITS).partition("-")
-    return predictor_title(model, encoding) + (" or hits of 1 s" if arm.endswith(HITS) else "")
+    model, _, encoding = arm.partition("-")
+    return predictor_title(model, encoding)
 
 
 def arms_of(names: Iterable[str]) -> list[str]:

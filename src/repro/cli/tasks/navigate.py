@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repro.cli.jobs import Job
-from repro.cli.settings import NETWORK_ARMS
+from repro.cli.settings import NETWORK_ARM
 from repro.cli.tasks import NETWORK_KEYS, Task
 from repro.system.errors import InputError
 
@@ -31,7 +31,7 @@ def run(job: Job) -> None:
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
     name, arm = _arm(job, grid, settings.arm)
-    study = Study(directory, name, arm, specs, grid, inflations_m=settings.inflations_m, people=settings.people)
+    study = Study(directory, name, arm, specs, grid, inflations_m=settings.inflations_m)
     with few_threads():
         study.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
@@ -43,11 +43,11 @@ def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
     from repro.baselines.registry import TRACKER
     from repro.evaluation.evaluate import evaluate_baseline
     from repro.learning.networks.trained import load_trained, module_of
-    from repro.navigation.arms import CLASSICAL, HITS, network_arm, tracker_arm
+    from repro.navigation.arms import CLASSICAL, network_arm, tracker_arm
     from repro.networks.predictor import load_predictor
     from repro.networks.weights import locate
 
-    if name in NETWORK_ARMS:
+    if name == NETWORK_ARM:
         path = locate(job.call.prediction.weights)
         predictor = load_predictor(path) if path.is_file() else load_trained(path)
         if predictor.grid != grid:
@@ -57,10 +57,8 @@ def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
             raise InputError(
                 "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
             )
-        with_hits = name == "network_hits"
         kind = "onnx" if path.is_file() else type(module_of(predictor)).__name__.lower()
-        label = f"{kind}-{predictor.encoding.name}{HITS if with_hits else ''}"
-        return label, network_arm(predictor, with_hits=with_hits, weights=_checksum(path))
+        return f"{kind}-{predictor.encoding.name}", network_arm(predictor, weights=_checksum(path))
     if name == "tracker":
         evaluate_baseline(job.outputs, job.config, name)
         tuned = job.outputs.run(job.config.of_baseline(name).key).provenance().last("evaluated") or {}
@@ -78,7 +76,7 @@ def _checksum(path: Path) -> str:
 
 def _target(job: Job) -> Path:
     arm = job.call.navigation.arm
-    name = f"{arm} {job.call.prediction.weights}" if arm in NETWORK_ARMS else arm
+    name = f"{arm} {job.call.prediction.weights}" if arm == NETWORK_ARM else arm
     return job.outputs.path / "navigation" / name.replace("/", " ")
 
 
