@@ -11,8 +11,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from repro.logs.formats import read_log
-from repro.logs.scan_log import ReadOptions, ScanLog
-from repro.logs.times import WindowSettings
+from repro.logs.options import ReadOptions, WindowSettings
+from repro.logs.scan_log import ScanLog
 
 SCANS, BEAMS = 30, 181
 WINDOWS = WindowSettings(steps=10)

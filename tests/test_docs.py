@@ -13,8 +13,7 @@ import pytest
 from conftest import ROOT, TINY, read_calls
 
 from repro.logs.formats import read_log
-from repro.logs.scan_log import ReadOptions
-from repro.logs.times import WindowSettings
+from repro.logs.options import ReadOptions, WindowSettings
 from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
 

@@ -16,8 +16,8 @@ from table import head, row
 from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork, export_onnx, load_trained
 from repro.logs.formats import read_log
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.logs.times import WindowSettings
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor, load_predictor

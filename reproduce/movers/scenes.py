@@ -11,8 +11,8 @@ from tqdm import tqdm
 
 from repro.evaluation.recency import TOUCH_M
 from repro.learning.rehearsal import true_map
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.logs.times import WindowSettings
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
 from repro.prediction.agreement import last_hits

@@ -22,8 +22,8 @@ import numpy as np
 from repro.learning.held_out import View, labeled
 from repro.logs.carmen import carmen_scans
 from repro.logs.formats import read_log
-from repro.logs.scan_log import ReadOptions, ScanLog, collect
-from repro.logs.times import WindowSettings, window_of
+from repro.logs.options import ReadOptions, WindowSettings, window_of
+from repro.logs.scan_log import ScanLog, collect
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, observed

@@ -18,8 +18,8 @@ from repro.learning.labels import UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.platt import calibrate
 from repro.learning.rehearsal import SHARE, rehearsed
+from repro.logs.options import window_of
 from repro.logs.scan_log import ScanLog
-from repro.logs.times import window_of
 from repro.maps.series import Series
 from repro.maps.statistics import Statistics
 from repro.recordings.datasets import HIDDEN, Pairs

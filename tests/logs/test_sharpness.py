@@ -8,8 +8,8 @@ import pytest
 from conftest import ROOT
 
 from repro.logs.formats import read_log
+from repro.logs.options import WindowSettings
 from repro.logs.sharpness import sharper_convention
-from repro.logs.times import WindowSettings
 
 WINDOWS = WindowSettings()
 LOG = read_log(ROOT / "examples" / "rooms.npz", WINDOWS)

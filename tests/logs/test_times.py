@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from repro.logs.scan_filter import LogScan
+from repro.logs.log_scan import LogScan
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import collect
-from repro.logs.times import Clock, WindowSettings, ends_of, parts_of
+from repro.logs.times import Clock, ends_of, parts_of
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor

@@ -14,8 +14,8 @@ import pytest
 from conftest import ROOT
 
 from repro.logs.messages import seconds
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.logs.times import WindowSettings
 from repro.networks.predictor import load_predictor
 from repro.prediction.stream import predict_map
 from repro.prediction.windows import cut

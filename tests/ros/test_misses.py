@@ -9,7 +9,7 @@ from log_files import npz, read
 from test_live_mapper import ANGLES, Robot, predictor_of
 from test_live_mapper import scan as message
 
-from repro.logs.times import WindowSettings
+from repro.logs.options import WindowSettings
 from repro.maps.projection import Projection
 from repro.prediction.stream import PredictionStream
 
@@ -102,5 +102,5 @@ def test_misses_may_be_taken_as_invalid(tmp_path):
     assert np.array_equal(np.isinf(free.ranges), np.isnan(invalid.ranges))
     assert np.isinf(free.ranges).any()
     assert not invalid.notes
-    with pytest.raises(ValueError, match="misses: expected free or invalid, got lost"):
+    with pytest.raises(ValueError, match="misses=lost: must be 'free' or 'invalid'"):
         WindowSettings(misses="lost")

@@ -17,7 +17,7 @@ from programs import EXAMPLE, batch_maps, check_maps, started
 from rosbags.highlevel import AnyReader
 
 from repro.logs.formats import read_log
-from repro.logs.times import WindowSettings
+from repro.logs.options import WindowSettings
 
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
 SCANS = 120

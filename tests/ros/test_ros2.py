@@ -14,7 +14,7 @@ from conftest import ROOT
 from programs import EXAMPLE, batch_maps, check_maps, started
 
 from repro.logs.formats import read_log
-from repro.logs.times import WindowSettings
+from repro.logs.options import WindowSettings
 
 if "REPRO_ROS2" not in os.environ:
     pytest.skip("needs ROS 2: make test-ros2", allow_module_level=True)

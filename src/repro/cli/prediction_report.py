@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range, note_on_repeats
 from repro.logs.scan_log import ScanLog
 from repro.logs.sharpness import sharper_convention
-from repro.logs.times import WindowSettings
 from repro.maps.statistics import TITLES, Statistics
 from repro.prediction.agreement import COMPARISONS, LOSSES
 from repro.prediction.moving import MOVERS

@@ -28,8 +28,8 @@ from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
 from repro.learning.platt import calibrate
 from repro.learning.training import TrainingModule, fit, load_best
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.logs.times import WindowSettings
 from repro.maps.statistics import Statistics
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed

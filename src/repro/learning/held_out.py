@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.logs.times import WindowSettings
 from repro.maps.grid import Grid
 from repro.prediction.agreement import Observed, observed
 from repro.prediction.windows import Window, cut

@@ -12,10 +12,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from repro.logs.bag_files import REPAIR, check_files
+from repro.logs.log_scan import LogScan
 from repro.logs.messages import LaserScans, add_odometry, add_pose, add_transforms, seconds
+from repro.logs.options import ReadOptions
 from repro.logs.poses import DISORDER_S
-from repro.logs.scan_filter import LogScan
-from repro.logs.scan_log import ReadOptions
 from repro.logs.transforms import BASES, Transforms
 from repro.system.errors import InputError, printable
 

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from repro.logs.log_scan import LogScan
 from repro.logs.poses import MAX_GAP_S
-from repro.logs.scan_filter import LogScan
+from repro.logs.reasons import Reason
 from repro.scans import wrapped
 from repro.system.errors import InputError
 
@@ -131,9 +132,7 @@ def _flaser(words: list[str], range_max_m: float) -> LogScan:
     """Read FLASER num_readings [ranges] x y theta odom_x odom_y odom_theta ipc_timestamp ipc_hostname timestamp."""
     count = int(words[1])
     ranges, rest = _floats(words[2 : 2 + count], count), words[2 + count :]
-    is_known = count in FLASER_SPACING_DEG or not count
-    known = ", ".join(map(str, FLASER_SPACING_DEG))
-    problem = None if is_known else f"of {count} readings, which do not tell their angles as {known} do"
+    problem = None if count in FLASER_SPACING_DEG or not count else Reason.UNKNOWN_ANGLES
     spacing = math.radians(FLASER_SPACING_DEG.get(count, 1))
     first = -spacing * (count // 2)
     return LogScan(float(rest[6]), ranges, first, spacing, 0.0, range_max_m, _pose(rest[:3]), problem)
@@ -149,7 +148,7 @@ def _robotlaser(words: list[str]) -> LogScan:
     ranges, rest = _floats(words[9 : 9 + count], count), words[9 + count :]
     rest = rest[1 + int(rest[0]) :]
     is_consistent = not count > 1 or not view > 0 or abs(spacing * (count - 1) - view) <= 1.5 * spacing + 0.01 * view
-    problem = None if is_consistent else "with a field of view that contradicts the angle between its readings"
+    problem = None if is_consistent else Reason.CONTRADICTION
     return LogScan(float(rest[11]), ranges, first, spacing, 0.0, range_max_m, _pose(rest[:3]), problem)
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from repro.logs.log_scan import LogScan
 from repro.logs.poses import PlanarPose
-from repro.logs.scan_filter import LogScan
 from repro.scans import wrapped
 
 NEGLIGIBLE_M = 0.01  # way of the lidar within half a scan; a turn is negligible up to half the angle between two beams

@@ -11,10 +11,10 @@ from types import ModuleType
 from typing import Any
 
 from repro.logs.carmen import GZIP, is_carmen, read_carmen
+from repro.logs.log_scan import LogScan
 from repro.logs.npz import array_scans
-from repro.logs.scan_filter import LogScan
-from repro.logs.scan_log import ReadOptions, ScanLog, collect
-from repro.logs.times import WindowSettings
+from repro.logs.options import ReadOptions, WindowSettings
+from repro.logs.scan_log import ScanLog, collect
 from repro.system.errors import InputError
 
 KINDS = "an npz with ranges, angles, poses and stamps, a CARMEN log, or a ROS 1, ROS 2 or MCAP bag"

@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from repro.logs.distortion import undistorted
-from repro.logs.scan_filter import LogScan
-from repro.logs.transforms import MAX_TILT, Transforms
+from repro.logs.log_scan import LogScan
+from repro.logs.reasons import Reason
+from repro.logs.transforms import Transforms
 from repro.system.errors import InputError
 
 GAPS = 15  # between scans, of which the median is taken
 MAX_SCAN_S, LONGER = 1.0, 1.2  # duration of a scan, and how many times the time to the next one it may last
 EXTRA_BEAMS = (-0.5, 1.5)  # from the last beam to angle_max, which some drivers set to the angle after it
 MAX_VARIATION = 0.1  # of the number of readings between the scans of a lidar
-CONTRADICTION = "with angles that contradict one another"
 
 
 def seconds(stamp: Any) -> float:
@@ -96,7 +96,7 @@ class LaserScans:
         except InputError as error:
             self.warn_once("tilt", str(error))
             placed, begin, end = None, None, None
-            problem = f"tilted by more than {math.degrees(MAX_TILT):.0f} degrees"
+            problem = Reason.TILTED
         first, spacing, contradiction = self._angles(message)
         sense = -1 if placed and placed.is_upside_down else 1
         scan = LogScan(
@@ -113,7 +113,7 @@ class LaserScans:
         is_usable = begin and end and not scan.problem and math.isfinite(first + spacing)
         return undistorted(scan, begin, end) if is_usable and begin and end else scan
 
-    def _angles(self, message: Any) -> tuple[float, float, str | None]:
+    def _angles(self, message: Any) -> tuple[float, float, Reason | None]:
         """Return the first angle and the angle between beams [rad], and a contradiction of the fields, if any."""
         first, last, spacing = (float(getattr(message, f"angle_{name}")) for name in ("min", "max", "increment"))
         steps = len(message.ranges) - 1
@@ -121,7 +121,7 @@ class LaserScans:
             return first, spacing, None
         by_limits = (last - first) / steps
         if not math.isfinite(spacing) or spacing == 0:
-            return first, spacing, CONTRADICTION
+            return first, spacing, Reason.CONTRADICTION
         if EXTRA_BEAMS[0] <= (last - first) / spacing - steps <= EXTRA_BEAMS[1]:
             return first, spacing, None
         text = (
@@ -132,7 +132,7 @@ class LaserScans:
             self.warn_once("angles", f"{text}: they are spread over the field of view")
             return first, by_limits, None
         self.warn_once("angles", text)
-        return first, spacing, CONTRADICTION
+        return first, spacing, Reason.CONTRADICTION
 
     def warn_once(self, kind: str, message: str) -> None:
         """Warn of something, unless a message of its kind was given before."""

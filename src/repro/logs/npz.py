@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from repro.logs.scan_filter import LogScan
+from repro.logs.log_scan import LogScan
 from repro.system.arrays import open_arrays, real
 from repro.system.errors import InputError
 from repro.system.files import first_line

@@ -1,96 +1,27 @@
-"""Scans of a lidar as they arrive, in logs and nodes: which can be used, and their valid readings at the same beams."""
+"""Which scans of a lidar can be used, in logs and nodes, as they arrive, with valid readings at the same beams."""
 
 import logging
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
+from repro.logs.log_scan import LogScan
 from repro.logs.misses import MissCheck
+from repro.logs.options import MAX_RANGE_M, WindowSettings
 from repro.logs.poses import MAX_PLACE_M
-from repro.logs.readings import beams_of_turn, is_in_meters, readings
-from repro.logs.times import WindowSettings
+from repro.logs.readings import is_in_meters, readings
+from repro.logs.reasons import Reason
 from repro.maps.validity import FULL_TURN
 from repro.system.errors import InputError
 
 LOGGER = logging.getLogger(__name__)
 MAX_BEAMS = 20_000
-MAX_RANGE_M = 10_000.0
 FIRST_SCANS = 20  # of which the most frequent beams are those of the lidar
-WITHOUT_POSE = "without a pose"
-OTHER_BEAMS = ("with another number of beams", "with other beam angles")
 
 
-@dataclass(frozen=True)
-class LogScan:
-    """One scan of a log or of a message.
-
-    Args:
-        stamp: time [s].
-        ranges: ranges [m], (N,), see `readings`.
-        first_angle: angle of the first beam in the frame of the lidar [rad].
-        spacing: angle between two beams [rad], negative if they go clockwise.
-        range_min_m: smallest valid range [m].
-        range_max_m: smallest range that means a miss [m].
-        pose: x, y [m] and heading [rad] of the lidar; None where it is unknown.
-        problem: why it cannot be used, as its reader knows.
-        header: that of the message, where it is needed later.
-    """
-
-    stamp: float
-    ranges: np.ndarray
-    first_angle: float
-    spacing: float
-    range_min_m: float
-    range_max_m: float
-    pose: tuple[float, float, float] | None
-    problem: str | None = None
-    header: Any = None
-
-    @property
-    def has_valid_range(self) -> bool:
-        """Return whether the maximum range is positive and above the minimum, so that misses can be told."""
-        return self.range_max_m > max(self.range_min_m, 0)  # false for NaN
-
-    def has_beams_of(self, other: "LogScan") -> bool:
-        """Return whether another scan has the same number of beams at the same angles."""
-        angles, others = ((each.first_angle, each.spacing) for each in (self, other))
-        return len(self.ranges) == len(other.ranges) and np.allclose(angles, others, atol=1e-4)
-
-    def at_beams_of(self, other: "LogScan") -> "LogScan | None":
-        """Return the scan at the beams of another one, each with the reading nearest in angle, NaN beyond the ends.
-
-        None, unless both see the same field of view with a similar number of beams.
-        """
-        if self.has_beams_of(other):
-            return self
-        if len(self.ranges) < 2 or not 0.5 < self.spacing / other.spacing < 2:
-            return None
-        first, last = self.first_angle - other.first_angle, len(self.ranges) - 1
-        end = first + self.spacing * last - other.spacing * (len(other.ranges) - 1)
-        if max(abs(first), abs(end)) > 2 * abs(other.spacing):
-            return None
-        place = (other.first_angle + other.spacing * np.arange(len(other.ranges)) - self.first_angle) / self.spacing
-        index = np.rint(place).astype(int)
-        ranges = np.where((index >= 0) & (index <= last), self.ranges[index.clip(0, last)], np.nan).astype(np.float32)
-        return replace(self, ranges=ranges, first_angle=other.first_angle, spacing=other.spacing)
-
-    def in_order(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the angles [rad], (N,), and the index, (N,), of the beams by increasing angle.
-
-        The last beams of a full turn that point where the first ones do are left out.
-        """
-        index = np.arange(len(self.ranges))
-        angles = self.first_angle + self.spacing * index
-        if angles[-1] < angles[0]:
-            angles, index = angles[::-1], index[::-1]
-        count = beams_of_turn(angles)
-        return angles[:count] - (2 * math.pi if angles[count - 1] > 2 * math.pi else 0), index[:count]
-
-
-class Intake:
+class ScanFilter:
     """Takes the scans of a lidar one by one and passes on those that can be used, with valid ranges at the same beams.
 
     The beams and the maximum range are the most frequent ones of the first `FIRST_SCANS` scans with a pose, which wait
@@ -115,15 +46,15 @@ class Intake:
         self.angles, self.range_max_m = np.zeros(0), math.inf
         self.notes: dict[str, str] = {}
         self._misses = MissCheck()
-        self.left_out: Counter[str] = Counter()
-        self.reasons: list[str] = []
+        self.left_out: Counter[Reason] = Counter()
+        self.reasons: list[Reason] = []
         self._first: LogScan | None = None
         self._index = np.zeros(0, dtype=int)
         self._waiting: list[LogScan] = []
         self._resampled = False
 
-    def take(self, scan: LogScan) -> list[LogScan]:
-        """Take a scan and return those that can be used from now on, in the order of their arrival.
+    def add(self, scan: LogScan) -> list[LogScan]:
+        """Take a scan, and return those that can be used from now on, in the order of their arrival.
 
         Raises:
             InputError: the first scans have no beams that a lidar can have.
@@ -176,15 +107,15 @@ class Intake:
             resampled = scan.at_beams_of(first)
             if resampled is None:
                 has_as_many = len(scan.ranges) == len(first.ranges)
-                self._leave_out(OTHER_BEAMS[1] if has_as_many else f"{OTHER_BEAMS[0]} than {len(first.ranges)}")
+                self._leave_out(Reason.OTHER_ANGLES if has_as_many else Reason.OTHER_BEAMS)
             elif not scan.has_valid_range:
-                self._leave_out("without a valid maximum range")
+                self._leave_out(Reason.NO_RANGE)
             elif not is_in_meters(scan.ranges):
-                self._leave_out("with ranges that are not in meters")
+                self._leave_out(Reason.NOT_METERS)
             elif not (_is_near(scan.range_max_m, self.range_max_m) or math.isinf(self.range_max_m)):
-                self._leave_out(f"with another maximum range than {self.range_max_m:.4g} m, which range_max_m replaces")
+                self._leave_out(Reason.OTHER_RANGE)
             elif np.isnan(ranges := self._valid(resampled)).all():
-                self._leave_out("without a valid reading")
+                self._leave_out(Reason.NO_READING)
             else:
                 self._say_resampled(scan, resampled)
                 found.append(replace(resampled, ranges=ranges[self._index], range_max_m=self.range_max_m))
@@ -207,7 +138,7 @@ class Intake:
                 *(self.source, count, len(scan.ranges), count),
             )
 
-    def _leave_out(self, reason: str) -> None:
+    def _leave_out(self, reason: Reason) -> None:
         self.left_out[reason] += 1
         self.reasons.append(reason)
 
@@ -234,14 +165,14 @@ def _check_beams(scan: LogScan, source: str) -> None:
         )
 
 
-def _why_unplaced(scan: LogScan) -> str | None:
+def _why_unplaced(scan: LogScan) -> Reason | None:
     """Return why a scan cannot tell the beams of the lidar; None if it can. Without a pose it may be upside down."""
     if scan.problem:
         return scan.problem
     if not math.isfinite(scan.stamp):
-        return "without a time"
+        return Reason.NO_TIME
     if not len(scan.ranges):
-        return "without beams"
+        return Reason.NO_BEAMS
     if scan.pose is None or not np.isfinite(scan.pose).all():
-        return WITHOUT_POSE
-    return None if np.abs(scan.pose[:2]).max() <= MAX_PLACE_M else f"with a pose farther than {MAX_PLACE_M:g} m"
+        return Reason.NO_POSE
+    return None if np.abs(scan.pose[:2]).max() <= MAX_PLACE_M else Reason.FAR_POSE

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from repro.logs.log_scan import LogScan
+from repro.logs.options import WindowSettings
 from repro.logs.readings import check_heading
-from repro.logs.scan_filter import Intake, LogScan
-from repro.logs.times import NOT_LATER, OUT_OF_ORDER, Clock, UnusableTimes, WindowSettings, parts_of
+from repro.logs.reasons import Reason
+from repro.logs.scan_filter import ScanFilter
+from repro.logs.times import Clock, UnusableTimes, parts_of
 from repro.maps.validity import RADIANS, jumps
 from repro.scans import wrapped
 from repro.system.errors import InputError
@@ -19,34 +22,7 @@ MIN_SCANS = 2
 MAX_BETWEEN_S = 30.0  # between two scans of a lidar
 MOSTLY = 10  # some logs have times of six digits, which hardly increase
 BY_NUMBER = "use prediction.spacing=distance"
-Pose = tuple[float, float, float]
 SCANS_PER_CHECK = 1000  # of the memory
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """What a user knows of a log that its file does not say.
-
-    Args:
-        scan_topic: topic of the scans in a bag; None to find it.
-        odometry_topic: topic of the odometry in a bag; None to find it.
-        frame: frame of the poses in a bag, such as `odom`; None for the topmost one.
-        pose: x, y [m] and heading [rad] of a lidar that stands; None for the poses of the log.
-        mounting: x, y [m] and heading [rad] of the lidar on the robot; None for that of the log, in which the poses of
-            an npz or a CARMEN log are those of the lidar.
-    """
-
-    scan_topic: str | None = None
-    odometry_topic: str | None = None
-    frame: str | None = None
-    pose: Pose | None = None
-    mounting: Pose | None = None
-
-    def __post_init__(self) -> None:
-        others = {"frame": self.frame, "mounting": self.mounting, "odometry_topic": self.odometry_topic}
-        unused = [name for name, value in others.items() if value is not None]
-        if self.pose is not None and unused:
-            raise InputError(f"pose: a lidar that stands needs no {' or '.join(unused)}: leave one out")
 
 
 @dataclass(frozen=True)
@@ -68,7 +44,7 @@ class ScanLog:
     ranges: np.ndarray
     angles: np.ndarray
     poses: np.ndarray
-    skipped: dict[str, int] = field(default_factory=dict)
+    skipped: dict[Reason, int] = field(default_factory=dict)
     range_max_m: float = math.inf
     uncropped: "ScanLog | None" = None
     notes: tuple[str, ...] = ()
@@ -154,9 +130,9 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         InputError: the times do not order the scans, fewer than two scans can be used, the beams are not those of a
             lidar, the ranges are not meters, or the headings are not radians.
     """
-    intake, clock = Intake(str(path), settings), Clock(settings)
+    accepted, clock = ScanFilter(str(path), settings), Clock(settings)
     kept = list[LogScan]()
-    for number, scan in enumerate(_usable(scans, intake)):
+    for number, scan in enumerate(_usable(scans, accepted)):
         if settings.spacing == "distance":
             kept.append(replace(scan, stamp=float(number)))
         elif not clock.why_left_out(scan.stamp):
@@ -167,24 +143,24 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         if is_checked and 1e-9 * sum(each.ranges.nbytes for each in kept) > available_memory_gb():  # copied once
             raise InputError(f"{path}: its first {number} scans fill the memory: divide the log")
     stamps = np.array([scan.stamp for scan in kept])
-    _check_order(stamps, clock.left_out[NOT_LATER] + clock.left_out[OUT_OF_ORDER], path)
-    skipped = intake.left_out + clock.left_out
+    _check_order(stamps, clock.left_out[Reason.NOT_LATER] + clock.left_out[Reason.OUT_OF_ORDER], path)
+    skipped = accepted.left_out + clock.left_out
     if len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise InputError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
     ranges, poses = np.stack([scan.ranges for scan in kept]), np.array([scan.pose for scan in kept], float)
     log = ScanLog(
-        stamps, ranges, intake.angles, poses, dict(skipped), intake.range_max_m, None, (*intake.notes.values(),)
+        stamps, ranges, accepted.angles, poses, dict(skipped), accepted.range_max_m, None, (*accepted.notes.values(),)
     )
     _check_values(log, path, frames={getattr(scan.header, "frame_id", None) for scan in kept})
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
 
 
-def _usable(scans: Iterable[LogScan], intake: Intake) -> Iterator[LogScan]:
+def _usable(scans: Iterable[LogScan], accepted: ScanFilter) -> Iterator[LogScan]:
     for scan in scans:
-        yield from intake.take(scan)
-    yield from intake.flush()
+        yield from accepted.add(scan)
+    yield from accepted.flush()
 
 
 def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
@@ -192,7 +168,7 @@ def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
     backward = int((np.diff(stamps) < 0).sum())
     lost = f"its times are lost, or its scans are not in the order of their times: {BY_NUMBER}"
     if unordered > MOSTLY * len(stamps):
-        counts = f"{unordered} scans are {NOT_LATER}, {len(stamps)} are later"
+        counts = f"{unordered} scans are {Reason.NOT_LATER}, {len(stamps)} are later"
         raise UnusableTimes(f"{path}: {counts}: {lost}")
     if backward >= MOSTLY:
         raise UnusableTimes(f"{path}: time goes back by more than a window {backward} times: {lost}")

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog, path_m
-from repro.logs.times import WindowSettings, ends_of, parts_of, steps_before
+from repro.logs.times import ends_of, parts_of, steps_before
 from repro.scans import Scans
 from repro.system.compiled import compiled
 

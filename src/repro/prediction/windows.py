@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog, path_m
-from repro.logs.times import WindowSettings, ends_of, parts_of, steps_before
+from repro.logs.times import ends_of, parts_of, steps_before
 from repro.maps.statistics import Statistics
 from repro.scans import Scans, wrapped
 from repro.system.errors import InputError

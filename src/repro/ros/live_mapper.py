@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from repro.logs.log_scan import LogScan
 from repro.logs.messages import LaserScans, add_odometry, add_transforms, seconds
+from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range
-from repro.logs.scan_filter import WITHOUT_POSE, Intake, LogScan
-from repro.logs.times import WindowSettings
+from repro.logs.reasons import Reason
+from repro.logs.scan_filter import ScanFilter
 from repro.logs.transforms import Transforms
 from repro.networks.predictor import Predictor
 from repro.prediction.moving import MOVERS
@@ -27,14 +29,14 @@ class LiveMapper:
     """Predicts a map for every scan, once poses before and after it are known.
 
     Scans wait in the order of their times until their poses can be interpolated, as in the prediction from a bag, at
-    most until one arrives that is later by `WAIT_S`, and the first ones for one another, see `Intake`. Several threads
-    may call the methods.
+    most until one arrives that is later by `WAIT_S`, and the first ones for one another, see `ScanFilter`. Several
+    threads may call the methods.
 
     Args:
         predictor: the network.
         publish: is called with the header of the scan, the frame of its pose and the map.
         warn: is called with the reason for which a scan is skipped or has no map.
-        settings: the windows, see `times.window_of`.
+        settings: the windows, see `options.window_of`.
         transforms: the tree of frames, with the frame of the poses and the mounting of the lidar; None for the usual.
     """
 
@@ -57,7 +59,7 @@ class LiveMapper:
 
     def _begin_again(self) -> None:
         """Begin a window, of a lidar whose beams are not known."""
-        self.intake = Intake("scan", self.settings)
+        self.accepted = ScanFilter("scan", self.settings)
         self.stream: PredictionStream | None = None
         self.root: str | None = None  # frame of the poses in the stream
 
@@ -118,14 +120,14 @@ class LiveMapper:
                 self._begin_again()
             self.root = root
         try:
-            found = self.intake.take(scan)
+            found = self.accepted.add(scan)
         except InputError as error:
             self.warn(str(error))
             return
-        for reason in self.intake.reasons:
-            why = f": {self.transforms.why_unplaced(frame, times[1])}" if reason == WITHOUT_POSE else ""
+        for reason in self.accepted.reasons:
+            why = f": {self.transforms.why_unplaced(frame, times[1])}" if reason is Reason.NO_POSE else ""
             self.warn(f"a scan is skipped: it is {reason}{why}")
-        for kind, note in self.intake.notes.items():
+        for kind, note in self.accepted.notes.items():
             self.scans.warn_once(kind, note)
         for each in found:
             self._map(each)
@@ -142,17 +144,17 @@ class LiveMapper:
             if predicted.moving.any():
                 self.scans.warn_once("movers", MOVERS)
             self.publish(scan.header, str(self.root), predicted)
-        elif self.stream.reason and "later" in self.stream.reason:
+        elif self.stream.left_out is Reason.NOT_LATER:
             self.warn(f"a scan is skipped: {self.stream.reason}")
 
     def _stream(self) -> PredictionStream:
-        if message := note_on_range(self.intake.range_max_m, self.predictor.reach_m):
+        if message := note_on_range(self.accepted.range_max_m, self.predictor.reach_m):
             self.warn(message)
         return PredictionStream(
             self.predictor,
-            self.intake.angles,
+            self.accepted.angles,
             center=self.settings.center,
             steps=self.settings.steps,
             step_s=self.settings.step_s,
-            range_max_m=self.intake.range_max_m,
+            range_max_m=self.accepted.range_max_m,
         )

@@ -1,11 +1,13 @@
 """What the nodes of ROS 1 and ROS 2 share: their parameters, and maps as messages."""
 
 import array
-import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
 
-from repro.logs.times import window_of
+from pydantic import Field, StrictBool
+
+from repro.logs.options import ReadOptions, convert_fields, window_of
 from repro.logs.transforms import Transforms
 from repro.networks.predictor import load_predictor
 from repro.prediction.stream import StreamMap
@@ -27,8 +29,19 @@ PARAMETERS: dict[str, tuple[Any, str]] = {  # by name: default, of the type of t
     "misses": ("free", "what a miss shows: free; or invalid, if lost beams arrive as misses"),
     "threads": (1, "threads of the network"),
 }
-NUMBERS = ("mounting", "center")  # parameters whose text of numbers may also be a list of them
-LIMITS = {"threads": (1, 64), "step_s": (0, 60), "range_max_m": (0, 1000)}
+
+
+@dataclass(frozen=True)
+class _Options:
+    """Parameters that are no settings of windows or poses."""
+
+    weights: str
+    scan_topic: str
+    odometry: StrictBool
+    threads: Annotated[int, Field(strict=True, ge=1, le=64)]
+
+    def __post_init__(self) -> None:
+        convert_fields(self)
 
 
 def create_mapper(
@@ -45,46 +58,24 @@ def create_mapper(
     Raises:
         InputError: a value is not one of its parameter, or there are no such weights.
     """
-    for name in PARAMETERS:
-        _check(name, values[name])
-    mounting = _numbers(values, "mounting", 3)
-    center = "robot" if values["center"] == "robot" else _numbers(values, "center", 2)
-    if center is None:
-        raise InputError("center: expected robot or x,y [m], got an empty text")
-    use_threads(values["threads"])
-    predictor = load_predictor(values["weights"])
-    steps, step_s, range_max_m = (values[name] or None for name in ("steps", "step_s", "range_max_m"))
-    others = {"center": center, "range_max_m": range_max_m, "misses": values["misses"]}
-    settings = window_of(predictor, steps, step_s, **others)
+    options = _Options(**{field.name: values[field.name] for field in fields(_Options)})
+    if values["center"] == "start":
+        raise InputError("center: expected robot or x,y [m], got start: a node has no first pose")
+    poses = ReadOptions(frame=_given(values, "frame"), mounting=_given(values, "mounting"))
+    use_threads(options.threads)
+    predictor = load_predictor(options.weights)
+    known = {name: _given(values, name) for name in ("steps", "step_s", "range_max_m")}
+    settings = window_of(predictor, **known, center=values["center"], misses=values["misses"])
 
     def send(header: Any, frame: str, predicted: StreamMap) -> None:
         data = array.array("b", occupancy(predicted.free, predicted.unknown).tobytes())
         publish(grid_message(types, data, predicted, header.stamp, frame))
 
-    transforms = Transforms(KEEP_S, frame=values["frame"] or None, mounting=mounting)
+    transforms = Transforms(KEEP_S, frame=poses.frame, mounting=poses.mounting)
     return LiveMapper(predictor, send, warn, settings, transforms)
 
 
-def _check(name: str, value: Any) -> None:
-    """Check that a value has the type and the limits of its parameter."""
-    default, _ = PARAMETERS[name]
-    kinds = {float: (float, int), str: (str, list, tuple) if name in NUMBERS else (str,)}
-    has_kind = type(value) in kinds.get(type(default), (type(default),))
-    low, high = LIMITS.get(name, (None, None))
-    limits = "" if low is None else f" from {low} to {high}"
-    if not has_kind or (low is not None and not low <= value <= high):
-        raise InputError(f"{name}: expected a value such as {default!r}{limits}, got {value!r}")
-
-
-def _numbers(values: Mapping[str, Any], name: str, count: int) -> Any:
-    """Return a parameter as a tuple of numbers, which is a text with commas or a list; None for an empty text."""
+def _given(values: Mapping[str, Any], name: str) -> Any:
+    """Return a parameter; None for 0 and an empty text, which mean that it is not set."""
     value = values[name]
-    if value == "":
-        return None
-    try:
-        found = tuple(float(word) for word in (value.split(",") if isinstance(value, str) else value))
-    except (TypeError, ValueError):
-        found = ()
-    if len(found) != count or not all(map(math.isfinite, found)):
-        raise InputError(f"{name}: expected {count} finite numbers with commas between them, got {value!r}")
-    return found
+    return None if type(value) in (int, float, str) and value in (0, "") else value
