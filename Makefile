@@ -106,7 +106,7 @@ demo: setup ## one HTML file that runs a network in the browser
 	$(PY) run.py task=demo $(SCALE_ARG) $(ARGS)
 
 docs: setup ## update the generated tables of README.md and docs/, and the published reports, from reproduce/results
-	$(PY) -m repro.cli.documents
+	$(PY) -m repro.cli.generated_documents
 
 clean: ## delete caches and .venv; outputs/ stays
 	rm -rf .venv .venv-ros2 .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info
