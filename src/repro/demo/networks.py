@@ -15,7 +15,7 @@ from repro.networks.onnx_files import OnnxNetwork
 from repro.networks.predictor import Predictor
 from repro.system.errors import InputError
 
-DRAWN_ENCODINGS = ("projection", "stack", "series", "recent")  # those that assets/encodings.js draws
+DRAWN_ENCODINGS = ("projection", "stack", "series")  # those that assets/encodings.js draws
 SMALLEST = 256  # values of a tensor that is stored as float16
 
 

@@ -17,27 +17,32 @@ from repro.system.places import conf_directory
 from repro.system.progress import progress
 from repro.worlds.spec import WorldSpec, read_world, world_spec
 
-WORLDS = (("places", "crowds"), ("rooms", "crossing"))  # and their experiments, in turn: with walls, and open
-SHARE = 0.4  # of the windows of logs
+WORLDS = {  # and their experiments: how many of six windows each has; the first two have walls, the last is open
+    ("places", "crowds"): 1,
+    ("places", "people"): 2,
+    ("rooms", "crossing"): 3,
+}
 
 
-def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
+def rehearsed(predictor: Predictor, count: int) -> Labeled:
     """Record a window in each of some worlds, with the robot in the middle of its map.
 
     Args:
         predictor: encoding and grid.
-        windows_of_logs: number of windows of logs; of simulated ones there are `SHARE` as many.
+        count: number of windows.
     """
-    specs = [
-        world_spec(read_world(conf_directory() / "world" / f"{name}.yaml"), experiment) for name, experiment in WORLDS
-    ]
+    specs = [spec for (name, experiment), number in WORLDS.items() for spec in [_spec(name, experiment)] * number]
     windows, labels = list[Scans](), list[np.ndarray]()
-    for seed in progress(range(round(SHARE * windows_of_logs)), "recording simulated worlds"):
+    for seed in progress(range(count), "recording simulated worlds"):
         spec = specs[seed % len(specs)]
         scans, codes = _window(simulate(sample_world(spec, seed)), spec, predictor.grid)
         windows.append(scans)
         labels.append(codes)
     return drawn(windows, labels, predictor)
+
+
+def _spec(name: str, experiment: str) -> WorldSpec:
+    return world_spec(read_world(conf_directory() / "world" / f"{name}.yaml"), experiment)
 
 
 def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:

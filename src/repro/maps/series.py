@@ -8,8 +8,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from repro.maps.grid import Grid
-from repro.maps.projection import newest_hits
-from repro.maps.visibility import newest_passed
+from repro.maps.projection import count_hits, newest_hits
+from repro.maps.visibility import count_passed, newest_passed
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.fields import STRICT, FrameCount, MaximumRange
@@ -32,7 +32,7 @@ class Stack:
     """
 
     kind: ClassVar[str] = "stack"
-    is_binary: ClassVar[bool] = True
+    bits: ClassVar[int] = 1
     is_inverted: ClassVar[bool] = True  # networks learn slowly from many images of mostly ones
 
     frames: FrameCount
@@ -115,12 +115,14 @@ class Series(Stack):
 
 
 @dataclass(frozen=True, config=STRICT)
-class Recent(Series):
-    """A series whose parts get shorter towards now: the newest is a single step, each older one longer by one factor.
+class Counts(Series):
+    """A series that counts, of parts that get shorter towards now: how many scans hit, or passed over, each pixel.
 
-    In equal parts of a second, whoever walks is a smear of several pixels, and the newest scan looks like one of a
-    second ago. The factor is such that the parts fill the window; their ends are rounded up, and no part is longer than
-    an older one.
+    The newest part is a single step, each older one longer by one factor: in equal parts of a second, whoever walks is
+    a smear of several pixels, and the newest scan looks like one of a second ago. The factor is such that the parts
+    fill the window; their ends are rounded up, and no part is longer than an older one. The darkness of a pixel is the
+    logarithm of one plus its count, over that of one plus the steps of the part, in 16 grays. The difference of two
+    logarithms is about the log odds of an occupancy grid.
 
     Args:
         frames: number of parts of the window; twice as many images.
@@ -130,7 +132,16 @@ class Recent(Series):
         InputError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
     """
 
-    kind: ClassVar[str] = "recent"
+    kind: ClassVar[str] = "counts"
+    bits: ClassVar[int] = 4
+
+    def encode(self, scans: Scans, grid: Grid) -> np.ndarray:
+        parts, lengths = self._parts(scans), np.diff(self._ends(scans.ranges.shape[1]), prepend=0)
+        shares = np.log1p(np.arange(lengths.max() + 1)) / np.log1p(lengths[:, None])
+        grays = 17 * (15 - np.ceil(15 * shares.clip(max=1)).astype(np.uint8))  # of a part and a number of steps
+        part = np.arange(self.frames)[:, None, None]
+        counts = count_hits(parts, grid), count_passed(parts, grid, self.range_max_m)
+        return np.concatenate([grays[part, each.reshape(-1, self.frames, *each.shape[1:])] for each in counts], axis=1)
 
     def _ends(self, count: int) -> list[int]:
         powers = np.arange(self.frames)

@@ -98,7 +98,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
     def with_distances(self) -> "ConvGRU":
         """Return a network that is `centered` and, before it is trained further, predicts the same maps."""
         sizes = self.detail.in_channels, self.frames, self.hidden, self.stride
-        new = ConvGRU(*sizes, centered=True, indexed=self.indexed)
+        new = ConvGRU(*sizes, centered=True, indexed=True)
         new.load_state_dict(new.state_dict() | self.state_dict())
         return new
 
