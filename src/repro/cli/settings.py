@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, Field, model_validator
 
 from repro.cli.errors import Refused
+from repro.logs.options import Center, LidarRange, Misses, Mounting, Pose, Spacing, Steps, StepTime
 from repro.runs.parallel import has_gpu
 from repro.system.errors import InputError
 from repro.system.fields import KNOWN_KEYS, Name, NotNegative, ordered
@@ -73,35 +74,23 @@ class Runtime:
         return self
 
 
-def _place(expected: str, count: int, *words: str) -> AfterValidator:
-    """Return a pydantic validator that accepts some words and lists of so many coordinates."""
-
-    def check(value: Any) -> Any:
-        is_list = isinstance(value, list) and len(value) == count and all(type(each) in (int, float) for each in value)
-        if value not in words and not (is_list and all(abs(each) <= 1e7 for each in value)):  # none is infinite or NaN
-            raise InputError(f"must be {expected}")
-        return value
-
-    return AfterValidator(check)
-
-
 @dataclass(frozen=True)
 class Prediction:
-    """Settings of task=predict."""
+    """Settings of task=predict, of which those of a stream and a node are described in `logs.options`."""
 
     __pydantic_config__ = KNOWN_KEYS
 
     weights: UserPath
-    steps: Annotated[int, Field(ge=1, le=10_000)] | None
-    step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
+    steps: Steps | None
+    step_s: StepTime | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
-    spacing: Literal["time", "distance"] | None
-    center: Annotated[Any, _place("robot, start, or [x,y] in meters", 2, "robot", "start")]
-    pose: Annotated[Any, _place("fixed, or [x,y,heading] in meters and radians", 3, "fixed")] | None
-    mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
+    spacing: Spacing | None
+    center: Center
+    pose: Pose | None
+    mounting: Mounting | None
     fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
-    range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
-    misses: Literal["free", "invalid"]
+    range_max_m: LidarRange | None
+    misses: Misses
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None
