@@ -68,7 +68,7 @@ class Pairs:
 
 
 def packed(images: np.ndarray, encoding: Encoding) -> Tensor:
-    """Pack the pixels of images in the bits that an encoding needs, uint8, (..., W) to (..., W bits / 8), rounded up."""
+    """Pack the pixels of images, uint8, (..., W), in the bits that an encoding needs, (..., W bits / 8), rounded up."""
     grays, bits = images // np.uint8(_step(encoding)), encoding.bits
     if bits == 1:
         return torch.from_numpy(np.packbits(grays, axis=-1))
