@@ -22,18 +22,19 @@ WORLDS = {  # and their experiments: how many of six windows each has; the first
     ("places", "people"): 2,
     ("rooms", "crossing"): 3,
 }
+SHARE = 0.4  # of the windows of logs
 
 
-def rehearsed(predictor: Predictor, count: int) -> Labeled:
+def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
     """Record a window in each of some worlds, with the robot in the middle of its map.
 
     Args:
         predictor: encoding and grid.
-        count: number of windows.
+        windows_of_logs: number of windows of logs; of simulated ones there are `SHARE` as many.
     """
     specs = [spec for (name, experiment), number in WORLDS.items() for spec in [_spec(name, experiment)] * number]
     windows, labels = list[Scans](), list[np.ndarray]()
-    for seed in progress(range(count), "recording simulated worlds"):
+    for seed in progress(range(round(SHARE * windows_of_logs)), "recording simulated worlds"):
         spec = specs[seed % len(specs)]
         scans, codes = _window(simulate(sample_world(spec, seed)), spec, predictor.grid)
         windows.append(scans)
