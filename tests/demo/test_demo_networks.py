@@ -13,7 +13,7 @@ from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.runs.model import paper_model
-from repro.worlds.spec import read_world
+from repro.worlds.spec import WorldFile, read_world
 
 PAGE_GRID = Grid(32, 50.0)
 PROJECTION = create_encoding("projection", {"decay": True, "oldest_gray": 0.8})
@@ -48,7 +48,7 @@ def test_a_saved_network_is_loaded_with_its_encoding_and_grid(tmp_path):
 
 
 def world(name):
-    return read_world(ROOT / "conf" / "world" / f"{name}.yaml")
+    return WorldFile.parse(read_world(ROOT / "conf" / "world" / f"{name}.yaml")).specs
 
 
 def network(title="Net", grid=PAGE_GRID, steps=100, step_s=0.1):

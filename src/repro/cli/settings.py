@@ -106,9 +106,9 @@ class Adaptation:
     name: Name | None
 
 
-NetworkArm = Literal["network", "network_hits"]  # of the network of the call
-ClassicalArm = Literal["scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities"]
-ARMS, NETWORK_ARMS = get_args(ClassicalArm), get_args(NetworkArm)
+NETWORK = "network"  # of the network of the call
+Classical = Literal["scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities"]
+MAPPERS = get_args(Classical)
 SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test follow those of the validation
 
 
@@ -117,21 +117,18 @@ class Navigation:
     """Settings of task=navigate.
 
     Args:
-        arm: how the robots make maps.
+        mapper: how the robots make maps.
         experiments: those of `world` in which they drive.
-        people: None if the obstacles move as in `world`; `unaware` or `aware` for people in their place, who walk to
-            goals, and see the robot or not.
         inflations_m: candidates for the radius by which obstacles grow [m].
-        validation_seeds: courses per experiment for the choice of the settings of an arm.
+        validation_seeds: courses per experiment for the choice of the settings of a mapper.
         test_seeds: courses per experiment for the test.
         curve_seeds: courses per experiment for each inflation.
     """
 
     __pydantic_config__ = KNOWN_KEYS
 
-    arm: Literal[ClassicalArm, NetworkArm]
+    mapper: Literal[Classical, "network"]
     experiments: Annotated[list[Name], Field(min_length=1)]
-    people: Literal["unaware", "aware"] | None
     inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount

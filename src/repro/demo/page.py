@@ -7,6 +7,7 @@ its worker. ONNX Runtime Web and the networks are embedded as base64 of gzip.
 import base64
 import gzip
 import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -21,25 +22,24 @@ from repro.recordings.format import SHOWN_SEED
 from repro.simulation.sampling import World, sample_world
 from repro.simulation.simulator import drive_robot, move_obstacles, outlines_of_world
 from repro.system.errors import InputError
-from repro.worlds.spec import WorldSpec, world_spec
+from repro.worlds.spec import WorldSpec
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
 PAGE, WORKER = ("world.js", "drawing.js", "main.js"), ("visibility.js", "encodings.js", "worker.js")
 WORLDS, WINDOWS = 3, 6  # of each experiment, and the length of a world
 
 
-def render(networks: list[DemoNetwork], runtime: Runtime, world: dict[str, Any]) -> str:
+def render(networks: list[DemoNetwork], runtime: Runtime, specs: Mapping[str, WorldSpec]) -> str:
     """Return the page.
 
     Args:
         networks: the networks to choose from; the first is selected.
         runtime: ONNX Runtime Web.
-        world: `world`, `robot` and `experiments` of conf/world.
+        specs: what decides the worlds of each experiment, by its name.
 
     Raises:
         InputError: the page cannot show the worlds, or a network was trained for other maps or windows.
     """
-    specs = {name: world_spec(world, name) for name in world["experiments"]}
     for name, each in specs.items():
         if not each.is_like_papers:
             raise InputError(f"the demo cannot show experiment {name}, with {each.motion.name}: use world=paper")

@@ -20,7 +20,7 @@ def run(job: Job) -> None:
     for number, name in enumerate(job.call.demo.networks, start=1):
         print(f"network {number} of {len(job.call.demo.networks)}, exported and compared: {name}", flush=True)
         networks.append(load_demo_network(name))
-    page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
+    page = render(networks, runtime, job.call.specs)
     path = job.outputs.path / "demo.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, page)

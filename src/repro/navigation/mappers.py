@@ -1,4 +1,4 @@
-"""The arms of the comparison: from what robots have seen so far to the maps that they plan on."""
+"""The mappers of the comparison: from what robots have seen so far to the maps that they plan on."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,10 +17,8 @@ from repro.navigation.planner import HORIZON_S, LAYER_S
 from repro.networks.predictor import Predictor
 from repro.scans import Scans
 
-AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of an arm that knows velocities, from now on
+AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of a mapper that knows velocities, from now on
 NEVER = -(10**6)  # step of what has not been seen
-HITS = "-hits"  # end of the name of the arm of a network that is combined with recent hits
-RECENT_S = 1.0  # age of the hits that are combined with a network
 
 
 @dataclass(eq=False)
@@ -80,7 +78,7 @@ Maps = Callable[[Seen, np.ndarray], np.ndarray]  # probabilities of an obstacle 
 
 
 @dataclass(frozen=True)
-class Arm:
+class Mapper:
     """One way to make maps.
 
     Args:
@@ -111,10 +109,6 @@ def _network(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
     return 1 - predictor.predict(seen.window(who), allow_empty=True)[:, None]
 
 
-def _network_and_hits(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
-    return np.maximum(_network(predictor, seen, who), seen.hits(who, RECENT_S)[:, None])
-
-
 def _tracked(settings: Mapping[str, float], seen: Seen, who: np.ndarray) -> np.ndarray:
     """Return the tracked shapes now and ahead, with the settings that `baselines.registry.tracker` tunes."""
     chosen = dict(settings)
@@ -135,16 +129,16 @@ def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
     """Return the true maps, of obstacles that keep their present velocity."""
     courses = [seen.courses[index] for index in who]
     before, now = (
-        [seen.states[: len(each.outlines), index, step] for each, index in zip(courses, who, strict=True)]
+        [seen.states[: len(course.outlines), index, step] for course, index in zip(courses, who, strict=True)]
         for step in (seen.step - 1, seen.step)
     )
     velocity = [(new - old) / seen.step_s for old, new in zip(before, now, strict=True)]
     states = [place + later * speed for place, speed in zip(now, velocity, strict=True) for later in ahead_s]
-    outlines = [each.outlines for each in courses for _ in ahead_s]
-    owner = np.repeat(np.arange(len(states)), [len(each) for each in states])
-    longest = max(each.shape[1] for each in outlines)
+    outlines = [course.outlines for course in courses for _ in ahead_s]
+    owner = np.repeat(np.arange(len(states)), [len(own) for own in states])
+    longest = max(own.shape[1] for own in outlines)
     free = rasterize(
-        np.concatenate([padded(each, longest) for each in outlines]),
+        np.concatenate([padded(own, longest) for own in outlines]),
         np.concatenate(states),
         owner,
         len(states),
@@ -156,21 +150,21 @@ def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
 AGES_S = (1.0, 3.0, 10.0, 30.0)
 ALL_AGES_S = (0.0, *AGES_S, 1000.0)
 CLASSICAL = {
-    "scan": Arm(partial(_hits, age_s=0.0), is_binary=True),
-    "keep": Arm(partial(_hits, age_s=1000.0), is_binary=True),
-    "decay": Arm(_hits, {"age_s": AGES_S}, is_binary=True),
-    "log_odds": Arm(_log_odds, {"forgetting": (0.0, 0.005, 0.02, 0.05)}),
-    "full_circle": Arm(_hits, {"age_s": ALL_AGES_S}, is_binary=True, lidar="circle"),
-    "truth": Arm(partial(_truth, ahead_s=AHEAD_S[:1]), is_binary=True, lidar="none"),
-    "true_velocities": Arm(partial(_truth, ahead_s=AHEAD_S), is_binary=True, lidar="none"),
+    "scan": Mapper(partial(_hits, age_s=0.0), is_binary=True),
+    "keep": Mapper(partial(_hits, age_s=1000.0), is_binary=True),
+    "decay": Mapper(_hits, {"age_s": AGES_S}, is_binary=True),
+    "log_odds": Mapper(_log_odds, {"forgetting": (0.0, 0.005, 0.02, 0.05)}),
+    "full_circle": Mapper(_hits, {"age_s": ALL_AGES_S}, is_binary=True, lidar="circle"),
+    "truth": Mapper(partial(_truth, ahead_s=AHEAD_S[:1]), is_binary=True, lidar="none"),
+    "true_velocities": Mapper(partial(_truth, ahead_s=AHEAD_S), is_binary=True, lidar="none"),
 }
 
 
-def network_arm(predictor: Predictor, *, with_hits: bool = False, weights: str = "") -> Arm:
-    """Return the arm of a trained network, alone or with recent hits: the larger of the two probabilities."""
-    return Arm(partial(_network_and_hits if with_hits else _network, predictor), weights=weights)
+def network_mapper(predictor: Predictor, *, weights: str = "") -> Mapper:
+    """Return the mapper of a trained network."""
+    return Mapper(partial(_network, predictor), weights=weights)
 
 
-def tracker_arm(settings: Mapping[str, float]) -> Arm:
-    """Return the arm of the tracker with settings that `baselines.registry` has tuned."""
-    return Arm(partial(_tracked, settings), is_binary=True)
+def tracker_mapper(settings: Mapping[str, float]) -> Mapper:
+    """Return the mapper of the tracker with settings that `baselines.registry` has tuned."""
+    return Mapper(partial(_tracked, settings), is_binary=True)
