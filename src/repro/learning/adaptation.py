@@ -41,7 +41,7 @@ from repro.system.errors import InputError
 DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that swings is in all of them in turn
 MAX_WINDOWS = 60  # of each view, so that no log outweighs others; they are drawn from up to twice as many
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
-TRAINED_WINDOWS = 22_000  # of logs in all epochs, but at least one: short logs are repeated, the best epoch is kept
+TRAINED_WINDOWS = 10_000  # of logs in all epochs, but at least one: short logs are repeated, the best epoch is kept
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
