@@ -1,8 +1,11 @@
 """Windows of simulated worlds in which a network rehearses while it adapts to logs, see `adaptation`."""
 
+import math
+from collections.abc import Iterator
+
 import numpy as np
 
-from repro.learning.labels import UNKNOWN, Labeled, drawn
+from repro.learning.labels import LOST, UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.outlines import standing
@@ -23,6 +26,10 @@ WORLDS = {  # and their experiments: how many of six windows each has; the first
     ("rooms", "crossing"): 3,
 }
 SHARE = 0.4  # of the windows of logs
+ATTEMPTS, LOST_STEPS = (
+    4,
+    20,
+)  # recordings of an open world, of which the first in which the view lost somebody so lately
 
 
 def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
@@ -34,9 +41,11 @@ def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
     """
     specs = [spec for (name, experiment), number in WORLDS.items() for spec in [_spec(name, experiment)] * number]
     windows, labels = list[Scans](), list[np.ndarray]()
-    for seed in progress(range(round(SHARE * windows_of_logs)), "recording simulated worlds"):
+    count = round(SHARE * windows_of_logs)
+    for seed in progress(range(count), "recording simulated worlds"):
         spec = specs[seed % len(specs)]
-        scans, codes = _window(simulate(sample_world(spec, seed)), spec, predictor.grid)
+        recording = _recorded(spec, range(seed, seed + ATTEMPTS * count, count))
+        scans, codes = _window(recording, spec, predictor.grid)
         windows.append(scans)
         labels.append(codes)
     return drawn(windows, labels, predictor)
@@ -44,6 +53,33 @@ def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
 
 def _spec(name: str, experiment: str) -> WorldSpec:
     return world_spec(read_world(conf_directory() / "world" / f"{name}.yaml"), experiment)
+
+
+def _recorded(spec: WorldSpec, seeds: range) -> Recording:
+    """Record a world; where nothing stands, of those with these seeds the first in which the view has lost somebody.
+
+    What the view has lost is in the scans, so that the choice hardly changes how probable people are, given the scans.
+    """
+    for seed in seeds:
+        recording = simulate(sample_world(spec, seed))
+        if standing(recording.states).any() or any(_lost(recording, spec)):
+            break
+    return recording
+
+
+def _lost(recording: Recording, spec: WorldSpec) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield where each obstacle was that the view has just lost, x, y [m], and how far it can be from there [m]."""
+    poses, states = recording.scans.poses[-LOST_STEPS:], recording.states[:, -LOST_STEPS:, :2]
+    offsets = states - poses[:, :2]
+    bearings = np.arctan2(offsets[..., 1], offsets[..., 0]) - poses[:, 2]
+    in_view = np.cos(bearings) >= math.cos(spec.lidar.angle_range / 2)
+    in_view &= np.linalg.norm(offsets, axis=-1) <= spec.lidar.range_max
+    moves = ~standing(recording.states)
+    top_m_s = max((behavior.speed_m_s[1] for behavior in spec.behaviors), default=0.0)
+    for number in np.flatnonzero(moves & in_view.any(1) & ~in_view[:, -1]):
+        last = int(np.flatnonzero(in_view[number])[-1])
+        since_s = (len(poses) - 1 - last) * spec.world.step_time
+        yield states[number, last], np.linalg.norm(recording.outlines[number], axis=-1).max() + top_m_s * since_s
 
 
 def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:
@@ -55,7 +91,10 @@ def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, n
     shown = shown_pixels(still[None], window.poses[-1:], grid)[0]
     centers = grid.centers().reshape(*shown.shape, 2) + origin
     is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
-    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown)
+    lost = np.zeros_like(shown)
+    for place, reach_m in _lost(recording, spec):
+        lost |= np.linalg.norm(centers - place, axis=-1) <= reach_m
+    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown + LOST * lost)
 
 
 def true_map(
