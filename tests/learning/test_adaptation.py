@@ -153,7 +153,7 @@ def test_where_somebody_can_be_whom_the_view_has_lost_is_marked():
     marked = 0
     for seed in range(6):
         recording = rehearsal._recorded(spec, range(seed, seed + 40, 10))
-        scans, codes = rehearsal._window(recording, spec, PREDICTOR.grid)
+        _, codes = rehearsal._window(recording, spec, PREDICTOR.grid)
         corner = recording.scans.poses[-1, :2] - PREDICTOR.grid.size_m / 2
         lost = list(rehearsal._lost(recording, spec))
         assert bool(lost) == bool((codes & LOST).any()) or all(

@@ -19,6 +19,7 @@ def run(job: Job) -> None:
     Raises:
         InputError: the network is of another map, or a world has no room for courses.
     """
+    print(f"loading what drives a robot by the maps of {job.call.navigation.mapper}", flush=True)
     from repro.navigation.study import Seeds, Study
     from repro.recordings.datasets import grid_of
     from repro.reporting.navigation import write_results

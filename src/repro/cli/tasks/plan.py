@@ -12,7 +12,7 @@ def run(job: Job) -> None:
     worlds = {name: spec_fingerprint(spec) for name, spec in job.call.specs.items()}
     study = Study(job.outputs, job.call.specs, job.call.seed, worlds)
     print(describe_outputs(study, job.call.scale.pairs), flush=True)
-    print(f"The whole study usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
+    print(f"It usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
 
 
 TASK = Task(run, once=True, trains=True)
