@@ -14,7 +14,7 @@ from repro.cli.tasks import adapt as task
 from repro.learning import adaptation, rehearsal
 from repro.learning.adaptation import PartialLoss, adapt, label
 from repro.learning.held_out import View, labeled, turns_of
-from repro.learning.labels import LOST, UNKNOWN, Labeled
+from repro.learning.labels import MOVER, UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.platt import calibrate
 from repro.learning.rehearsal import SHARE, rehearsed
@@ -94,7 +94,7 @@ def test_a_log_that_is_too_short_is_refused(log):
 
 def test_the_loss_is_that_of_known_pixels_and_windows_count_alike():
     logits = torch.tensor([[[[-1.0, 3, 9, 8]]], [[[2.0, 7, -5, 1]]]], requires_grad=True)
-    target = torch.tensor([[[[1, UNKNOWN, UNKNOWN, UNKNOWN]]], [[[0, 1 + LOST, 1 + HIDDEN, UNKNOWN + HIDDEN]]]])
+    target = torch.tensor([[[[1, UNKNOWN, UNKNOWN, UNKNOWN]]], [[[0, 1 + MOVER, 1 + HIDDEN, UNKNOWN + HIDDEN]]]])
     loss = PartialLoss()(logits, target)
     loss.backward()
     softplus = torch.nn.functional.softplus(torch.tensor([1.0, 2, -7, 5]))
@@ -140,30 +140,26 @@ def test_simulated_windows_have_the_robot_in_the_middle_and_nothing_known_outsid
     simulated = rehearsed(PREDICTOR, round(6 / SHARE))
     codes = simulated.pairs.maps[:, 0]
     assert isinstance(simulated, Labeled)
-    assert set((codes & ~LOST).unique().tolist()) <= {0, 1, UNKNOWN, HIDDEN, 1 + HIDDEN}
-    assert (codes[:, 63:65, 63:65] & ~LOST == 1).all()  # the robot stands in the open, and is seen
+    assert set((codes & ~MOVER).unique().tolist()) <= {0, 1, UNKNOWN, HIDDEN, 1 + HIDDEN}
+    assert (codes[:, 63:65, 63:65] & ~MOVER == 1).all()  # the robot stands in the open, and is seen
     outside = (codes == UNKNOWN).float().mean((1, 2))
     assert ((outside > 0) & (outside < 0.8)).all()  # of the world
     assert 0.002 < (codes == 0).float().sum() / (codes < HIDDEN).float().sum() < 0.5
 
 
-def test_where_somebody_can_be_whom_the_view_has_lost_is_marked():
-    """In open worlds, of which those are taken that lose somebody; whoever is lost is where he can be."""
-    spec = rehearsal._spec("rooms", "crossing")
-    marked = 0
+def test_where_something_that_moves_can_be_is_marked():
+    """Open worlds are taken that lose somebody, and whoever was in view lately is within the marked pixels."""
+    spec, grid, lost = rehearsal._spec("rooms", "crossing"), PREDICTOR.grid, 0
     for seed in range(6):
         recording = rehearsal._recorded(spec, range(seed, seed + 40, 10))
-        _, codes = rehearsal._window(recording, spec, PREDICTOR.grid)
-        corner = recording.scans.poses[-1, :2] - PREDICTOR.grid.size_m / 2
-        lost = list(rehearsal._lost(recording, spec))
-        assert bool(lost) == bool((codes & LOST).any()) or all(
-            np.abs(place - corner - 12.5).max() > 12.5 - reach for place, reach in lost
-        )
-        marked += bool(lost)
-        obstacles = codes & 1 == 0
-        if lost and (codes & LOST).any():
-            assert obstacles[(codes & LOST) > 0].mean() > obstacles[codes & (LOST + UNKNOWN) == 0].mean()
-    assert marked >= 5
+        codes = rehearsal._window(recording, spec, grid)[1]
+        seen = list(rehearsal._seen(recording, spec))
+        lost += any(each.is_lost for each in seen)
+        marked, known = (codes & MOVER) > 0, codes & UNKNOWN == 0
+        obstacles = known & (codes & 1 == 0)
+        assert marked.any() == (len(seen) > 0)
+        assert not seen or obstacles[marked].mean() > 3 * obstacles[known & ~marked].mean()
+    assert lost >= 5
 
 
 def test_statistics_are_widened_and_keep_their_median():

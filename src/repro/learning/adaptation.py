@@ -22,7 +22,7 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
-from repro.learning.labels import LOST, UNKNOWN, Labeled, drawn
+from repro.learning.labels import MOVER, UNKNOWN, Labeled, drawn
 from repro.learning.losses import bce_loss, shown_weight
 from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
@@ -42,7 +42,7 @@ DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that
 MAX_WINDOWS = 60  # of each view, so that no log outweighs others; they are drawn from up to twice as many
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
 TRAINED_WINDOWS = 10_000  # of logs in all epochs, but at least one: short logs are repeated, the best epoch is kept
-LOST_WEIGHT = 5.0
+MOVER_WEIGHT = 5.0
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
@@ -58,15 +58,15 @@ SCHEDULE = Training(  # ours
 class PartialLoss(nn.Module):
     """Binary cross-entropy (Eq. 1) where the label is known, averaged over the windows.
 
-    What standing obstacles hide counts a tenth, as in `losses.ShownLoss`. Where somebody can be whom the view has just
-    lost, pixels count more, since few windows teach where people go.
+    What standing obstacles hide counts a tenth, as in `losses.ShownLoss`, and where something that moves can be, five
+    times as much, since few pixels teach how people look and where they go.
     """
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
         """Compute the loss of logits (B, 1, H, W) against the maps of `Labeled`, (B, 1, H, W), in float32."""
         codes = target.to(torch.uint8)
         weights = ((codes & UNKNOWN) == 0) * shown_weight((codes & HIDDEN) > 0)
-        weights = weights * (1 + (LOST_WEIGHT - 1) * ((codes & LOST) > 0))
+        weights = weights * (1 + (MOVER_WEIGHT - 1) * ((codes & MOVER) > 0))
         windows = zip(logits.float(), (codes & 1).float(), weights, strict=True)
         return torch.stack([bce_loss(*window) for window in windows]).mean()
 

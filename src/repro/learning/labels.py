@@ -11,7 +11,7 @@ from repro.recordings.datasets import Pairs, packed
 from repro.scans import Scans
 
 UNKNOWN = 4  # added to the pixels of a map whose label is unknown; `datasets.HIDDEN` is 2
-LOST = 8  # added where somebody can be whom the view has just lost
+MOVER = 8  # added where something that moves and was in view lately can be
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Labeled:
 
     Args:
         pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 4 unknown, and 2 more where standing
-            obstacles hide the pixel, as in `Pairs`, and 8 more where somebody can be whom the view has just lost.
+            obstacles hide the pixel, as in `Pairs`, and 8 more where something that moves can be.
         statistics: those of the windows.
     """
 

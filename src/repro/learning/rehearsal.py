@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from repro.learning.labels import LOST, UNKNOWN, Labeled, drawn
+from repro.learning.labels import MOVER, UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.outlines import standing
@@ -26,10 +27,24 @@ WORLDS = {  # and their experiments: how many of six windows each has; the first
     ("rooms", "crossing"): 3,
 }
 SHARE = 0.4  # of the windows of logs
-ATTEMPTS, LOST_STEPS = (
-    4,
-    20,
-)  # recordings of an open world, of which the first in which the view lost somebody so lately
+ATTEMPTS = 4  # recordings of an open world, of which the first is taken in which the view has just lost somebody
+LATELY_STEPS = 20
+SLACK_M = 0.5  # of where somebody can be, more than what the scans leave open
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An obstacle that moves and was in view lately.
+
+    Args:
+        place: where it was in view last, x, y [m].
+        reach_m: how far from there it can be at the end [m].
+        is_lost: whether it is not in view at the end.
+    """
+
+    place: np.ndarray
+    reach_m: float
+    is_lost: bool
 
 
 def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
@@ -62,24 +77,24 @@ def _recorded(spec: WorldSpec, seeds: range) -> Recording:
     """
     for seed in seeds:
         recording = simulate(sample_world(spec, seed))
-        if standing(recording.states).any() or any(_lost(recording, spec)):
+        if standing(recording.states).any() or any(each.is_lost for each in _seen(recording, spec)):
             break
     return recording
 
 
-def _lost(recording: Recording, spec: WorldSpec) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield where each obstacle was that the view has just lost, x, y [m], and how far it can be from there [m]."""
-    poses, states = recording.scans.poses[-LOST_STEPS:], recording.states[:, -LOST_STEPS:, :2]
+def _seen(recording: Recording, spec: WorldSpec) -> Iterator[Seen]:
+    """Yield each obstacle that moves and was in view lately."""
+    poses, states = recording.scans.poses[-LATELY_STEPS:], recording.states[:, -LATELY_STEPS:, :2]
     offsets = states - poses[:, :2]
     bearings = np.arctan2(offsets[..., 1], offsets[..., 0]) - poses[:, 2]
     in_view = np.cos(bearings) >= math.cos(spec.lidar.angle_range / 2)
     in_view &= np.linalg.norm(offsets, axis=-1) <= spec.lidar.range_max
-    moves = ~standing(recording.states)
     top_m_s = max((behavior.speed_m_s[1] for behavior in spec.behaviors), default=0.0)
-    for number in np.flatnonzero(moves & in_view.any(1) & ~in_view[:, -1]):
+    for number in np.flatnonzero(in_view.any(1) & ~standing(recording.states)):
         last = int(np.flatnonzero(in_view[number])[-1])
-        since_s = (len(poses) - 1 - last) * spec.world.step_time
-        yield states[number, last], np.linalg.norm(recording.outlines[number], axis=-1).max() + top_m_s * since_s
+        since = len(poses) - 1 - last
+        radius_m = float(np.linalg.norm(recording.outlines[number], axis=-1).max())
+        yield Seen(states[number, last], radius_m + top_m_s * since * spec.world.step_time + SLACK_M, since > 0)
 
 
 def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:
@@ -91,10 +106,10 @@ def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, n
     shown = shown_pixels(still[None], window.poses[-1:], grid)[0]
     centers = grid.centers().reshape(*shown.shape, 2) + origin
     is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
-    lost = np.zeros_like(shown)
-    for place, reach_m in _lost(recording, spec):
-        lost |= np.linalg.norm(centers - place, axis=-1) <= reach_m
-    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown + LOST * lost)
+    near = np.zeros_like(shown)
+    for seen in _seen(recording, spec):
+        near |= np.linalg.norm(centers - seen.place, axis=-1) <= seen.reach_m
+    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown + MOVER * near)
 
 
 def true_map(

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.maps.series import Counts, Series, Stack
+from repro.maps.series import Counts, Recent, Series, Stack
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.fields import config_errors_of
@@ -58,6 +58,7 @@ ENCODINGS: dict[str, type[Encoding]] = {  # by their names, without the number o
     "projection": Projection,
     "stack": Stack,
     "series": Series,
+    "recent": Recent,
     "counts": Counts,
 }
 

@@ -115,14 +115,39 @@ class Series(Stack):
 
 
 @dataclass(frozen=True, config=STRICT)
-class Counts(Series):
-    """A series that counts, of parts that get shorter towards now: how many scans hit, or passed over, each pixel.
+class Recent(Series):
+    """A series whose parts get shorter towards now: the newest is a single step, each older one longer by one factor.
 
-    The newest part is a single step, each older one longer by one factor: in equal parts of a second, whoever walks is
-    a smear of several pixels, and the newest scan looks like one of a second ago. The factor is such that the parts
-    fill the window; their ends are rounded up, and no part is longer than an older one. The darkness of a pixel is the
-    logarithm of one plus its count, over that of one plus the steps of the part, in 16 grays. The difference of two
-    logarithms is about the log odds of an occupancy grid.
+    In equal parts of a second, whoever walks is a smear of several pixels, and the newest scan looks like one of a
+    second ago. The factor is such that the parts fill the window; their ends are rounded up, and no part is longer than
+    an older one.
+
+    Args:
+        frames: number of parts of the window; twice as many images.
+        range_max_m: maximum range of the lidar [m].
+
+    Raises:
+        InputError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
+    """
+
+    kind: ClassVar[str] = "recent"
+
+    def _ends(self, count: int) -> list[int]:
+        powers = np.arange(self.frames)
+        tried = range(PRECISION, count * PRECISION)
+        with np.errstate(over="ignore"):  # of factors that are much too large
+            factor = bisect_left(tried, count, key=lambda number: ((number / PRECISION) ** powers).sum()) + PRECISION
+        ages = np.ceil(np.cumsum((factor / PRECISION) ** powers)[:-1] - ROUNDING).astype(int)
+        return np.cumsum(np.sort(np.diff([0, *ages, count]))[::-1]).tolist()
+
+
+@dataclass(frozen=True, config=STRICT)
+class Counts(Recent):
+    """The same series with counts: how many scans of each part hit, or passed over, each pixel.
+
+    The darkness of a pixel is the logarithm of one plus its count, over that of one plus the steps of the part, in 16
+    grays: where each scan of a part hit it, it is as black as in `Recent`. The difference of the logarithms of hits and
+    passes is about the log odds of an occupancy grid.
 
     Args:
         frames: number of parts of the window; twice as many images.
@@ -142,11 +167,3 @@ class Counts(Series):
         part = np.arange(self.frames)[:, None, None]
         counts = count_hits(parts, grid), count_passed(parts, grid, self.range_max_m)
         return np.concatenate([grays[part, each.reshape(-1, self.frames, *each.shape[1:])] for each in counts], axis=1)
-
-    def _ends(self, count: int) -> list[int]:
-        powers = np.arange(self.frames)
-        tried = range(PRECISION, count * PRECISION)
-        with np.errstate(over="ignore"):  # of factors that are much too large
-            factor = bisect_left(tried, count, key=lambda number: ((number / PRECISION) ** powers).sum()) + PRECISION
-        ages = np.ceil(np.cumsum((factor / PRECISION) ** powers)[:-1] - ROUNDING).astype(int)
-        return np.cumsum(np.sort(np.diff([0, *ages, count]))[::-1]).tolist()
