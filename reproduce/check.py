@@ -14,7 +14,7 @@ import pandas as pd
 from repro.evaluation.evaluate import measure
 from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.reporting.paper import read_paper

@@ -6,7 +6,7 @@ import pytest
 from conftest import ROOT
 from scipy.special import entr
 
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.reporting.claims import (
     COLUMNS,
     Claim,
@@ -162,10 +162,10 @@ def trivial(frames, constant):
         everywhere = frames["recency"]["experiment"].map(entr(share) + entr(1 - share))
         frames["recency"] = frames["recency"].assign(value=frames["recency"]["value"].where(~entropy, everywhere))
     cells = frames["reliability"][["experiment", "model", "encoding"]].drop_duplicates()
-    found = cells["experiment"].map(share)
+    observed = cells["experiment"].map(share)
     low, high = (1 / 15, 2 / 15) if constant else (0, 1 / 15)  # the bin of the prediction
     frames["reliability"] = cells.assign(
-        low=low, high=high, predicted=found if constant else 0.0, found=found, pixels=1000, recency="all"
+        low=low, high=high, predicted=observed if constant else 0.0, observed=observed, pixels=1000, recency="all"
     )
     return frames
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from conftest import TINY, damage, read_calls
 
-from repro.baselines.names import QUICK_BASELINES
+from repro.baselines.titles import QUICK_BASELINES
 from repro.cli.errors import explain
 from repro.cli.jobs import Job
 from repro.runs.config import PROJECTION

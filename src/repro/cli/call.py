@@ -19,7 +19,7 @@ from pydantic import (
 from repro.cli.errors import Refused, did_you_mean
 from repro.cli.settings import Adaptation, Demo, Log, Navigation, Prediction, Publish, Runtime, UserPath
 from repro.cli.tasks import Task, tasks
-from repro.runs.config import RECURRENT, Encoding, Scale, Training
+from repro.runs.config import RECURRENT, EncodingChoice, Scale, Training
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.parallel import has_gpu, training_memory_gb
 from repro.system.errors import InputError
@@ -57,7 +57,7 @@ class Call:
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     outputs: UserPath
     recordings: UserPath
-    encoding: Encoding
+    encoding: EncodingChoice
     model: Model
     scale: Scale
     train: Training
@@ -99,7 +99,7 @@ class Call:
     @model_validator(mode="after")
     def _fits_together(self) -> "Call":
         usual = {"decay": self.decay, "oldest_gray": self.oldest_gray}  # of which torch need not be asked
-        if self.encoding != Encoding("projection", usual) and (error := _encoding_error(self.encoding)):
+        if self.encoding != EncodingChoice("projection", usual) and (error := _encoding_error(self.encoding)):
             raise Refused(error)
         if errors := list(self._errors()) or _model_errors(self.model):
             raise Refused(*errors)
@@ -163,7 +163,7 @@ def _weights_error(weights: str) -> str | None:
     return None
 
 
-def _encoding_error(encoding: Encoding) -> str | None:
+def _encoding_error(encoding: EncodingChoice) -> str | None:
     """Return why an encoding cannot be created, None if it can."""
     from repro.maps.encodings import ENCODINGS, create_encoding, kind_of
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from repro.baselines.names import rank
+from repro.baselines.titles import rank
 from repro.recordings.format import recordings_in
 from repro.reporting.render import Cells
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
+from repro.baselines.titles import BOUNDS, LIMITS, OTHER_BOUNDS, rank
 from repro.maps.encodings import ENCODINGS, kind_of
-from repro.metrics.names import SUMMARY
+from repro.metrics.headings import SUMMARY
 from repro.reporting.claims import Verdict, count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
 from repro.reporting.plots import DataFrames

@@ -9,7 +9,7 @@ verdict is also reported at half and double the tolerance.
 import pandas as pd
 
 from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, judge
 from repro.reporting.paper import TABLES
 from repro.reporting.results import of_papers_worlds

@@ -10,7 +10,7 @@ def run(job: Job) -> None:
     Raises:
         InputError: the run is not trained, of another configuration, or damaged.
     """
-    from repro.baselines.names import QUICK_BASELINES
+    from repro.baselines.titles import QUICK_BASELINES
     from repro.cli.output import summary_line
     from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
 
