@@ -13,6 +13,7 @@ is also given with the change from paper.yaml at 64 px added to U-Net's stated p
 
 import argparse
 import copy
+import dataclasses
 import math
 import subprocess
 import sys
@@ -34,8 +35,10 @@ from repro.reporting.paper import WORLDS, read_paper
 from repro.reporting.papers_claims import LEVEL
 from repro.reporting.results import read_published, read_results
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
+from repro.runs.directories import Run
 from repro.runs.keys import CELL
 from repro.runs.outputs import Outputs
+from repro.runs.provenance import Status
 from repro.system.files import write_json, write_text
 from repro.worlds.spec import read_world
 
@@ -59,7 +62,7 @@ class Family:
         clear_m: clear radius of experiments 1 and 3 [m]; that of 2 and 4 is 8.5 m.
         speed_m_s: range of speeds of moving obstacles [m/s].
         turn_steps: range of steps between their turns.
-        growth: factor of the radius of moving obstacles, with which the coverage at the last step is that of paper.yaml.
+        growth: factor of the radius of moving obstacles, for the coverage of paper.yaml at the last step.
     """
 
     number: int = NUMBER
@@ -116,8 +119,8 @@ def _as_polygons(population: dict[str, Any]) -> dict[str, Any]:
 
     IR-SIM draws corners, irregularity and spikeyness from these ranges where a world file has `random_shape: true`.
     """
-    rng, shapes = np.random.default_rng(0), []
-    for radius in np.linspace(*population["radius_m"], POLYGONS):
+    rng, shapes, (low, high) = np.random.default_rng(0), [], population["radius_m"]
+    for radius in np.linspace(low, high, POLYGONS):
         while True:
             corners, irregularity, spikeyness = int(rng.integers(4, 10)), *rng.uniform(0, 1, 2)
             vertices = np.array(generate_polygon(np.zeros(2), 1.0, irregularity, spikeyness, corners))
@@ -133,7 +136,9 @@ def _as_polygons(population: dict[str, Any]) -> dict[str, Any]:
 def run_family(name: str) -> None:
     """Record and train what is missing of a family, in two sweeps."""
     family, directory = FAMILIES[name], OUTPUTS / name
-    write_text(OUTPUTS / "conf" / "world" / f"{name}-family.yaml", yaml.safe_dump(world_of(family)))
+    worlds = OUTPUTS / "conf" / "world"
+    worlds.mkdir(parents=True, exist_ok=True)
+    write_text(worlds / f"{name}-family.yaml", yaml.safe_dump(world_of(family)))
     call = [sys.executable, "run.py", "-m", "--config-dir", str(OUTPUTS / "conf"), f"world={name}-family"]
     call += [*SETTINGS, f"outputs={directory}", "runtime.workers=1", "hydra/launcher=basic"]
     for arguments in ([f"exp={','.join(family.experiments)}"], ["exp=3,4", "decay=false"]):
@@ -142,7 +147,8 @@ def run_family(name: str) -> None:
 
 def measured(name: str) -> pd.DataFrame:
     """Return coverage, visibility and all metrics of U-Net for each cell of a family."""
-    outputs, rows = Outputs(OUTPUTS / name), read_results(Outputs(OUTPUTS / name))
+    outputs = Outputs(OUTPUTS / name)
+    rows = read_results(outputs)
     for experiment in rows["experiment"].unique():
         recordings = open_recordings(outputs.recordings(experiment))
         found = coverage_and_visibility(recordings, "test", Grid(128, 50.0))
@@ -168,12 +174,14 @@ def protocol() -> pd.DataFrame:
 
 
 def summary(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per family: its misfits in all, static and moving cells, and the mean ratio of SSIM to the paper's.
+    """Return one row per family: its misfits in all, static and moving cells, and the paper's SSIM over its own.
 
     Args:
         cells: the rows of `measured` of all families.
     """
-    tables = {name: rows.set_index(["experiment", "encoding"]) for name, rows in cells.groupby("family", sort=False)}
+    tables = {
+        str(name): part.set_index(["experiment", "encoding"]) for name, part in cells.groupby("family", sort=False)
+    }
     plain, full, rows = tables["paper"][[*METRICS]], protocol(), []
     for name, table in tables.items():
         own = table[[*METRICS]].combine_first(plain)
@@ -188,28 +196,38 @@ def summary(cells: pd.DataFrame) -> pd.DataFrame:
 
 
 def main() -> None:
-    """Run the families and write the tables of those that are complete."""
+    """Run the families, print the tables of those that are complete, and publish them if asked to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("families", nargs="*", default=[*FAMILIES], metavar="FAMILY", help=", ".join(FAMILIES))
-    for name in parser.parse_args().families:
-        run_family(name)
+    parser.add_argument("--publish", action="store_true", help="write reproduce/results/worlds, run nothing")
+    options = parser.parse_args()
+    if options.publish:
         publish()
+        return
+    for name in options.families:
+        run_family(name)
+        print(summary(pd.concat(map(measured, complete()))).to_string(float_format="{:.3f}".format), flush=True)
+
+
+def complete() -> list[str]:
+    """Return the families whose cells are all evaluated."""
+    return [name for name, family in FAMILIES.items() if len(evaluated(name)) == len(family.experiments) + len(MOVING)]
+
+
+def evaluated(name: str) -> list[Run]:
+    """Return the evaluated runs of a family."""
+    return [run for run in Outputs(OUTPUTS / name).runs() if run.status is Status.evaluated]
 
 
 def publish() -> None:
-    """Write the cells and the summary of all families that are complete, with the provenance of their runs."""
-    done = [name for name in FAMILIES if len([*Outputs(OUTPUTS / name).runs()]) == len(FAMILIES[name].experiments) + 2]
-    cells = pd.concat([measured(name) for name in done])
-    table = summary(cells)
-    print(table.to_string(float_format="{:.3f}".format), flush=True)
-    target = RESULTS / "worlds"
+    """Write the cells and the summary of all complete families, with the provenance of their runs."""
+    cells, target = pd.concat(map(measured, complete())), RESULTS / "worlds"
     target.mkdir(exist_ok=True)
     write_text(target / "cells.csv", cells.to_csv(index=False, float_format="%.6g"))
-    write_text(target / "families.csv", table.to_csv(index=False, float_format="%.4g"))
-    runs = {
-        f"{name}/{run.path.relative_to(OUTPUTS / name)}": run for name in done for run in Outputs(OUTPUTS / name).runs()
-    }
-    write_json(target / "provenance.json", {path: vars(run.provenance()) for path, run in runs.items()})
+    write_text(target / "families.csv", summary(cells).to_csv(index=False, float_format="%.4g"))
+    runs = [run for name in complete() for run in evaluated(name)]
+    origins = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
+    write_json(target / "provenance.json", origins)
 
 
 if __name__ == "__main__":
