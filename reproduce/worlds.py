@@ -50,6 +50,7 @@ FITTED = [name for name in METRICS if name != "ssim"]
 NUMBER = 10  # static obstacles in paper.yaml, on average; moving ones are 0.85 times as many
 SHAPES = {"discs": 1.0, "rectangles": 0.0}  # share of discs
 POLYGONS = 40  # different ones
+SWEEPS = {MOVING: (["exp=3,4"], ["exp=3,4", "decay=false"]), STATIC: (["exp=1,2"],)}
 
 
 @dataclass(frozen=True)
@@ -133,16 +134,14 @@ def _as_polygons(population: dict[str, Any]) -> dict[str, Any]:
     return {"count": population["count"], "shapes": shapes, **moves}
 
 
-def run_family(name: str) -> None:
-    """Record and train what is missing of a family, in two sweeps."""
-    family, directory = FAMILIES[name], OUTPUTS / name
+def train(name: str, arguments: list[str]) -> None:
+    """Record and train what is missing of some cells of a family."""
     worlds = OUTPUTS / "conf" / "world"
     worlds.mkdir(parents=True, exist_ok=True)
-    write_text(worlds / f"{name}-family.yaml", yaml.safe_dump(world_of(family)))
-    call = [sys.executable, "run.py", "-m", "--config-dir", str(OUTPUTS / "conf"), f"world={name}-family"]
-    call += [*SETTINGS, f"outputs={directory}", "runtime.workers=1", "hydra/launcher=basic"]
-    for arguments in ([f"exp={','.join(family.experiments)}"], ["exp=3,4", "decay=false"]):
-        subprocess.run([*call, *arguments], check=True, cwd=ROOT)
+    write_text(worlds / f"{name}-family.yaml", yaml.safe_dump(world_of(FAMILIES[name])))
+    call = [sys.executable, "run.py", "-m", "--config-dir", str(worlds.parent), f"world={name}-family"]
+    call += [*SETTINGS, f"outputs={OUTPUTS / name}", "runtime.workers=1", "hydra/launcher=basic"]
+    subprocess.run([*call, *arguments], check=True, cwd=ROOT)
 
 
 def measured(name: str) -> pd.DataFrame:
@@ -177,41 +176,39 @@ def summary(cells: pd.DataFrame) -> pd.DataFrame:
     """Return one row per family: its misfits in all, static and moving cells, and the paper's SSIM over its own.
 
     Args:
-        cells: the rows of `measured` of all families.
+        cells: the rows of `measured`; what needs a cell that is missing is nan.
     """
     tables = {
         str(name): part.set_index(["experiment", "encoding"]) for name, part in cells.groupby("family", sort=False)
     }
     plain, full, rows = tables["paper"][[*METRICS]], protocol(), []
     for name, table in tables.items():
-        own = table[[*METRICS]].combine_first(plain)
-        moved = full + own - plain
+        same = plain if FAMILIES[name].experiments == MOVING else plain.iloc[:0]
+        own = table[[*METRICS]].combine_first(same).reindex(full.index)
         row: dict[str, Any] = {"family": name, **vars(FAMILIES[name])}
-        for suffix, values in (("", own), ("_at_256", moved)):
+        for suffix, values in (("", own), ("_at_256", full + own - plain)):
             parts = {"all": STATIC + MOVING, "static": STATIC, "moving": MOVING}
             row |= {f"misfit_{part}{suffix}": misfit(values.loc[list(of)]) for part, of in parts.items()}
-            row[f"ssim_ratio{suffix}"] = (_papers_unet()["ssim"] / values["ssim"]).mean()
+            row[f"ssim_ratio{suffix}"] = (_papers_unet()["ssim"] / values["ssim"]).mean(skipna=False)
         rows.append(row)
     return pd.DataFrame(rows)
 
 
 def main() -> None:
-    """Run the families, print the tables of those that are complete, and publish them if asked to."""
+    """Train the families, print their table, and publish it if asked to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("families", nargs="*", default=[*FAMILIES], metavar="FAMILY", help=", ".join(FAMILIES))
-    parser.add_argument("--publish", action="store_true", help="write reproduce/results/worlds, run nothing")
+    parser.add_argument("--publish", action="store_true", help="write reproduce/results/worlds, train nothing")
     options = parser.parse_args()
+    for experiments, sweeps in ({} if options.publish else SWEEPS).items():
+        for name in options.families:
+            for sweep in sweeps if set(experiments) <= set(FAMILIES[name].experiments) else ():
+                train(name, sweep)
+    cells = pd.concat([measured(name) for name in FAMILIES if evaluated(name)])
+    table = summary(cells)
+    print(table.to_string(float_format="{:.3f}".format), flush=True)
     if options.publish:
-        publish()
-        return
-    for name in options.families:
-        run_family(name)
-        print(summary(pd.concat(map(measured, complete()))).to_string(float_format="{:.3f}".format), flush=True)
-
-
-def complete() -> list[str]:
-    """Return the families whose cells are all evaluated."""
-    return [name for name, family in FAMILIES.items() if len(evaluated(name)) == len(family.experiments) + len(MOVING)]
+        publish(cells, table)
 
 
 def evaluated(name: str) -> list[Run]:
@@ -219,13 +216,13 @@ def evaluated(name: str) -> list[Run]:
     return [run for run in Outputs(OUTPUTS / name).runs() if run.status is Status.evaluated]
 
 
-def publish() -> None:
-    """Write the cells and the summary of all complete families, with the provenance of their runs."""
-    cells, target = pd.concat(map(measured, complete())), RESULTS / "worlds"
+def publish(cells: pd.DataFrame, table: pd.DataFrame) -> None:
+    """Write the cells and the summary, with the provenance of the runs."""
+    target = RESULTS / "worlds"
     target.mkdir(exist_ok=True)
     write_text(target / "cells.csv", cells.to_csv(index=False, float_format="%.6g"))
-    write_text(target / "families.csv", summary(cells).to_csv(index=False, float_format="%.4g"))
-    runs = [run for name in complete() for run in evaluated(name)]
+    write_text(target / "families.csv", table.to_csv(index=False, float_format="%.4g"))
+    runs = [run for name in FAMILIES for run in evaluated(name)]
     origins = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
     write_json(target / "provenance.json", origins)
 
