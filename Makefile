@@ -6,9 +6,7 @@ SWEEP := model=unet,fpn,upernet,segformer
 ENCODINGS := projection,stack4,stack10,series10
 NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=16000 outputs=outputs/navigation
 DRIVEN := outputs/navigation/runs/expmixed
-PEOPLE := world=rooms exp=crossing scale=workstation navigation.experiments=[crossing] \
-    navigation.inflations_m=[0.4,0.6,0.9,1.4,2.0] prediction.weights=rooms navigation.people
-ARMS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
+MAPPERS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
@@ -62,12 +60,8 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 navigation: setup ## do maps help a robot? hours: train two networks, tune and drive with every kind of map
 	$(PY) run.py $(NAVIGATION) model=convgru encoding=series10
 	$(PY) run.py $(NAVIGATION) model=unet
-	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.arm=$(ARMS)
-	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.arm=network,network_hits prediction.weights=$(DRIVEN)/convgru/series10/seed0
-	$(PY) run.py task=navigate $(NAVIGATION) navigation.arm=network prediction.weights=$(DRIVEN)/unet/projection/seed0
-	for people in unaware aware; do \
-	    $(PY) run.py -m task=navigate $(PEOPLE)=$$people outputs=outputs/navigation-$$people navigation.arm=network,scan,keep,decay,truth,true_velocities; \
-	done
+	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=$(MAPPERS)
+	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=network prediction.weights=$(DRIVEN)/convgru/series10/seed0,$(DRIVEN)/unet/projection/seed0
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope --no-loadscope-reorder

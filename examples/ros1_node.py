@@ -2,7 +2,7 @@
 
 PYTHONPATH=src:.venv/lib/python3.11/site-packages python3 examples/ros1_node.py scan:=/base_scan _frame:=odom
 
-The parameters are those of `repro.prediction.node`. The Python of ROS 1 must be that of .venv: it needs rospy and this
+The parameters are those of `repro.ros.node`. The Python of ROS 1 must be that of .venv: it needs rospy and this
 project. Debian 12 has ROS 1 for Python 3.11: apt-get install python3-rospy.
 """
 
@@ -15,8 +15,8 @@ from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from repro.prediction.live import MAX_WAITING
-from repro.prediction.node import PARAMETERS, create_mapper
+from repro.ros.live_mapper import MAX_WAITING
+from repro.ros.node import PARAMETERS, create_mapper
 from repro.system.errors import InputError
 
 TYPES = {kind.__name__: kind for kind in (OccupancyGrid, MapMetaData, Header, Pose, Point, Quaternion)}

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from conftest import ROOT, TINY, read_calls
 
-from repro.prediction.logs import ReadOptions
-from repro.prediction.readers import read_log
-from repro.prediction.times import WindowSettings
+from repro.logs.formats import read_log
+from repro.logs.options import ReadOptions, WindowSettings
 from repro.reporting.documents import with_results
 from repro.reporting.page import render_published
 

@@ -12,15 +12,8 @@ from conftest import ROOT
 import repro
 
 SOURCE = ROOT / "src" / "repro"
-LIBRARY = (
-    "system",
-    "scans",
-    "maps",
-    "metrics",
-    "networks",
-    "prediction",
-)  # the rest is the study
-ROS2 = "prediction.ros2_node"  # needs the modules of ROS 2
+LIBRARY = ("system", "scans", "maps", "metrics", "networks", "logs", "prediction", "ros")  # the rest is the study
+ROS2 = "ros.ros2_node"  # needs the modules of ROS 2
 OF_THE_STUDY = (
     *("torch", "safetensors", "irsim", "hydra", "omegaconf", "lightning", "segmentation_models_pytorch", "timm"),
     *("pandas", "sklearn", "shapely", "joblib", "jinja2", "uncertainties", "onnx", "huggingface_hub"),

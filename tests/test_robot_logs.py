@@ -20,12 +20,12 @@ from sklearn.metrics import log_loss, roc_auc_score
 
 from repro.learning import adaptation
 from repro.learning.held_out import View, stands, swinging
+from repro.logs.scan_log import ScanLog
 from repro.maps.grid import Grid
 from repro.metrics import calibration
 from repro.metrics.counts import PROBABILITY
 from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
-from repro.prediction.logs import ScanLog
 from repro.scans import Scans
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from repro.logs.scan_log import ScanLog
 from repro.metrics.bootstrap import bounds, draw_weights
 from repro.metrics.calibration import log_loss
 from repro.metrics.counts import LEVELS
 from repro.networks.predictor import Predictor
-from repro.prediction.logs import ScanLog
 from repro.scans import Scans
 from reproduce.movers.measures import CONSTANT, GROUPS, HITS, TRACKED
 from reproduce.movers.rates import Follower, Rates, Sample, groups, kinds

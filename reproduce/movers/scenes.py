@@ -11,11 +11,11 @@ from tqdm import tqdm
 
 from repro.evaluation.recency import TOUCH_M
 from repro.learning.rehearsal import true_map
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
 from repro.prediction.agreement import last_hits
-from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut, on_map
 from repro.scans import Scans
 from repro.simulation.raycasting import scan

@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from repro.learning.held_out import View, labeled
+from repro.logs.carmen import carmen_scans
+from repro.logs.formats import read_log
+from repro.logs.options import ReadOptions, WindowSettings, window_of
+from repro.logs.scan_log import ScanLog, collect
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, observed
-from repro.prediction.carmen import carmen_scans
-from repro.prediction.logs import ReadOptions, ScanLog, collect
-from repro.prediction.readers import read_log
-from repro.prediction.times import WindowSettings, window_of
 from repro.prediction.windows import Window, spaced_by_distance
 from reproduce.real.evidence import Evidence
 

@@ -17,5 +17,5 @@ setup(
         (f"share/{name}/launch", glob("launch/*")),
         (f"share/{name}/config", glob("config/*")),
     ],
-    entry_points={"console_scripts": ["map_prediction = repro.prediction.ros2_node:main"]},
+    entry_points={"console_scripts": ["map_prediction = repro.ros.ros2_node:main"]},
 )

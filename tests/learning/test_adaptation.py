@@ -18,10 +18,10 @@ from repro.learning.labels import UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.platt import calibrate
 from repro.learning.rehearsal import SHARE, rehearsed
+from repro.logs.options import window_of
+from repro.logs.scan_log import ScanLog
 from repro.maps.series import Series
 from repro.maps.statistics import Statistics
-from repro.prediction.logs import ScanLog
-from repro.prediction.times import window_of
 from repro.recordings.datasets import HIDDEN, Pairs
 from repro.scans import wrapped
 from repro.simulation.sampling import sample_world

@@ -1,4 +1,4 @@
-"""Robots that drive by their maps: kinematics, collisions, planner, memory, arms and their study."""
+"""Robots that drive by their maps: kinematics, collisions, planner, memory, mappers and their study."""
 
 import math
 
@@ -10,14 +10,14 @@ from conftest import ROOT
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from scipy.ndimage import distance_transform_edt
 
-from repro.cli.settings import ARMS
+from repro.cli.settings import MAPPERS
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.outlines import placed
 from repro.navigation import study
-from repro.navigation.arms import AHEAD_S, CLASSICAL, Arm, Seen, network_arm, tracker_arm
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sample_course
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
+from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
 from repro.navigation.planner import Planner, Settings, arcs
 from repro.reporting.navigation import TITLES, barn, compare
 from repro.simulation.simulator import make
@@ -45,8 +45,8 @@ def course(*obstacles: tuple[float, float, float, float], goals=((40.0, 25.0),),
     return Course(0, np.array(start), np.array(goals), outlines, np.stack(states))
 
 
-def drive(*courses: Course, arm: str = "truth", **settings) -> list:
-    return Fleet(SPECS["static"], courses, CLASSICAL[arm], {**USUAL, **settings}, GRID).drive()
+def drive(*courses: Course, mapper: str = "truth", **settings) -> list:
+    return Fleet(SPECS["static"], courses, CLASSICAL[mapper], {**USUAL, **settings}, GRID).drive()
 
 
 def test_robots_move_as_in_irsim():
@@ -181,8 +181,8 @@ def test_where_a_robot_is_hit():
     ahead = course((30.0, 25.0, 0.0, 0.0))
     behind = course((5.0, 25.0, 3.0, 0.0))
     beside = course((10.0, 35.0, 2.0, -3.0))
-    arm = Arm(blind)
-    found = Fleet(SPECS["static"], [ahead, behind, beside], arm, USUAL, GRID).drive()
+    mapper = Mapper(blind)
+    found = Fleet(SPECS["static"], [ahead, behind, beside], mapper, USUAL, GRID).drive()
     assert [each.outcome for each in found] == ["collision"] * 3
     assert [each.contact for each in found] == ["in view", "behind", "beside"]
     assert found[0].clearance_m < 0.5
@@ -224,12 +224,12 @@ TRACKER = {"near_m": 0.7, "coast_s": 5.0, "margin_m": 0.0, "free_steps": 50, "ra
 }  # fmt: skip
 
 
-def mapped(arm: Arm, each: Course, **settings: float) -> np.ndarray:
-    """Return the first map of an arm after the turn, (H, W)."""
-    fleet = Fleet(SPECS["static"], [each], arm, {**USUAL, **settings}, GRID)
+def mapped(mapper: Mapper, each: Course, **settings: float) -> np.ndarray:
+    """Return the first map of a mapper after the turn, (H, W)."""
+    fleet = Fleet(SPECS["static"], [each], mapper, {**USUAL, **settings}, GRID)
     for step in range(1, TURN_STEPS + 1):
         fleet._move(np.array([0]), step)
-    return arm.maps(fleet.seen, np.array([0]), **settings)[0, 0]
+    return mapper.maps(fleet.seen, np.array([0]), **settings)[0, 0]
 
 
 def test_the_maps_of_all_arms_show_what_was_seen():
@@ -238,33 +238,31 @@ def test_the_maps_of_all_arms_show_what_was_seen():
     near = np.s_[63 - int(25 / GRID.resolution_m), [int(19.2 / GRID.resolution_m), int(5.1 / GRID.resolution_m)]]
     free = np.s_[63 - int(25 / GRID.resolution_m), int(15 / GRID.resolution_m)]
     both, only_ahead = [True, True], [True, False]
-    for arm, settings, expected in [
+    for mapper, settings, expected in [
         (CLASSICAL["scan"], {}, only_ahead),
         (CLASSICAL["keep"], {}, both),
         (CLASSICAL["decay"], {"age_s": 1.0}, only_ahead),
         (CLASSICAL["decay"], {"age_s": 10.0}, both),
         (CLASSICAL["log_odds"], {"forgetting": 0.0}, both),
         (CLASSICAL["full_circle"], {"age_s": 0.0}, both),
-        (tracker_arm(TRACKER), {}, both),
+        (tracker_mapper(TRACKER), {}, both),
         (CLASSICAL["truth"], {}, both),
     ]:
-        occupied = mapped(arm, each, **settings)
-        assert list(occupied[near] > 0.5) == expected, arm
-        assert occupied[free] < 0.1, arm
+        occupied = mapped(mapper, each, **settings)
+        assert list(occupied[near] > 0.5) == expected, mapper
+        assert occupied[free] < 0.1, mapper
 
 
-def test_recent_hits_are_added_to_a_network():
-    class Half:
+def test_the_map_of_a_network_is_one_minus_its_probability_of_free():
+    class Quarter:
         def predict(self, scans, allow_empty):
-            return np.full((len(scans), 64, 64), 0.5)
+            return np.full((len(scans), 64, 64), 0.25)
 
-    occupied = mapped(network_arm(Half(), with_hits=True), course((20.0, 25.0, 0.0, 0.0)))
-    assert set(np.unique(occupied)) == {0.5, 1.0}
-    assert set(np.unique(mapped(network_arm(Half()), course((20.0, 25.0, 0.0, 0.0))))) == {0.5}
+    assert set(np.unique(mapped(network_mapper(Quarter()), course()))) == {0.75}
 
 
 def test_the_settings_name_every_arm():
-    assert {*ARMS} == {*CLASSICAL, "tracker"} == {*TITLES}
+    assert {*MAPPERS} == {*CLASSICAL, "tracker"} == {*TITLES}
 
 
 @pytest.mark.slow
@@ -319,21 +317,21 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert driven[before:] == [(name, study.FIRST["test"] + 3, 0.8) for name in SPECS]
     one = study.Study(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
     assert set(one.episodes("test", {**USUAL, "inflation_m": 0.8}, 3)["experiment"]) == {"fast"}
-    options = {"inflations_m": (0.8, 1.6), "people": "aware"}
-    with pytest.raises(InputError, match="episodes with another value of people"):
-        study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, **options).run(study.Seeds(2, 3, 1), {})
+    other = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0), inflations_m=(0.8, 1.6))
+    with pytest.raises(InputError, match="episodes with another value of grid"):
+        other.run(study.Seeds(2, 3, 1), {})
 
 
 def test_arms_are_compared_on_the_same_courses():
     rows = []
-    for arm, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru-series10": "gggg", "truth": "ggggg"}.items():
+    for mapper, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru-series10": "gggg", "truth": "ggggg"}.items():
         for seed, outcome in enumerate(outcomes):
             is_hit = outcome == "c"
             driven = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0}
             end = {"outcome": "collision" if is_hit else "goal", "contact": "behind" if is_hit else "", "stood": is_hit}
-            rows.append({"experiment": "fast", "arm": arm, "seed": seed, "moving_share": 1.0, **driven, **end})
+            rows.append({"experiment": "fast", "mapper": mapper, "seed": seed, "moving_share": 1.0, **driven, **end})
     found = compare(pd.DataFrame(rows))
-    whole, found = (found[found["experiment"] == name].set_index("arm") for name in ("all", "fast"))
+    whole, found = (found[found["experiment"] == name].set_index("mapper") for name in ("all", "fast"))
     assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"
     assert found.loc["convgru-series10", "title"] == "ConvGRU, series10"
     assert list(found["time_difference_s"]) == [0.0] * 4

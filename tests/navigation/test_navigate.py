@@ -41,17 +41,17 @@ def one_candidate(monkeypatch):
     monkeypatch.setattr(study, "THRESHOLDS", (0.35,))
 
 
-def navigate(outputs, arm, *arguments) -> None:
-    run(outputs, "task=navigate", f"navigation.arm={arm}", *FEW, "navigation.experiments=[static]", *arguments)
+def navigate(outputs, mapper, *arguments) -> None:
+    run(outputs, "task=navigate", f"navigation.mapper={mapper}", *FEW, "navigation.experiments=[static]", *arguments)
 
 
 def test_arms_are_driven_and_compared(outputs):
     navigate(outputs, "truth")
     navigate(outputs, "network", f"prediction.weights={outputs}/runs/expmixed/unet/projection/seed0")
     rows = pd.read_csv(outputs / "analysis" / "navigation.csv")
-    assert list(rows["arm"]) == ["unet-projection", "truth"] * 2
+    assert list(rows["mapper"]) == ["unet-projection", "truth"] * 2
     assert list(rows["episodes"]) == [2] * 4
-    tuned = pd.read_csv(outputs / "analysis" / "navigation_tuned.csv").set_index("arm")
+    tuned = pd.read_csv(outputs / "analysis" / "navigation_tuned.csv").set_index("mapper")
     assert tuned.loc["truth", ["inflation_m", "weight"]].tolist() == [1.6, 20.0]
     assert pd.isna(tuned.loc["truth", "threshold"])
     assert (outputs / "analysis" / "navigation.png").is_file()

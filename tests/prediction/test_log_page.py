@@ -2,7 +2,7 @@ import base64
 import json
 import re
 
-from repro.prediction.page import page_of
+from repro.prediction.log_page import page_of
 
 
 def test_a_page_has_its_figures_and_needs_no_other_file(tmp_path):

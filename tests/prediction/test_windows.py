@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
 from repro.prediction.windows import Window, cut
 
 WINDOWS = WindowSettings(steps=10)

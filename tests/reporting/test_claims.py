@@ -189,9 +189,9 @@ def test_robots_are_more_reliable_if_the_interval_of_their_gain_is_above_zero(lo
     frames = analysis("laptop")
     frames.pop("navigation", None)
     if low is not None:
-        arms = {"arm": ["keep", "unet-projection", "unet-projection-hits"], "difference": [0.0, 0.05, -0.2]}
-        others = {"experiment": "all", "difference_low": [0, low, -0.3], "difference_high": [0, 0.1 - low, -0.1]}
-        frames["navigation"] = pd.DataFrame({**arms, **others})
+        mappers = {"mapper": ["keep", "unet-projection"], "difference": [0.0, 0.05]}
+        others = {"experiment": "all", "difference_low": [0, low], "difference_high": [0, 0.1 - low]}
+        frames["navigation"] = pd.DataFrame({**mappers, **others})
     found = verdicts(frames, read_published(ROOT / "reproduce" / "results" / "laptop")).set_index("id")
     assert found.loc[DRIVEN, "verdict"] == expected
 

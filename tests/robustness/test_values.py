@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import repro
+from repro.logs.readings import readings
 from repro.maps.encodings import create_encoding
 from repro.maps.validity import check_windows
 from repro.networks.predictor import load_predictor
-from repro.prediction.readings import readings
 from repro.scans import Scans
 from repro.system.arrays import open_arrays
 from repro.system.errors import InputError

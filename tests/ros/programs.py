@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
+from repro.logs.messages import seconds
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
 from repro.networks.predictor import load_predictor
-from repro.prediction.logs import ScanLog
-from repro.prediction.ros import occupancy, seconds
 from repro.prediction.stream import predict_map
-from repro.prediction.times import WindowSettings
 from repro.prediction.windows import cut
+from repro.ros.map_message import occupancy
 
 EXAMPLE = ROOT / "examples" / "rooms.npz"
 STEPS = 100

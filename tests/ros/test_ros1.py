@@ -16,8 +16,8 @@ from conftest import ROOT
 from programs import EXAMPLE, batch_maps, check_maps, started
 from rosbags.highlevel import AnyReader
 
-from repro.prediction.readers import read_log
-from repro.prediction.times import WindowSettings
+from repro.logs.formats import read_log
+from repro.logs.options import WindowSettings
 
 DEBIAN = "/usr/bin/python3"  # the Python of rospy
 SCANS = 120

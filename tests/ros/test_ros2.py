@@ -13,8 +13,8 @@ import pytest
 from conftest import ROOT
 from programs import EXAMPLE, batch_maps, check_maps, started
 
-from repro.prediction.readers import read_log
-from repro.prediction.times import WindowSettings
+from repro.logs.formats import read_log
+from repro.logs.options import WindowSettings
 
 if "REPRO_ROS2" not in os.environ:
     pytest.skip("needs ROS 2: make test-ros2", allow_module_level=True)

@@ -71,7 +71,7 @@ def transitional_grid(recorded: Recorded, moving: float) -> np.ndarray:
             dynamic = np.minimum((1 - rest) * dynamic, 1 - static)
             odds = np.where(hit, hit_odds, np.where(passed, passed_odds, 1.0)).astype(np.float32)  # of occupied to free
             total = 1 - static - dynamic + odds * (static + dynamic)
-            static, dynamic = ((odds * each / total).clip(1e-4, 0.999) for each in (static, dynamic))
+            static, dynamic = ((odds * p / total).clip(1e-4, 0.999) for p in (static, dynamic))
         maps.append(np.minimum(static + dynamic, 1))
     return np.concatenate(maps)
 

@@ -81,12 +81,12 @@ def tracker(val: Recorded, test: Recorded) -> tuple[np.ndarray, Settings]:
 
     def prepare(recorded: Recorded) -> Predict:
         scans = [recorded.scans[index] for index in range(len(recorded))]
-        found = cache(lambda near_m: [clusters(each, recorded.step_s, near_m) for each in scans])
-        tracks = cache(lambda near_m, prior: [track(each, prior) for each in found(near_m)])
+        found = cache(lambda near_m: [clusters(window, recorded.step_s, near_m) for window in scans])
+        tracks = cache(lambda near_m, prior: [track(close, prior) for close in found(near_m)])
 
         @lru_cache(maxsize=4)  # an array of all recordings takes much memory
         def nearest(near_m: float, coast_s: float, prior: Prior) -> np.ndarray:
-            return np.stack([distances(each, recorded.grid, coast_s) for each in tracks(near_m, prior)])
+            return np.stack([distances(own, recorded.grid, coast_s) for own in tracks(near_m, prior)])
 
         def predict(near_m: float, coast_s: float, margin_m: float, **prior: float) -> np.ndarray:
             return (nearest(near_m, coast_s, Prior(**prior)) > margin_m).astype(np.float32)[:, None]
@@ -152,7 +152,8 @@ def tune(
         if free.shape != val.maps.shape:
             raise InputError(f"expected probabilities of free, {val.maps.shape} as the maps, got {free.shape}")
         found = free < THRESHOLD
-        return max(((_iou(found & mask, occupied), number) for number, mask in kept.items()), key=lambda each: each[0])
+        scores = ((_iou(found & mask, occupied), number) for number, mask in kept.items())
+        return max(scores, key=lambda scored: scored[0])
 
     if climbs:
         best = climb(lambda values: score(*values)[0], list(settings.values()))
@@ -224,8 +225,8 @@ def dilate(occupied: np.ndarray, radius_px: int) -> np.ndarray:
 def _distance_to_hits(recorded: Recorded) -> np.ndarray:
     """Return the distance of each pixel to the nearest hit [px], infinite without hits, (M, 1, H, W)."""
     hits = newest_hits(recorded.scans, recorded.grid) > 0
-    each = [distance_transform_edt(~hit) if hit.any() else np.full(hit.shape, np.inf) for hit in hits]
-    return np.stack(each)[:, None]
+    away = [distance_transform_edt(~hit) if hit.any() else np.full(hit.shape, np.inf) for hit in hits]
+    return np.stack(away)[:, None]
 
 
 def _radii_m(recorded: Recorded) -> tuple[float, ...]:

@@ -101,7 +101,7 @@ def track(found: list[Cluster], prior: Prior) -> list[Track]:
             if joined.cost <= one.cost + other.cost + prior.join:
                 fitted = [(c, t) for c, t in fitted if c is not first and c is not second] + [(both, joined)]
                 break
-    return [each for _, each in fitted]
+    return [fit for _, fit in fitted]
 
 
 def distances(tracks: list[Track], grid: Grid, coast_s: float, ahead_s: float = 0.0) -> np.ndarray:
@@ -111,10 +111,10 @@ def distances(tracks: list[Track], grid: Grid, coast_s: float, ahead_s: float = 
     step, or of the time `ahead_s` [s] after it.
     """
     nearest = np.full((grid.size_px, grid.size_px), shapes.REACH_M, dtype=np.float32)
-    for each in tracks:
-        state = each.state.copy()
-        state[:2] += state[2:4] * (min(each.age_s + ahead_s, coast_s) - each.age_s)
-        shapes.draw(nearest, grid.resolution_m, state, each.is_disc)
+    for found in tracks:
+        state = found.state.copy()
+        state[:2] += state[2:4] * (min(found.age_s + ahead_s, coast_s) - found.age_s)
+        shapes.draw(nearest, grid.resolution_m, state, found.is_disc)
     return nearest
 
 
@@ -142,7 +142,7 @@ def _is_near(first: Cluster, one: Track, second: Cluster, other: Track) -> bool:
 
 def _fit(cluster: Cluster, prior: Prior) -> Track:
     """Fit a disc and rectangles of several headings to a cluster; return the one that costs least."""
-    hits, edges = (np.ascontiguousarray(each[:: len(each) // MOST + 1]) for each in (cluster.hits, cluster.edges))
+    hits, edges = (np.ascontiguousarray(points[:: len(points) // MOST + 1]) for points in (cluster.hits, cluster.edges))
     mean, time = hits[:, 2].mean(), hits[:, 2] - hits[:, 2].mean()
     behind = hits[:, :2] + prior.radius_m * hits[:, 3:]  # a center for each hit
     velocity = time @ (behind - behind.mean(0)) / (time @ time + 5.0)
@@ -153,4 +153,4 @@ def _fit(cluster: Cluster, prior: Prior) -> Track:
     for is_disc, heading in STARTS:
         state, cost = shapes.fit(np.array([*start, heading]), is_disc, hits, edges, np.array(known))
         fits.append(Track(state, is_disc, cost, age_s))
-    return min(fits, key=lambda each: each.cost)
+    return min(fits, key=lambda fit: fit.cost)

@@ -18,17 +18,18 @@ import numpy as np
 from repro.cli.jobs import Job
 from repro.cli.prediction_report import Row, describe, line_of, say_left_out, summarize, time_in, warn_of
 from repro.cli.settings import Prediction
+from repro.logs.formats import CARMEN, kind_of, read_log
+from repro.logs.options import ReadOptions, WindowSettings, window_of
+from repro.logs.scan_log import ScanLog
+from repro.logs.times import UnusableTimes
 from repro.maps.statistics import measure
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import compare
 from repro.prediction.drawing import draw_window
-from repro.prediction.logs import ReadOptions, ScanLog
-from repro.prediction.output import write_map, write_probabilities
-from repro.prediction.page import page_of
-from repro.prediction.readers import CARMEN, kind_of, read_log
+from repro.prediction.log_page import page_of
+from repro.prediction.map_files import write_map, write_probabilities
 from repro.prediction.stream import predict_map
-from repro.prediction.times import UnusableTimes, WindowSettings, window_of
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
@@ -124,13 +125,8 @@ def read(
     The scans of a CARMEN log without usable times are spaced by distance, unless the call says otherwise.
     """
     windows = _windows(predictor, settings)
-    options = ReadOptions(
-        settings.scan_topic,
-        settings.odometry_topic,
-        settings.frame,
-        (0.0, 0.0, 0.0) if settings.pose == "fixed" else settings.pose and tuple(settings.pose),
-        settings.mounting and tuple(settings.mounting),
-    )
+    topics = settings.scan_topic, settings.odometry_topic, settings.frame
+    options = ReadOptions(*topics, settings.pose, settings.mounting)
     try:
         log = read_log(path, windows, options, others)
         if windows.spacing == "time":
@@ -150,10 +146,9 @@ def read(
 
 def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     """Return the windows, those of the training unless others are chosen; refuse a time of a step without times."""
-    center = settings.center if isinstance(settings.center, str) else tuple(settings.center)
     if settings.spacing == "distance" and settings.step_s is not None:
         raise InputError("prediction.step_s has no effect with prediction.spacing=distance: leave one out")
-    others = {"center": center, "range_max_m": settings.range_max_m, "misses": settings.misses}
+    others = {"center": settings.center, "range_max_m": settings.range_max_m, "misses": settings.misses}
     windows = window_of(predictor, settings.steps, settings.step_s, **others)
     if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
         chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from repro.logs.options import WindowSettings
+from repro.logs.readings import note_on_range, note_on_repeats
+from repro.logs.scan_log import ScanLog
+from repro.logs.sharpness import sharper_convention
 from repro.maps.statistics import TITLES, Statistics
 from repro.prediction.agreement import COMPARISONS, LOSSES
-from repro.prediction.logs import ScanLog
 from repro.prediction.moving import MOVERS
-from repro.prediction.readings import note_on_range, note_on_repeats
-from repro.prediction.sharpness import sharper_convention
-from repro.prediction.times import WindowSettings
 
 Row = dict[str, Any]  # of windows.csv; one that was left out has its number, if it has one, its time and the reason
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot

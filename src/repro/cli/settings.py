@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, Field, model_validator
 
 from repro.cli.errors import Refused
+from repro.logs.options import Center, LidarRange, Misses, Mounting, Pose, Spacing, Steps, StepTime
 from repro.runs.parallel import has_gpu
 from repro.system.errors import InputError
 from repro.system.fields import KNOWN_KEYS, Name, NotNegative, ordered
@@ -73,35 +74,23 @@ class Runtime:
         return self
 
 
-def _place(expected: str, count: int, *words: str) -> AfterValidator:
-    """Return a pydantic validator that accepts some words and lists of so many coordinates."""
-
-    def check(value: Any) -> Any:
-        is_list = isinstance(value, list) and len(value) == count and all(type(each) in (int, float) for each in value)
-        if value not in words and not (is_list and all(abs(each) <= 1e7 for each in value)):  # none is infinite or NaN
-            raise InputError(f"must be {expected}")
-        return value
-
-    return AfterValidator(check)
-
-
 @dataclass(frozen=True)
 class Prediction:
-    """Settings of task=predict."""
+    """Settings of task=predict, of which those of a stream and a node are described in `logs.options`."""
 
     __pydantic_config__ = KNOWN_KEYS
 
     weights: UserPath
-    steps: Annotated[int, Field(ge=1, le=10_000)] | None
-    step_s: Annotated[float, Field(ge=0.001, le=1000, allow_inf_nan=False)] | None
+    steps: Steps | None
+    step_s: StepTime | None
     stride_s: Annotated[float, Field(ge=0.001, le=1e6, allow_inf_nan=False)]
-    spacing: Literal["time", "distance"] | None
-    center: Annotated[Any, _place("robot, start, or [x,y] in meters", 2, "robot", "start")]
-    pose: Annotated[Any, _place("fixed, or [x,y,heading] in meters and radians", 3, "fixed")] | None
-    mounting: Annotated[Any, _place("[x,y,heading] in meters and radians", 3)] | None
+    spacing: Spacing | None
+    center: Center
+    pose: Pose | None
+    mounting: Mounting | None
     fov_deg: Annotated[float, Field(ge=10, le=360, allow_inf_nan=False)] | None
-    range_max_m: Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)] | None
-    misses: Literal["free", "invalid"]
+    range_max_m: LidarRange | None
+    misses: Misses
     scan_topic: str | None
     odometry_topic: str | None
     frame: str | None
@@ -117,9 +106,9 @@ class Adaptation:
     name: Name | None
 
 
-NetworkArm = Literal["network", "network_hits"]  # of the network of the call
-ClassicalArm = Literal["scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities"]
-ARMS, NETWORK_ARMS = get_args(ClassicalArm), get_args(NetworkArm)
+NETWORK = "network"  # of the network of the call
+Classical = Literal["scan", "keep", "decay", "log_odds", "tracker", "full_circle", "truth", "true_velocities"]
+MAPPERS = get_args(Classical)
 SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test follow those of the validation
 
 
@@ -128,21 +117,18 @@ class Navigation:
     """Settings of task=navigate.
 
     Args:
-        arm: how the robots make maps.
+        mapper: how the robots make maps.
         experiments: those of `world` in which they drive.
-        people: None if the obstacles move as in `world`; `unaware` or `aware` for people in their place, who walk to
-            goals, and see the robot or not.
         inflations_m: candidates for the radius by which obstacles grow [m].
-        validation_seeds: courses per experiment for the choice of the settings of an arm.
+        validation_seeds: courses per experiment for the choice of the settings of a mapper.
         test_seeds: courses per experiment for the test.
         curve_seeds: courses per experiment for each inflation.
     """
 
     __pydantic_config__ = KNOWN_KEYS
 
-    arm: Literal[ClassicalArm, NetworkArm]
+    mapper: Literal[Classical, "network"]
     experiments: Annotated[list[Name], Field(min_length=1)]
-    people: Literal["unaware", "aware"] | None
     inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount

@@ -122,7 +122,7 @@ def _measure_cell(runs: list[Run], test: TestSet, weights: np.ndarray) -> tuple[
     predictions, of_images = zip(*(_read_run(run, test) for run in runs), strict=True)
     counts = np.stack([by_world(count_quantized(free, test.truth, test.groups, len(RECENCY))) for free in predictions])
     names = of_images[0]
-    per_world = {name: np.stack([by_world(each[name]) / 2 for each in of_images]) for name in names}
+    per_world = {name: np.stack([by_world(of_seed[name]) / 2 for of_seed in of_images]) for name in names}
     measured = Measured(counts.sum(2), per_world)
     frames = {
         "intervals": pd.DataFrame(intervals(resample(measured, weights))).assign(seeds=len(runs)),
@@ -143,7 +143,7 @@ def _cost(runs: list[Run]) -> pd.DataFrame:
     facts = pd.DataFrame([{name: run.provenance().fact(name) for name in names} for run in runs], dtype=float)
     encoding, untrained = encoding_of(config), dataclasses.replace(config.model, encoder_weights=None)
     network = create_network(untrained, encoding.channels, encoding.frames)
-    parameters = sum(each.numel() for each in network.parameters())
+    parameters = sum(weights.numel() for weights in network.parameters())
     return pd.DataFrame([{"parameters": parameters, "channels": encoding.channels, **facts.mean()}])
 
 
@@ -184,6 +184,6 @@ def averages(
             draws.append(resample(Measured(counted[cell].counts[chosen], per_world), weights))
         yield (
             (experiment, "average", encoding),
-            {name: np.mean([each[name] for each in draws], axis=0) for name in draws[0]},
+            {name: np.mean([of_network[name] for of_network in draws], axis=0) for name in draws[0]},
             len(common),
         )

@@ -39,5 +39,5 @@ def measured_of(probability: np.ndarray, maps: np.ndarray) -> Measured:
     of_images = {name: IMAGE_METRICS[name](probability, maps) for name in IN_INTERVALS}
     return Measured(
         by_world(counts_of(probability, maps))[None],
-        {name: by_world(each)[None] / 2 for name, each in of_images.items()},
+        {name: by_world(values)[None] / 2 for name, values in of_images.items()},
     )

@@ -30,7 +30,7 @@ def paired_differences(one: np.ndarray, other: np.ndarray, maps: np.ndarray) -> 
     if not ((maps == 0) | (maps == 1)).all():
         raise InputError("maps: expected 0 and 1, which is free, got other values")
     weights = draw_weights(len(maps) // 2)
-    return differences(*(resample(_measured(*each, maps), weights) for each in (("one", one), ("other", other))))
+    return differences(*(resample(_measured(*named, maps), weights) for named in (("one", one), ("other", other))))
 
 
 def _measured(name: str, free: np.ndarray, maps: np.ndarray) -> Measured:

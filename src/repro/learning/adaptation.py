@@ -28,11 +28,11 @@ from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
 from repro.learning.platt import calibrate
 from repro.learning.training import TrainingModule, fit, load_best
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
 from repro.maps.statistics import Statistics
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed
-from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings
 from repro.recordings.datasets import HIDDEN, Pairs
 from repro.runs.config import Training
 from repro.scans import Scans

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter
 
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
 from repro.maps.grid import Grid
 from repro.prediction.agreement import Observed, observed
-from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings
 from repro.prediction.windows import Window, cut
 from repro.scans import Scans
 from repro.system.errors import InputError

@@ -79,7 +79,7 @@ def create_encoding(name: str, parameters: dict[str, Any]) -> Encoding:
     try:
         encoding = kind(**given)
     except ValidationError as error:
-        raise InputError("; ".join(str(each) for each in config_errors_of(error))) from error
+        raise InputError("; ".join(str(fault) for fault in config_errors_of(error))) from error
     if encoding.name != name:
         raise InputError(f"encoding {name} does not match its parameters {parameters}, which describe {encoding.name}")
     return encoding

@@ -121,7 +121,7 @@ def summarize(batches: Iterable[Scans], grid: Grid) -> Statistics:
         InputError: no window has a hit.
     """
     measured = [measure(batch, grid) for batch in batches]
-    table = np.stack([np.concatenate([each[name] for each in measured]) for name in TITLES])
+    table = np.stack([np.concatenate([part[name] for part in measured]) for name in TITLES])
     table = table[:, np.isfinite(table).all(axis=0)]
     if not table.shape[1]:
         raise InputError("no training window has a hit: record other worlds")

@@ -74,7 +74,7 @@ def intervals(drawn: Mapping[str, np.ndarray]) -> list[Interval]:
     """Return the interval of each metric from its draws, see `resample`."""
     low, high = bounds(np.stack(list(drawn.values()), axis=1))
     values = zip(drawn, (float(draws[0]) for draws in drawn.values()), low.tolist(), high.tolist(), strict=True)
-    return [Interval(*each) for each in values]
+    return [Interval(*row) for row in values]
 
 
 def bounds(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,7 +92,7 @@ def bounds(drawn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def differences(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> list[Difference]:
     """Return the interval of `one` - `other` for each metric, whose draws took the same worlds."""
     found = intervals({name: draws - other[name] for name, draws in one.items()})
-    return [Difference(**vars(each), excludes_zero=each.low > 0 or each.high < 0) for each in found]
+    return [Difference(**vars(gain), excludes_zero=gain.low > 0 or gain.high < 0) for gain in found]
 
 
 def by_world(values: np.ndarray) -> np.ndarray:

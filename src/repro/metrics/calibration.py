@@ -28,8 +28,8 @@ def log_loss(counts: np.ndarray, probability: np.ndarray = PROBABILITY) -> np.nd
 def entropy(counts: np.ndarray) -> np.ndarray:
     """Compute the mean entropy of the predicted probabilities [nat], (...), a measure of blur."""
     surprise = -PROBABILITY * np.log(np.where(PROBABILITY > 0, PROBABILITY, 1))
-    each = surprise + surprise[::-1]  # of free and of an obstacle
-    return _mean(counts, np.stack([each, each]))
+    both = surprise + surprise[::-1]  # of free and of an obstacle
+    return _mean(counts, np.stack([both, both]))
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def summary(counts: np.ndarray) -> dict[str, float]:
     }
 
 
-def _mean(counts: np.ndarray, each: np.ndarray) -> np.ndarray:
+def _mean(counts: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Average a loss (2, 256) over the pixels of (..., 2, 256); nan without pixels."""
     with np.errstate(invalid="ignore"):
-        return (counts * each).sum((-2, -1)) / counts.sum((-2, -1))
+        return (counts * values).sum((-2, -1)) / counts.sum((-2, -1))

@@ -1,17 +1,14 @@
 """Courses: a world with a start and goals for a robot that drives by its maps, among obstacles that ignore it."""
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import shapely
 
-from repro.navigation.crowds import Crowd
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.sampling import World, check_spec, experiment_number, sample_fixed
-from repro.simulation.shapes import Obstacle, boundaries, shape_radius, union
+from repro.simulation.shapes import boundaries, union
 from repro.simulation.simulator import first_states, move_obstacles, outlines_of_world
 from repro.system.errors import InputError
 from repro.worlds.spec import WorldSpec
@@ -29,16 +26,12 @@ _TRIES = 1000  # attempts to find its goals
 class Course:
     """A course with O obstacles with at most V vertices over S steps; see `simulator.Recording` for the outlines.
 
-    With people, their states after the first step are those of the first; `crowd` says how they walk.
-
     Args:
         seed: its number.
         start: x, y [m], heading [rad], (3,).
         goals: x, y [m] of the goals in their order, (G, 2).
         outlines: outlines of the obstacles in their own frames [m], (O, V, 2).
         states: x, y [m], heading [rad] of the obstacles before the first step and after each one, (O, S + 1, 3).
-        crowd: makes a new crowd; None if the obstacles move as in their world.
-        people: number of people, who are the last obstacles.
     """
 
     seed: int
@@ -46,8 +39,6 @@ class Course:
     goals: np.ndarray
     outlines: np.ndarray
     states: np.ndarray
-    crowd: Callable[[], Crowd] | None = None
-    people: int = 0
 
     @property
     def way_m(self) -> float:
@@ -55,7 +46,7 @@ class Course:
         return float(np.linalg.norm(np.diff([self.start[:2], *self.goals], axis=0), axis=1).sum())
 
 
-def sample_course(spec: WorldSpec, seed: int, *, has_people: bool = False) -> tuple[Course, World]:
+def sample_course(spec: WorldSpec, seed: int) -> tuple[Course, World]:
     """Draw the course of a seed, and its world as IR-SIM reads it.
 
     The obstacles are those of the experiment, and turn at the border of the map. At the start they keep
@@ -64,7 +55,6 @@ def sample_course(spec: WorldSpec, seed: int, *, has_people: bool = False) -> tu
     Args:
         spec: the world.
         seed: number of the course.
-        has_people: whether the obstacles that move are people, who walk as `crowds.Crowd` says.
 
     Raises:
         InputError: there is no room for the goals and the obstacles, or see `worlds.check_spec`.
@@ -84,12 +74,7 @@ def sample_course(spec: WorldSpec, seed: int, *, has_people: bool = False) -> tu
         lines = [*boundaries(fixed), border]
         site = Site(np.array([width, height]), spec.clear_radius_m, path, walls, lines, spec.world.step_time)
         obstacles = sample_obstacles(rng, spec.populations, site, attempts)
-        if obstacles is None:
-            continue
-        still = [each for each in obstacles if not (has_people and "behavior" in each)]
-        walking = [each for each in obstacles if has_people and "behavior" in each]
-        crowd = partial(_crowd, walking, [*fixed, *still], site, seed)
-        if not walking or _leaves_alone(crowd(), places[0], spec.robot.shape.radius):
+        if obstacles is not None:
             break
     else:
         raise InputError(
@@ -98,32 +83,9 @@ def sample_course(spec: WorldSpec, seed: int, *, has_people: bool = False) -> tu
         )
     start = [*map(float, places[0]), float(rng.uniform(-math.pi, math.pi))]
     robot = {**spec.robot.irsim(), "state": start, "goal": [*map(float, places[-1]), 0.0]}
-    world = {"world": spec.world.irsim(), "robot": robot, "obstacle": [*fixed, *still, *walking]}
-    steps, first = TURN_STEPS + LIMIT_STEPS, first_states(world)[:, None]
-    states = np.tile(first, (1, steps + 1, 1)) if walking else np.hstack([first, move_obstacles(world, steps)])
-    return Course(
-        seed, np.array(start), places[1:], outlines_of_world(world), states, crowd if walking else None, len(walking)
-    ), world
-
-
-def _crowd(walking: Sequence[Obstacle], standing: Sequence[Obstacle], site: Site, seed: int) -> Crowd:
-    return Crowd(
-        np.array([each["state"][:2] for each in walking]),
-        np.array([shape_radius(each["shape"]) for each in walking]),
-        np.array([each["behavior"]["speed_m_s"] for each in walking]),
-        standing,
-        site.size_m.astype(float),
-        site.step_time,
-        seed,
-    )
-
-
-def _leaves_alone(crowd: Crowd, place: np.ndarray, radius_m: float) -> bool:
-    """Check that nobody runs into a robot during its first turn."""
-    robot = np.array([*place, 0.0, 0.0, radius_m])
-    return all(
-        (np.linalg.norm(crowd.step(robot) - place, axis=1) > radius_m + crowd.radii).all() for _ in range(TURN_STEPS)
-    )
+    world = {"world": spec.world.irsim(), "robot": robot, "obstacle": [*fixed, *obstacles]}
+    states = np.hstack([first_states(world)[:, None], move_obstacles(world, TURN_STEPS + LIMIT_STEPS)])
+    return Course(seed, np.array(start), places[1:], outlines_of_world(world), states), world
 
 
 def _places(rng: np.random.Generator, spec: WorldSpec, walls: shapely.Geometry | None) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""Episodes: many robots drive their courses step by step, all with one arm and one planner.
+"""Episodes: many robots drive their courses step by step, all with one mapper and one planner.
 
 A step is one of IR-SIM: its differential kinematics for the robots, the motions of the obstacles, then a scan with its
 ray equations. A robot turns once on the spot, which fills a window; then it gets a map and a command every `EVERY`
@@ -14,8 +14,8 @@ import numpy as np
 
 from repro.maps.grid import Grid
 from repro.maps.outlines import padded, placed
-from repro.navigation.arms import Arm, Seen
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, Course
+from repro.navigation.mappers import Mapper, Seen
 from repro.navigation.planner import Planner, Settings
 from repro.scans import wrapped
 from repro.simulation.raycasting import scan
@@ -66,40 +66,36 @@ class Fleet:
     Args:
         spec: the worlds of the courses.
         courses: E courses.
-        arm: how the robots make maps.
-        settings: values of the settings of the arm and of the planner.
+        mapper: how the robots make maps.
+        settings: values of the settings of the mapper and of the planner.
         grid: grid of the maps.
-        is_visible: whether people see the robot when it drives; they always do during its first turn.
     """
 
     def __init__(
         self,
         spec: WorldSpec,
         courses: Sequence[Course],
-        arm: Arm,
+        mapper: Mapper,
         settings: dict[str, Any],
         grid: Grid,
-        *,
-        is_visible: bool = False,
     ) -> None:
         robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
         self.step_s, self.range_max_m = spec.world.step_time, spec.lidar.range_max
         self.radius_m = robot["shape"]["radius"]
         self.half_view = lidar["angle_range"] / 2
-        if arm.lidar == "circle":  # the same spacing of the beams
+        if mapper.lidar == "circle":  # the same spacing of the beams
             number = round(2 * math.pi / lidar["angle_range"] * (lidar["number"] - 1))
             lidar |= {"angle_range": 2 * math.pi * (1 - 1 / number), "number": number}
         self.angles = beam_angles(lidar)
-        self.crowds, self.is_visible = [each.crowd() if each.crowd else None for each in courses], is_visible
-        self.courses, self.settings = courses, {key: settings[key] for key in arm.candidates}
-        self.arm = arm
-        planned = Settings(**{key: value for key, value in settings.items() if key not in arm.candidates})
+        self.courses, self.settings = courses, {key: settings[key] for key in mapper.candidates}
+        self.mapper = mapper
+        planned = Settings(**{key: value for key, value in settings.items() if key not in mapper.candidates})
         self.planner = Planner(grid, planned, self.radius_m, *map(float, robot["vel_max"]))
         self.outlines, self.obstacles = _stacked(courses)
         forgetting = self.settings.get("forgetting")
         self.seen = Seen(courses, self.obstacles, grid, self.angles, self.range_max_m, self.step_s, forgetting)
         self.radii = np.linalg.norm(self.outlines, axis=-1).max(-1)  # (O, E)
-        self.poses = np.array([each.start for each in courses])
+        self.poses = np.array([course.start for course in courses])
         self.goal = np.zeros(len(courses), dtype=int)
         self.commands = np.tile([0.0, 2 * math.pi / (TURN_STEPS * self.step_s)], (len(courses), 1))
         self.path_m, self.moving_steps = np.zeros((2, len(courses)))
@@ -113,7 +109,7 @@ class Fleet:
             if not len(who):
                 break
             if step > TURN_STEPS and (step - TURN_STEPS - 1) % EVERY == 0:
-                occupied = self.arm.maps(self.seen, who, **self.settings)
+                occupied = self.mapper.maps(self.seen, who, **self.settings)
                 goals = np.array([self.courses[index].goals[self.goal[index]] for index in who])
                 self.commands[who] = self.planner.plan(occupied, self.poses[who], goals)
             self._move(who, step)
@@ -127,7 +123,6 @@ class Fleet:
         if step > TURN_STEPS:
             self.path_m[who] += np.abs(self.commands[who, 0]) * self.step_s
             self.moving_steps[who] += self.commands[who, 0] != 0
-        self._walk(who, step)
         obstacles = self.obstacles[:, who, step]
         distance, contact = nearest(self.poses[who, :2], self.outlines[:, who], obstacles, self.radii[:, who])
         self.clearance_m[who] = np.minimum(self.clearance_m[who], distance)
@@ -140,22 +135,11 @@ class Fleet:
                     self._end(index, "goal", step)
         going = np.array([index not in self.episodes for index in who])
         who, obstacles = who[going], obstacles[:, going]
-        if self.arm.lidar == "none":
+        if self.mapper.lidar == "none":
             self.seen.step = step
         elif len(who):
             ranges, _ = scan(self.poses[who], self.angles, self.outlines[:, who], obstacles, self.range_max_m)
             self.seen.add(who, ranges.astype(np.float32), self.poses[who])
-
-    def _walk(self, who: np.ndarray, step: int) -> None:
-        """Move the people, if there are any."""
-        for index in who:
-            if crowd := self.crowds[index]:
-                pose, speed = self.poses[index], self.commands[index, 0]
-                robot = np.array([*pose[:2], speed * np.cos(pose[2]), speed * np.sin(pose[2]), self.radius_m])
-                last = len(self.courses[index].outlines)
-                people = slice(last - self.courses[index].people, last)
-                places = crowd.step(robot if self.is_visible or step <= TURN_STEPS else None)
-                self.obstacles[people, index, step, :2] = places
 
     def _end(self, index: int, outcome: str, step: int, contact: np.ndarray | None = None) -> None:
         course, pose = self.courses[index], self.poses[index]

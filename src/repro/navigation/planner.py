@@ -1,4 +1,4 @@
-"""The planner of all arms: a cost-to-go on the map, and arcs that are rolled out over it.
+"""The planner of all mappers: a cost-to-go on the map, and arcs that are rolled out over it.
 
 The probability of an obstacle p is inflated: the largest one within a radius. A meter costs 1 + weight p. Dijkstra's
 algorithm (SciPy) gives the cost from every pixel to the goal. Of the arcs of constant speed and turn over two seconds,
@@ -30,7 +30,7 @@ OUTSIDE = 1.0  # probability of an obstacle beyond the border
 
 @dataclass(frozen=True)
 class Settings:
-    """What is tuned for every arm.
+    """What is tuned for every mapper.
 
     Args:
         inflation_m: radius by which obstacles grow [m].
@@ -80,7 +80,7 @@ class Planner:
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
-        to_go = np.stack([self.cost_to_go(each[0], goal) for each, goal in zip(inflated, goals, strict=True)])
+        to_go = np.stack([self.cost_to_go(maps[0], goal) for maps, goal in zip(inflated, goals, strict=True)])
         points = placed(self.arcs, poses[:, None])  # (E, A, P, 2)
         layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
         on_arc = partial(self._along, points=points, layer=layer)

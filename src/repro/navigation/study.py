@@ -1,4 +1,4 @@
-"""One arm of the comparison: tuned on validation courses, driven on test courses, and once more for each inflation.
+"""One mapper of the comparison: tuned on validation courses, driven on test courses, and once more for each inflation.
 
 Every evaluation is a file of episodes, so that a run goes on where it was left.
 """
@@ -15,9 +15,9 @@ import pandas as pd
 
 from repro.baselines.registry import climb
 from repro.maps.grid import Grid
-from repro.navigation.arms import Arm
 from repro.navigation.courses import Course, sample_course
 from repro.navigation.episodes import Fleet
+from repro.navigation.mappers import Mapper
 from repro.recordings.format import spec_fingerprint
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, write_json, write_text
@@ -28,8 +28,8 @@ WEIGHTS = (5.0, 20.0, 80.0)
 THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
 BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
-TEST, CURVE, TRIED, ORIGIN = "test.csv", "curve.csv", "tried.csv", "provenance.json"  # files of an arm
-COURSES = "courses.json"  # what the episodes of an arm are of
+TEST, CURVE, TRIED, ORIGIN = "test.csv", "curve.csv", "tried.csv", "provenance.json"  # files of a mapper
+COURSES = "courses.json"  # what the episodes of a mapper are of
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
 Settings = dict[str, Any]
@@ -45,44 +45,41 @@ class Seeds:
 
 
 class Study:
-    """The evaluations of one arm.
+    """The evaluations of one mapper.
 
     Args:
         directory: where its files are.
-        name: name of the arm.
-        arm: the arm.
+        name: name of the mapper.
+        mapper: the mapper.
         specs: the worlds of the courses by their experiments.
         grid: grid of the maps.
         inflations_m: candidates of the inflation [m].
-        people: None if obstacles move as in their worlds; `unaware` or `aware` for people who walk, and see the robot
-            or not.
     """
 
     def __init__(
         self,
         directory: Path,
         name: str,
-        arm: Arm,
+        mapper: Mapper,
         specs: Mapping[str, WorldSpec],
         grid: Grid,
         *,
         inflations_m: Sequence[float],
-        people: str | None = None,
     ) -> None:
-        self.directory, self.name, self.arm, self.specs, self.grid = directory / name, name, arm, specs, grid
-        self.inflations_m, self.people = tuple(inflations_m), people
+        self.directory, self.name, self.mapper, self.specs, self.grid = directory / name, name, mapper, specs, grid
+        self.inflations_m = tuple(inflations_m)
         self.courses: dict[tuple[str, int], Course] = {}
         self.driven = 0  # episodes of the present run
 
     def run(self, seeds: Seeds, origin: Mapping[str, Any]) -> None:
-        """Tune the arm, and drive the courses of the test with its settings and with those of every inflation.
+        """Tune the mapper, and drive the courses of the test with its settings and with those of every inflation.
 
         Args:
             seeds: numbers of courses.
             origin: the provenance of the episodes that are driven now, which is added to that of earlier ones.
 
         Raises:
-            InputError: the directory has episodes of other worlds, people, maps or weights.
+            InputError: the directory has episodes of other worlds, maps or weights.
         """
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
@@ -96,7 +93,7 @@ class Study:
         write_text(self.directory / TEST, test.to_csv(index=False))
         write_text(self.directory / CURVE, pd.concat(curve).to_csv(index=False))
         path = self.directory / ORIGIN
-        steps = read_mapping(path, "the provenance of an arm")["steps"] if path.is_file() else []
+        steps = read_mapping(path, "the provenance of a mapper")["steps"] if path.is_file() else []
         if self.driven or not steps:
             steps.append({"seeds": dataclasses.asdict(seeds), "episodes": self.driven, **origin})
         write_json(path, {"steps": steps})
@@ -104,9 +101,9 @@ class Study:
     def _check_courses(self) -> None:
         """Refuse to mix episodes, and write of what they are."""
         present: dict[str, Any] = {name: spec_fingerprint(spec) for name, spec in self.specs.items()}
-        present |= {"people": self.people, "grid": dataclasses.asdict(self.grid), "weights": self.arm.weights}
+        present |= {"grid": dataclasses.asdict(self.grid), "weights": self.mapper.weights}
         path = self.directory / COURSES
-        known = read_mapping(path, "the courses of an arm") if path.is_file() else {}
+        known = read_mapping(path, "the courses of a mapper") if path.is_file() else {}
         if other := [name for name in present if name in known and known[name] != present[name]]:
             raise InputError(
                 f"{self.directory} has episodes with another value of {', '.join(other)}: expected those of this call; "
@@ -117,7 +114,7 @@ class Study:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the settings."""
-        return ("inflation_m", "weight", "threshold", *self.arm.candidates)
+        return ("inflation_m", "weight", "threshold", *self.mapper.candidates)
 
     def tuned(self, count: int) -> Settings:
         """Return the settings with the best score on the validation courses of all experiments, and write all tried."""
@@ -129,15 +126,15 @@ class Study:
             return tried[-1]["score"]
 
         tried: list[dict[str, Any]] = []
-        candidates: list[Any] = [self.inflations_m, WEIGHTS, (None,), *self.arm.candidates.values()]
+        candidates: list[Any] = [self.inflations_m, WEIGHTS, (None,), *self.mapper.candidates.values()]
         found = climb(lambda values: score(*values), candidates)
         score(*found)  # where there is no choice
-        if not self.arm.is_binary:
+        if not self.mapper.is_binary:
             candidates[2] = THRESHOLDS
             start = (*found[:2], THRESHOLDS[len(THRESHOLDS) // 2], *found[3:])
             climb(lambda values: score(*values), candidates, start)
         write_text(self.directory / TRIED, pd.DataFrame(tried).to_csv(index=False, float_format="%.4f"))
-        best = max(tried, key=lambda each: each["score"])
+        best = max(tried, key=lambda settings: settings["score"])
         return {name: best[name] for name in self.names}
 
     def episodes(self, split: str, settings: Settings, count: int) -> pd.DataFrame:
@@ -147,7 +144,7 @@ class Study:
         parts = [pd.read_csv(path)] if path.is_file() else []
         known = set(zip(parts[0]["experiment"], parts[0]["seed"], strict=True)) if parts else set()
         wanted = [(experiment, FIRST[split] + number) for experiment in self.specs for number in range(count)]
-        missing = [each for each in wanted if each not in known]
+        missing = [course for course in wanted if course not in known]
         for first in progress(range(0, len(missing), BATCH), f"{self.name}, {split} {label}"):
             parts.append(self._drive(missing[first : first + BATCH], settings).assign(split=split))
             write_text(path, pd.concat(parts).to_csv(index=False, float_format="%.4f"))
@@ -158,14 +155,12 @@ class Study:
         """Drive courses of several experiments, which have the same robot."""
         for experiment, seed in names:
             if (experiment, seed) not in self.courses:
-                has_people = self.people is not None
-                self.courses[experiment, seed] = sample_course(self.specs[experiment], seed, has_people=has_people)[0]
+                self.courses[experiment, seed] = sample_course(self.specs[experiment], seed)[0]
         spec, courses = next(iter(self.specs.values())), [self.courses[name] for name in names]
-        fleet = Fleet(spec, courses, self.arm, settings, self.grid, is_visible=self.people == "aware")
-        episodes = fleet.drive()
+        episodes = Fleet(spec, courses, self.mapper, settings, self.grid).drive()
         self.driven += len(episodes)
         rows = pd.DataFrame(map(dataclasses.asdict, episodes))
-        return rows.assign(experiment=[experiment for experiment, _ in names], arm=self.name, **settings)
+        return rows.assign(experiment=[experiment for experiment, _ in names], mapper=self.name, **settings)
 
 
 def spl(episodes: pd.DataFrame) -> pd.Series:

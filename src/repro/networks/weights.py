@@ -33,8 +33,8 @@ def locate(weights: str | Path) -> Path:
     if name in NAMED_NETWORKS:
         return DIRECTORY / name
     paths = Path(os.path.expanduser(name)), project_directory() / name
-    if there := [path for path in paths if name and path.exists()]:
-        return there[0]
+    if found := [path for path in paths if name and path.exists()]:
+        return found[0]
     if not REPOSITORY.fullmatch(name) or any(path.parent.exists() for path in paths):
         known = ", ".join(NAMED_NETWORKS)
         raise InputError(

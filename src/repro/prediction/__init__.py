@@ -1,0 +1,1 @@
+"""Scans with poses become windows and maps: of a log, of a stream; their agreement, figures and files."""

@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from repro.logs.log_scan import LogScan
+from repro.logs.misses import MissCheck
+from repro.logs.options import window_of
+from repro.logs.poses import MAX_PLACE_M
+from repro.logs.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
+from repro.logs.reasons import Reason
+from repro.logs.times import Clock, parts_of, steps_before
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
-from repro.prediction.intake import LogScan
-from repro.prediction.misses import MissCheck
 from repro.prediction.moving import MOVERS, moving_pixels, parts_of_window, stands
-from repro.prediction.poses import MAX_PLACE_M
-from repro.prediction.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
-from repro.prediction.times import Clock, parts_of, steps_before, window_of
 from repro.prediction.windows import on_map
 from repro.scans import Scans
 from repro.system.arrays import real
@@ -111,6 +113,7 @@ class PredictionStream:
 
     Attributes:
         reason: why the last update has no map; None if it has one.
+        left_out: why its scan was left out; None if it was kept.
 
     Raises:
         InputError: an argument has another shape or value, or the network needs a fixed center.
@@ -131,8 +134,9 @@ class PredictionStream:
             raise InputError(f"predictor: expected that of load_predictor, got {predictor!r}")
         if isinstance(center, str) and center != "robot":
             raise InputError(f"center: expected robot or x, y [m], got {center!r}")
-        self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=range_max_m, misses=misses)
-        self.range_max_m = math.inf if range_max_m is None else range_max_m
+        known_m = None if range_max_m == math.inf else range_max_m
+        self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=known_m, misses=misses)
+        self.range_max_m = math.inf if known_m is None else float(known_m)
         self.predictor, self.angles = predictor, real("angles", angles).astype(float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
@@ -141,6 +145,7 @@ class PredictionStream:
         self.beams = len(self.angles)
         self.angles = self.angles[: beams_of_turn(self.angles)]
         self.reason: str | None = None
+        self.left_out: Reason | None = None
         most = 2 * self.settings.steps + EXTRA  # kept scans are half a step apart or more
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=most)
         self._clock, self._misses = Clock(self.settings), MissCheck()
@@ -208,7 +213,7 @@ class PredictionStream:
         return ranges[: len(self.angles)], pose
 
     def extend(self, scan: LogScan) -> StreamMap | None:
-        """Take a scan from an `Intake`, whose beams are those of the stream, and predict the map at its time."""
+        """Take a scan from a `ScanFilter`, whose beams are those of the stream, and predict the map at its time."""
         with self._lock:
             self._take(scan.ranges, self._checked_pose(scan.pose), scan.stamp)
             return None if self.reason else self._predict()
@@ -216,9 +221,9 @@ class PredictionStream:
     def _take(self, ranges: np.ndarray, pose: np.ndarray, stamp: float) -> None:
         """Keep a scan, or state in `reason` why it is left out."""
         stamp = check_stamp(stamp, self.settings.step_s)
-        left_out = self._clock.why_left_out(stamp)
-        self.reason = left_out and f"the scan at {stamp:.2f} s is {left_out}"
-        if left_out:
+        self.left_out = self._clock.why_left_out(stamp)
+        self.reason = self.left_out and f"the scan at {stamp:.2f} s is {self.left_out}"
+        if self.left_out:
             return
         if self._clock.replaces:
             self._kept.pop()

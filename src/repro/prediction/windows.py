@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog, path_m
+from repro.logs.times import ends_of, parts_of, steps_before
 from repro.maps.statistics import Statistics
-from repro.prediction.logs import ScanLog
-from repro.prediction.times import WindowSettings, ends_of, parts_of, steps_before
 from repro.scans import Scans, wrapped
 from repro.system.errors import InputError
 
@@ -111,8 +112,3 @@ def on_map(ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, origin: np
 
 def _on_map(log: ScanLog, index: np.ndarray | list[int], origin: np.ndarray) -> Scans:
     return on_map(log.ranges[index], log.angles, log.poses[index], origin)
-
-
-def path_m(poses: np.ndarray) -> float:
-    """Return the length of a path [m], given its poses, (S, 3)."""
-    return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())

@@ -121,8 +121,8 @@ def bounds(frames: DataFrames, caption: str) -> Cells:
     return Cells(("Exp.", "Predictor", *SUMMARY.values(), *PROBABILISTIC.values()), shown, caption, text_columns=2)
 
 
-def arms(frames: DataFrames, caption: str) -> Cells:
-    """Return success, time and difference of all arms, a row each, from navigation.csv."""
+def mappers(frames: DataFrames, caption: str) -> Cells:
+    """Return success, time and difference of all mappers, a row each, from navigation.csv."""
     results = frames["navigation"]
     experiments, rows = list(results["experiment"].unique()), []
     for title, own in results.groupby("title", sort=False):
@@ -170,8 +170,8 @@ ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # table
         networks,
         "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two",
     ),
-    "arms": (
-        arms,
+    "mappers": (
+        mappers,
         "Share of the courses in which the robot reaches both goals, with 95 % intervals; mean time of the successes",
     ),
 }
@@ -181,8 +181,8 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `arms`), or one network or `average` for its rows
-    in both tables.
+    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `mappers`), or one network or `average` for its
+    rows in both tables.
 
     Raises:
         InputError: a mark is not closed before the next one.

@@ -234,7 +234,7 @@ def navigation_rows(results: pd.DataFrame) -> pd.DataFrame:
     Returns:
         rows as of `analysis_rows`, of `navigation`.
     """
-    parts = results["arm"].str.extract(r"^(?P<model>[a-z]+)-(?P<encoding>[a-z0-9]+)$")
+    parts = results["mapper"].str.extract(r"^(?P<model>[a-z]+)-(?P<encoding>[a-z0-9]+)$")
     values = {"value": results["difference"], "low": results["difference_low"], "high": results["difference_high"]}
     rows = parts.assign(of="navigation", recency="all", metric="difference", experiment=results["experiment"], **values)
     return rows.dropna(subset=["model"])

@@ -161,7 +161,7 @@ class Run:
         """The command of the call that works on the run, from the overrides that Hydra stores; None without Hydra."""
         path = self.path / ".hydra" / "overrides.yaml"
         typed = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else None
-        if not isinstance(typed, list) or not all(isinstance(each, str) for each in typed):
+        if not isinstance(typed, list) or not all(isinstance(word, str) for word in typed):
             return None
         return f"python run.py {shlex.join(typed)}"
 

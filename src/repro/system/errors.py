@@ -13,4 +13,4 @@ class InputError(ValueError):
 
 def printable(text: str) -> str:
     """Return a text whose control characters, as in names of others, cannot control a terminal."""
-    return "".join(each if each.isprintable() or each == "\n" else ascii(each)[1:-1] for each in text)
+    return "".join(sign if sign.isprintable() or sign == "\n" else ascii(sign)[1:-1] for sign in text)

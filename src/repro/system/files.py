@@ -61,7 +61,7 @@ def replacing_directory(path: Path, own: Callable[[str], object] | None = None) 
     """
     path = Path(os.path.realpath(path)) if path.is_symlink() else path  # a link stays one
     others = [path] if path.exists() and not path.is_dir() else path.glob("*")
-    foreign = [each.name for each in others if own and not (each.is_file() and own(each.name))]
+    foreign = [path.name for path in others if own and not (path.is_file() and own(path.name))]
     if foreign:
         raise InputError(f"{path} is replaced as a whole and has files such as {min(foreign)}: move them elsewhere")
     new, old = (path.with_name(f"{path.name}.{uuid.uuid4().hex}{kind}.tmp") for kind in ("", ".old"))

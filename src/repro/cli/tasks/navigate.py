@@ -1,20 +1,20 @@
-"""task=navigate: drive a robot to goals by the maps of one arm, tuned alone, and compare the arms."""
+"""task=navigate: drive a robot to goals by the maps of one mapper, tuned alone, and compare the mappers."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repro.cli.jobs import Job
-from repro.cli.settings import NETWORK_ARMS
+from repro.cli.settings import NETWORK
 from repro.cli.tasks import NETWORK_KEYS, Task
 from repro.system.errors import InputError
 
 if TYPE_CHECKING:
     from repro.maps.grid import Grid
-    from repro.navigation.arms import Arm
+    from repro.navigation.mappers import Mapper
 
 
 def run(job: Job) -> None:
-    """Tune an arm, drive its courses, and write the tables and the figure of all arms that are finished.
+    """Tune a mapper, drive its courses, and write the tables and the figure of all mappers that are finished.
 
     Raises:
         InputError: the network is of another map, or a world has no room for courses.
@@ -30,24 +30,24 @@ def run(job: Job) -> None:
     specs = {name: world_spec(job.call.world, name) for name in settings.experiments}
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
-    name, arm = _arm(job, grid, settings.arm)
-    study = Study(directory, name, arm, specs, grid, inflations_m=settings.inflations_m, people=settings.people)
+    name, mapper = _mapper(job, grid, settings.mapper)
+    study = Study(directory, name, mapper, specs, grid, inflations_m=settings.inflations_m)
     with few_threads():
         study.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
 
 
-def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
-    """Return the name and the arm of a call; that of a network has the name of its architecture and encoding."""
+def _mapper(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
+    """Return the name and the mapper of a call; that of a network has the name of its architecture and encoding."""
     from repro.baselines.registry import TRACKER
     from repro.evaluation.evaluate import evaluate_baseline
     from repro.learning.networks.trained import load_trained, module_of
-    from repro.navigation.arms import CLASSICAL, HITS, network_arm, tracker_arm
+    from repro.navigation.mappers import CLASSICAL, network_mapper, tracker_mapper
     from repro.networks.predictor import load_predictor
     from repro.networks.weights import locate
 
-    if name in NETWORK_ARMS:
+    if name == NETWORK:
         path = locate(job.call.prediction.weights)
         predictor = load_predictor(path) if path.is_file() else load_trained(path)
         if predictor.grid != grid:
@@ -57,14 +57,12 @@ def _arm(job: Job, grid: "Grid", name: str) -> tuple[str, "Arm"]:
             raise InputError(
                 "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
             )
-        with_hits = name == "network_hits"
         kind = "onnx" if path.is_file() else type(module_of(predictor)).__name__.lower()
-        label = f"{kind}-{predictor.encoding.name}{HITS if with_hits else ''}"
-        return label, network_arm(predictor, with_hits=with_hits, weights=_checksum(path))
+        return f"{kind}-{predictor.encoding.name}", network_mapper(predictor, weights=_checksum(path))
     if name == "tracker":
         evaluate_baseline(job.outputs, job.config, name)
         tuned = job.outputs.run(job.config.of_baseline(name).key).provenance().last("evaluated") or {}
-        return name, tracker_arm({key: tuned[key] for key in (*TRACKER, "free_steps")})
+        return name, tracker_mapper({key: tuned[key] for key in (*TRACKER, "free_steps")})
     return name, CLASSICAL[name]
 
 
@@ -77,8 +75,8 @@ def _checksum(path: Path) -> str:
 
 
 def _target(job: Job) -> Path:
-    arm = job.call.navigation.arm
-    name = f"{arm} {job.call.prediction.weights}" if arm in NETWORK_ARMS else arm
+    mapper = job.call.navigation.mapper
+    name = f"{mapper} {job.call.prediction.weights}" if mapper == NETWORK else mapper
     return job.outputs.path / "navigation" / name.replace("/", " ")
 
 

@@ -1,0 +1,74 @@
+"""The parameters of the nodes, and those of Nav2 in the example."""
+
+import tomllib
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from conftest import ROOT
+
+from repro.prediction.map_files import OCCUPIED_ABOVE
+from repro.ros.node import PARAMETERS, create_mapper
+
+DEFAULTS = {name: default for name, (default, _) in PARAMETERS.items()}
+WINDOW_S = (0.1, 100)
+
+
+def create(**values):
+    return create_mapper(DEFAULTS | values, {}, print, print)
+
+
+def test_the_defaults_are_those_of_the_training():
+    mapper = create()
+    assert (mapper.settings.step_s, mapper.settings.steps) == WINDOW_S
+    assert (mapper.settings.center, mapper.settings.range_max_m) == ("robot", None)
+    assert (mapper.transforms.frame, mapper.transforms.mounting) == (None, None)
+
+
+@pytest.mark.parametrize("mounting", ["0.5,-1,0", [0.5, -1, 0]])
+def test_numbers_are_a_text_or_a_list(mounting):
+    mapper = create(mounting=mounting, frame="odom", center="25,-3.5", range_max_m=12.0, steps=50, weights="rooms")
+    assert mapper.transforms.mounting == pytest.approx((0.5, -1, 0))
+    assert mapper.transforms.frame == "odom"
+    assert mapper.settings.center == (25, -3.5)
+    assert (mapper.settings.range_max_m, mapper.settings.steps) == (12, 50)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("steps", 20_000, "steps=20000: must be less than or equal to 10000"),
+        ("steps", 0.5, "steps=0.5: must be a valid integer"),
+        ("range_max_m", "far", "range_max_m=far: must be a number"),
+        ("odometry", "yes", "odometry=yes: must be a valid boolean"),
+        ("mounting", "1,2", r"must be \[x,y,heading\]"),
+        ("mounting", "0,0,inf", r"must be \[x,y,heading\]"),
+        ("mounting", "a,b,c", r"must be \[x,y,heading\]"),
+        ("frame", 5, "frame=5: must be a valid string"),
+        ("threads", 10**6, "threads=1000000: must be less than or equal to 64"),
+        ("center", "", "center=: must be robot, start, or"),
+        ("center", "start", "a node has no first pose"),
+        ("weights", "nowhere", "nowhere"),
+    ],
+)
+def test_wrong_values_are_refused(name, value, message):
+    with pytest.raises(ValueError, match=message):
+        create(**{name: value})
+
+
+def test_an_obstacle_for_nav2_is_one_for_map_server():
+    content = yaml.safe_load((ROOT / "examples" / "nav2_costmap.yaml").read_text())
+    costmap = content["local_costmap"]["local_costmap"]["ros__parameters"]
+    assert costmap["lethal_cost_threshold"] == 100 * OCCUPIED_ABOVE
+    assert "/predicted_map" in [costmap[name].get("map_topic") for name in costmap["plugins"]]
+
+
+def test_the_package_of_ros_2_has_the_parameters_of_the_node_and_the_version_of_the_project():
+    folder = ROOT / "ros" / "repro_ros"
+    content = yaml.safe_load((folder / "config" / "map_prediction.yaml").read_text())
+    assert content["map_prediction"]["ros__parameters"] == DEFAULTS
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    package = ElementTree.parse(folder / "package.xml").getroot()
+    assert package.findtext("version") == project["version"]
+    (script,) = (line for line in (folder / "setup.py").read_text().splitlines() if "console_scripts" in line)
+    assert project["scripts"]["repro-ros2-node"] in script
