@@ -58,7 +58,10 @@ def main() -> None:
 
             scans = windows(number)
             times[number, "tracker"], times[number, "unet"] = cpu_ms(tracked, scans), cpu_ms(network.predict, scans)
-            print(number, {name: times[number, name].mean().round(1).item() for name in ("tracker", "unet")}, flush=True)
+            means = (times[number, name].mean().item() for name in ("tracker", "unet"))
+            print(
+                f"{number} obstacles: tracker and U-Net take " + ", ".join(f"{ms:.1f} ms" for ms in means), flush=True
+            )
     (TARGET / "analysis").mkdir(parents=True, exist_ok=True)
     rows = [{"obstacles": n, "model": name, "cpu_ms": each.mean()} for (n, name), each in times.items()]
     write_text(TARGET / "times.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4g"))
