@@ -48,7 +48,7 @@ def cpu_ms(predict: Callable[[Scans], object], scans: list[Scans]) -> np.ndarray
 
 def main() -> None:
     """Measure both, and write the times, the growth and where they come from."""
-    network, times = load_predictor("exp4"), {}
+    origin, network, times = environment(), load_predictor("exp4"), {}
     with one_thread():
         for number in NUMBERS:
             prior = Prior(2.85 * (NUMBER / number) ** 0.5, 0.4, 1.4, 0.2, 5.0)
@@ -66,7 +66,7 @@ def main() -> None:
     rows = [{"obstacles": n, "model": name, "cpu_ms": each.mean()} for (n, name), each in times.items()]
     write_text(TARGET / "times.csv", pd.DataFrame(rows).to_csv(index=False, float_format="%.4g"))
     write_text(TARGET / "analysis" / "scaling.csv", growth(times).to_csv(index=False, float_format="%.4g"))
-    write_json(TARGET / "provenance.json", {"windows": WINDOWS, "experiment": EXPERIMENT, **environment()})
+    write_json(TARGET / "provenance.json", {"windows": WINDOWS, "experiment": EXPERIMENT, **origin})
 
 
 def growth(times: dict[tuple[int, str], np.ndarray]) -> pd.DataFrame:

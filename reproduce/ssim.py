@@ -99,13 +99,13 @@ def ratios(experiment: str, model: str, weights: str) -> list[dict[str, object]]
 
 def main() -> None:
     """Measure all networks, and write the ratios and where they come from."""
-    rows = []
+    rows, origin = [], environment()
     for network in NETWORKS:
         rows += ratios(*network)
         print(pd.DataFrame(rows).to_string(float_format="{:.3f}".format), flush=True)
     table = pd.DataFrame(rows)
     write_text(RESULTS / "ssim" / "autocast.csv", table.to_csv(index=False, float_format="%.4g"))
-    write_json(RESULTS / "ssim" / "autocast.json", {"networks": NETWORKS, "test_pairs": PAIRS, **environment()})
+    write_json(RESULTS / "ssim" / "autocast.json", {"networks": NETWORKS, "test_pairs": PAIRS, **origin})
 
 
 if __name__ == "__main__":
