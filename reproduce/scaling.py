@@ -23,7 +23,7 @@ from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
 from repro.system.files import write_json, write_text
 from repro.worlds.spec import world_spec
-from reproduce.worlds import NUMBER, Family, world_of
+from reproduce.worlds.families import NUMBER, Family, world_of
 
 TARGET = Path(__file__).parent / "results" / "scaling"
 NUMBERS, WINDOWS, EXPERIMENT, STEP_S = (5, 10, 20, 40), 30, "4", 0.1

@@ -1,11 +1,11 @@
-"""Measure the SSIM of piqa as a GPU computes it under torch.autocast: can 16 bits explain the paper's lower values?
+"""Measure the SSIM of piqa under torch.autocast: can 16 bits explain the paper's lower values?
 
     python -m reproduce.ssim
 
 predicts test maps with published networks of 128 px (those of 256 px are not published), enlarges the logits to 256 px,
-and compares them with true maps of 256 px. Under autocast, a GPU computes each convolution from inputs rounded to 16
-bits, sums in float32 and rounds the result, computes powers in float32, and all else in the type of its operands.
-The ratios to float32 go to reproduce/results/ssim/autocast.csv.
+and compares them with true maps of 256 px, by autocast of this CPU and by the rules of a GPU: each convolution takes
+inputs rounded to 16 bits, sums in float32 and rounds the result, powers are of float32 (on a CPU they are not), and all
+else has the type of its operands. The ratios to float32 go to reproduce/results/ssim/autocast.csv.
 """
 
 from pathlib import Path
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
+from piqa import SSIM
 from piqa.utils.functional import gaussian_kernel
 from torch import Tensor
 from torch.nn.functional import conv2d, interpolate
@@ -51,7 +52,13 @@ def smooth(images: Tensor, kind: torch.dtype) -> Tensor:
     return images
 
 
-def ssim_autocast(free: Tensor, truth: Tensor, kind: torch.dtype) -> Tensor:
+def ssim_cpu(free: Tensor, truth: Tensor, kind: torch.dtype) -> Tensor:
+    """Compute the SSIM as `ssim_gpu`, under autocast of the CPU."""
+    with torch.autocast("cpu", kind):
+        return SSIM(n_channels=1, reduction="none", value_range=1.0)(free, truth).float()
+
+
+def ssim_gpu(free: Tensor, truth: Tensor, kind: torch.dtype) -> Tensor:
     """Compute the SSIM of images (M, 1, H, W), (M,), as `piqa.ssim` does on a GPU under autocast.
 
     Args:
@@ -66,6 +73,9 @@ def ssim_autocast(free: Tensor, truth: Tensor, kind: torch.dtype) -> Tensor:
     covariance = smooth(free * truth, kind) - product
     contrast = (2 * covariance + C2) / (variance_x + variance_y + C2)
     return ((2 * product + C1) / (square_x + square_y + C1) * contrast).float().flatten(1).mean(1)
+
+
+RULES = {"gpu": ssim_gpu, "cpu": ssim_cpu}
 
 
 def logits_and_maps(experiment: str, weights: str) -> tuple[Tensor, np.ndarray]:
@@ -88,12 +98,14 @@ def ratios(experiment: str, model: str, weights: str) -> list[dict[str, object]]
         plain = ssim(free.numpy(), maps)
         for name, kind in TYPES.items():
             rounded = torch.sigmoid((logits / temperature).to(kind))
-            parts = zip(rounded.split(4), truth.split(4), strict=True)  # small arrays, which stay in the cache
-            found = torch.cat([ssim_autocast(*part, kind) for part in parts]).numpy()
-            finite = np.isfinite(found)
-            about = {"experiment": experiment, "model": model, "temperature": temperature, "type": name}
-            value, ratio = plain.mean(), found[finite].mean() / plain[finite].mean()
-            rows.append({**about, "float32": value, "ratio": ratio, "finite": finite.mean()})
+            for rules, measure in RULES.items():
+                parts = zip(rounded.split(4), truth.split(4), strict=True)  # small arrays, which stay in the cache
+                found = torch.cat([measure(*part, kind) for part in parts]).numpy()
+                finite = np.isfinite(found)
+                about = {"experiment": experiment, "model": model, "temperature": temperature}
+                ratio = found[finite].mean() / plain[finite].mean()
+                measured = {"float32": plain.mean(), "ratio": ratio, "finite": finite.mean()}
+                rows.append({**about, "type": name, "rules": rules, **measured})
     return rows
 
 
