@@ -8,6 +8,8 @@ inputs rounded to 16 bits, sums in float32 and rounds the result, powers are of 
 else has the type of its operands. The ratios to float32 go to reproduce/results/ssim/autocast.csv.
 """
 
+from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -67,53 +69,58 @@ def ssim_gpu(free: Tensor, truth: Tensor, kind: torch.dtype) -> Tensor:
         kind: type of the convolutions.
     """
     mean_x, mean_y = smooth(free, kind), smooth(truth, kind)
-    square_x, square_y, product = mean_x.float() ** 2, mean_y.float() ** 2, mean_x * mean_y
+    square_x, square_y, both = mean_x.float() ** 2, mean_y.float() ** 2, mean_x * mean_y
     variance_x = smooth(free.float() ** 2, kind) - square_x
     variance_y = smooth(truth**2, kind) - square_y
-    covariance = smooth(free * truth, kind) - product
+    covariance = smooth(free * truth, kind) - both
     contrast = (2 * covariance + C2) / (variance_x + variance_y + C2)
-    return ((2 * product + C1) / (square_x + square_y + C1) * contrast).float().flatten(1).mean(1)
+    return ((2 * both + C1) / (square_x + square_y + C1) * contrast).float().flatten(1).mean(1)
 
 
 RULES = {"gpu": ssim_gpu, "cpu": ssim_cpu}
 
 
-def logits_and_maps(experiment: str, weights: str) -> tuple[Tensor, np.ndarray]:
-    """Return logits of a network enlarged to 256 px, (M, 1, H, W), and the true maps of 256 px."""
+def enlarged(free: np.ndarray) -> Tensor:
+    """Return the logits of probabilities (M, H, W), enlarged to 256 px, (M, 1, 256, 256)."""
+    logits = torch.logit(torch.from_numpy(free).float()[:, None], eps=1e-6)
+    return interpolate(logits, size=(SIZE_PX, SIZE_PX), mode="bilinear")
+
+
+def compare(logits: Tensor, maps: np.ndarray, kind: str, rules: str) -> dict[str, float]:
+    """Compare the mean SSIM in 16 bits with that in float32, of all images where it is finite.
+
+    Args:
+        logits: see `enlarged`.
+        maps: the true maps, (M, 1, 256, 256).
+        kind: bfloat16 or float16.
+        rules: gpu or cpu.
+    """
+    plain = ssim(torch.sigmoid(logits).numpy(), maps)
+    rounded, truth = torch.sigmoid(logits.to(TYPES[kind])), torch.from_numpy(np.asarray(maps, np.float32))
+    parts = zip(rounded.split(4), truth.split(4), strict=True)  # small arrays, which stay in the cache
+    found = torch.cat([RULES[rules](*part, TYPES[kind]) for part in parts]).numpy()
+    finite = np.isfinite(found)
+    return {"float32": plain.mean(), "ratio": found[finite].mean() / plain[finite].mean(), "finite": finite.mean()}
+
+
+def measured(experiment: str, model: str, weights: str) -> Iterator[dict[str, object]]:
+    """Yield the comparisons of a network, at all temperatures, types and rules."""
     recordings = ROOT / "outputs" / "ssim" / "recordings" / f"exp{experiment}"
     record_experiment(recordings, world_spec(read_world(WORLDS), experiment), {"train": 2, "val": 2, "test": PAIRS})
     network, opened = load_trained(RESULTS / weights), open_recordings(recordings)
-    test = load_recorded(opened, "test", network.grid)
-    logits = torch.logit(torch.from_numpy(network.predict(test.scans)).float()[:, None], eps=1e-6)
-    enlarged = interpolate(logits, size=(SIZE_PX, SIZE_PX), mode="bilinear")
-    return enlarged, load_recorded(opened, "test", Grid(SIZE_PX, network.grid.size_m)).maps
-
-
-def ratios(experiment: str, model: str, weights: str) -> list[dict[str, object]]:
-    """Compare the mean SSIM in 16 bits with that in float32, of all images where both are finite."""
-    logits, maps = logits_and_maps(experiment, weights)
-    truth, rows = torch.from_numpy(np.asarray(maps, np.float32)), []
-    for temperature in TEMPERATURES:
-        free = torch.sigmoid(logits / temperature)
-        plain = ssim(free.numpy(), maps)
-        for name, kind in TYPES.items():
-            rounded = torch.sigmoid((logits / temperature).to(kind))
-            for rules, measure in RULES.items():
-                parts = zip(rounded.split(4), truth.split(4), strict=True)  # small arrays, which stay in the cache
-                found = torch.cat([measure(*part, kind) for part in parts]).numpy()
-                finite = np.isfinite(found)
-                about = {"experiment": experiment, "model": model, "temperature": temperature}
-                ratio = found[finite].mean() / plain[finite].mean()
-                measured = {"float32": plain.mean(), "ratio": ratio, "finite": finite.mean()}
-                rows.append({**about, "type": name, "rules": rules, **measured})
-    return rows
+    logits = enlarged(network.predict(load_recorded(opened, "test", network.grid).scans))
+    maps = load_recorded(opened, "test", Grid(SIZE_PX, network.grid.size_m)).maps
+    for temperature, kind, rules in product(TEMPERATURES, TYPES, RULES):
+        about = {"experiment": experiment, "model": model, "temperature": temperature, "type": kind, "rules": rules}
+        yield {**about, **compare(logits / temperature, maps, kind, rules)}
 
 
 def main() -> None:
     """Measure all networks, and write the ratios and where they come from."""
-    rows, origin = [], environment()
+    rows: list[dict[str, object]] = []
+    origin = environment()
     for network in NETWORKS:
-        rows += ratios(*network)
+        rows += measured(*network)
         print(pd.DataFrame(rows).to_string(float_format="{:.3f}".format), flush=True)
     table = pd.DataFrame(rows)
     write_text(RESULTS / "ssim" / "autocast.csv", table.to_csv(index=False, float_format="%.4g"))
