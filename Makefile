@@ -2,7 +2,6 @@
 PYTHON ?= python3
 ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
-SWEEP := model=unet,fpn,upernet,segformer
 ENCODINGS := projection,stack4,stack10,series10
 NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=16000 outputs=outputs/navigation
 DRIVEN := outputs/navigation/runs/expmixed
@@ -10,8 +9,9 @@ MAPPERS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
-# the study: the four experiments, or with SCALE=first those with a robot that turns
+# the study: the four networks and experiments, or with SCALE=first U-Net in those with a robot that turns
 FIRST := $(filter first,$(SCALE))
+SWEEP := model=unet$(if $(FIRST),,$(COMMA)fpn$(COMMA)upernet$(COMMA)segformer)
 EXPERIMENTS := $(if $(FIRST),1$(COMMA)3,1$(COMMA)2$(COMMA)3$(COMMA)4)
 MOVING := $(if $(FIRST),3,3$(COMMA)4)
 LEFT_OUT := $(if $(FIRST),'~world.experiments.2' '~world.experiments.4')
@@ -102,10 +102,10 @@ verify: setup ## check two published rows of experiment 4: record its test pairs
 bench: setup ## speed and memory as ratios to a plain implementation, on this machine
 	$(PY) reproduce/bench
 
-demo: setup ## one HTML file that runs a network in the browser
-	$(PY) run.py task=demo $(SCALE_ARG) $(ARGS)
+demo: setup ## one HTML file that runs the ConvGRU and the paper's U-Net in the browser
+	$(PY) run.py task=demo 'demo.networks=[exp4,reproduce/results/workstation/exp4-unet]' $(SCALE_ARG) $(ARGS)
 
-docs: setup ## update the generated tables of README.md and docs/, and the published reports, from reproduce/results
+docs: setup ## update the generated tables of README.md and docs/ from reproduce/results
 	$(PY) -m repro.cli.documents
 
 clean: ## delete caches and .venv; outputs/ stays

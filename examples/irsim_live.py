@@ -24,9 +24,9 @@ from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.drawing import shade
 from repro.prediction.stream import PredictionStream, StreamMap
 from repro.recordings.format import SHOWN_SEED
-from repro.simulation.paths import robot_commands
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import make, outlines_of_world
+from repro.worlds.robot_motions import drive_of
 from repro.worlds.spec import read_world, world_spec
 
 ROOT = Path(__file__).parents[1]
@@ -62,7 +62,7 @@ def drive(env: Any, outlines: np.ndarray, predictor: Predictor, options: argpars
     stream = PredictionStream(
         predictor, np.array(robot.lidar.angle_list), center=(center_m, center_m), step_s=env.step_time
     )
-    commands = robot_commands(robot.obj_behavior.behavior_dict, env.step_time)
+    commands = drive_of(robot.obj_behavior.behavior_dict).commands(env.step_time)
     for step in range(options.steps):
         env.step(commands[step % len(commands)])
         ranges = np.where(robot.lidar.valid, robot.lidar.range_data, np.inf)

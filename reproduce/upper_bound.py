@@ -25,13 +25,13 @@ from repro.recordings.format import SPLIT_SEEDS, SPLITS
 from repro.recordings.recorded import Recorded
 from repro.runs.parallel import count_cores
 from repro.scans import wrapped
-from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.sampling import sample_world
 from repro.simulation.shapes import geometry
 from repro.system.compiled import compiled
 from repro.system.errors import InputError
 from repro.system.progress import progress
-from repro.worlds.obstacles import Drifting, Sized
+from repro.worlds.obstacle_motions import Drifting, obstacle_states
+from repro.worlds.obstacles import Sized
 from repro.worlds.spec import WorldSpec
 
 DRAWS = 512  # of each obstacle

@@ -30,7 +30,9 @@ from repro.runs.directories import Run
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
+from repro.simulation.checks import checked_world
 from repro.simulation.recorder import record_experiment
+from repro.system.fields import ConfigError, WrongValues
 from repro.worlds import spec as world_config
 from repro.worlds.spec import WorldSpec
 
@@ -48,6 +50,15 @@ def world_spec(name: str, /, **changes: Any) -> WorldSpec:
     for key, value in changes.items():
         raw[key] = {**raw[key], **value} if isinstance(value, dict) else value
     return WorldSpec.parse(raw)
+
+
+def world_errors(values: dict[str, Any]) -> list[ConfigError]:
+    """Return what is wrong with the section `world` of a configuration."""
+    try:
+        checked_world(values)
+    except WrongValues as error:
+        return list(error.args)
+    return []
 
 
 def read_calls(*arguments: str) -> list[Call]:

@@ -14,8 +14,8 @@ from conftest import ROOT, TINY, read_calls
 
 from repro.logs.formats import read_log
 from repro.logs.options import ReadOptions, WindowSettings
+from repro.reporting import page
 from repro.reporting.documents import with_results
-from repro.reporting.page import render_published
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "DEVIATIONS.md", *sorted((ROOT / "docs").glob("*.md"))]
 TABLES = sorted((ROOT / "reproduce" / "results").glob("*/tables.md"))
@@ -91,9 +91,17 @@ def test_generated_tables_are_those_of_the_published_results(page):
     assert with_results(text, ROOT / "reproduce" / "results") == text, "run `make docs`"
 
 
-@pytest.mark.parametrize("report", sorted((ROOT / "reproduce" / "results").glob("*/report.html")), ids=named)
-def test_published_reports_are_those_of_the_published_results(report):
-    assert render_published(report.parent) == report.read_text(), "run `make docs`"
+def test_the_page_of_published_results_is_made_by_the_command_of_their_readme(tmp_path, monkeypatch):
+    text = (ROOT / "reproduce" / "results" / "README.md").read_text()
+    (words,) = re.findall(r"^python -m repro\.reporting\.page (\S+) (\S+)$", text, re.MULTILINE)
+    monkeypatch.chdir(ROOT)
+    page.main([words[0], str(tmp_path / words[1])])
+    html = (tmp_path / words[1]).read_text()
+    assert "Scale workstation: 128 x 128 px" in html
+    assert html.count("<figure>") >= 6
+    assert not list((ROOT / "reproduce").rglob("*.html")), "pages are made, not stored"
+    with pytest.raises(SystemExit, match=r"paper has no claims and no intervals\.csv"):
+        page.main(["reproduce/results/paper", str(tmp_path / "none.html")])
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TABLES], ids=named)
@@ -138,7 +146,7 @@ def test_recipe(title, tmp_path, python):
 
 def documented_commands() -> list[str]:
     """The commands of the documentation that use run.py, once each."""
-    blocks = [block for page in PAGES if page.name != "extending.md" for _, block in BLOCK.findall(page.read_text())]
+    blocks = [block for path in PAGES if path.name != "extending.md" for _, block in BLOCK.findall(path.read_text())]
     lines = [line.split(" #")[0].strip() for block in blocks for line in block.splitlines()]
     return list(dict.fromkeys(line for line in lines if line.startswith("python run.py")))
 

@@ -12,7 +12,6 @@ from conftest import ROOT, read_calls
 from PIL import Image
 
 from repro.simulation.sampling import sample_world
-from repro.worlds.spec import world_spec
 
 SPEC = importlib.util.spec_from_file_location("floor_map", ROOT / "examples" / "floor_map.py")
 floor_map = importlib.util.module_from_spec(SPEC)
@@ -78,8 +77,8 @@ def test_the_world_of_a_floor_can_be_recorded(tmp_path, monkeypatch, capsys):
     floor_map.main()
     assert "prediction.center=[7.0000,12.0000]" in capsys.readouterr().out
     (call,) = read_calls("--config-dir", str(tmp_path), "task=world", "world=my_map", "exp=people")
-    solid = covered([each["shape"]["vertices"] for each in call.experiment["fixed"]])
-    start = sample_world(world_spec(call.world, "people"), 0)["robot"]["state"]
+    solid = covered([each.shape.vertices for each in call.specs["people"].fixed])
+    start = sample_world(call.specs["people"], 0)["robot"]["state"]
     assert not solid[int(start[1] / CELL), int(start[0] / CELL)]
     with pytest.raises(SystemExit):
         floor_map.main()

@@ -11,8 +11,8 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
-from repro.simulation.obstacle_motions import Drift
 from repro.simulation.recorder import record_experiment
+from repro.worlds.obstacle_motions import Drift
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 ANGLES = np.linspace(-0.5, 0.5, 21)

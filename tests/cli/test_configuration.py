@@ -10,7 +10,6 @@ from repro.cli.jobs import RESULTS, Job
 from repro.runs.config import PairCounts
 from repro.runs.model import NETWORKS, PAPER_ENCODER, paper_model
 from repro.system.fields import OLDEST_GRAY
-from repro.worlds.spec import world_spec
 
 LIDAR = "world.robot.sensors.0"
 
@@ -24,17 +23,17 @@ def test_defaults_are_the_papers():
     config = read_call("task=record", "scale=paper")
     assert config.scale.pairs == PairCounts(train=10000, val=128, test=500)
     assert (config.train.learning_rate, config.train.min_delta, config.train.patience) == (1e-4, 1e-3, 5)
-    lidar = config.world["robot"]["sensors"][0]
-    assert (lidar["number"], lidar["range_max"]) == (100, 30)
-    assert lidar["angle_range"] == pytest.approx(3.14159265 / 2)
-    assert (config.world["world"]["width"], config.world["world"]["height"]) == (50, 50)
+    spec = config.specs["3"]
+    assert (spec.lidar.number, spec.lidar.range_max) == (100, 30)
+    assert spec.lidar.angle_range == pytest.approx(3.14159265 / 2)
+    assert (spec.world.width, spec.world.height) == (50, 50)
     assert config.model.encoder_weights is None
     assert config.oldest_gray == OLDEST_GRAY
 
 
 @pytest.mark.parametrize("experiment", ["1", "2", "3", "4"])
 def test_every_experiment_has_the_papers_motion_obstacles_and_100_steps(experiment):
-    spec = world_spec(read_call(f"exp={experiment}").world, experiment)
+    spec = read_call(f"exp={experiment}").specs[experiment]
     assert spec.motion.name == ("rotate" if experiment in "13" else "square")
     assert bool(spec.behaviors) == (experiment in "34")
     assert spec.steps == 100

@@ -3,7 +3,6 @@ from dataclasses import asdict
 import pytest
 from conftest import ROOT, fake_run, run_config
 
-import repro.worlds.spec
 from repro.cli.study import Study, describe_outputs
 from repro.recordings.format import shards_of
 from repro.reporting.names import duration
@@ -12,9 +11,10 @@ from repro.runs.keys import RunKey
 from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
+from repro.worlds.spec import WorldFile, read_world
 
 PAIRS = PairCounts(200, 4, 4)
-EXPERIMENTS = repro.worlds.spec.read_world(ROOT / "conf" / "world" / "paper.yaml")["experiments"]
+EXPERIMENTS = WorldFile.parse(read_world(ROOT / "conf" / "world" / "paper.yaml")).experiments
 
 
 def test_the_study_has_the_papers_24_trainings(tmp_path):

@@ -1,5 +1,7 @@
 """The page in headless Chromium: it predicts, follows the user, asks no network, and fits any width."""
 
+import re
+
 import pytest
 from conftest import run_py
 
@@ -108,7 +110,7 @@ def test_the_page_fits_any_width(open_tab, width):
 
 def test_an_obstacle_dragged_before_the_robot_appears_on_the_map(open_tab):
     tab = open_tab()
-    tab.select_option("#experiment", "1")  # the robot turns in the middle, and obstacles stand
+    tab.select_option("#experiment", index=0)  # the robot turns in the middle, and obstacles stand
     target = (25, 33)
     assert gray_around(tab, "prediction", *target)[0] > 127
     drag(tab, an_obstacle(tab), target)
@@ -126,6 +128,7 @@ def test_every_control_acts(open_tab):
     assert tab.inner_text("#play") == "Play"
     changes(tab, "prediction", lambda: tab.select_option("#network", index=1))
     changes(tab, "world", lambda: tab.click("#new-world"))
-    changes(tab, "world", lambda: tab.select_option("#experiment", "2"))
+    changes(tab, "world", lambda: tab.select_option("#experiment", index=1))
     changes(tab, "prediction", lambda: tab.click("#play"))
     assert tab.inner_text("#play") == "Pause"
+    assert re.match(r"map \d+\.\d\d s behind", tab.inner_text("#lag"))

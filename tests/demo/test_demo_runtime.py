@@ -10,7 +10,7 @@ def test_another_package_and_a_failed_download_are_refused(tmp_path, monkeypatch
         raise urllib.error.URLError("no network")
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(runtime.torch.hub, "download_url_to_file", respond)
+    monkeypatch.setattr(runtime.urllib.request, "urlopen", respond)
     with pytest.raises(ValueError, match=r"cannot be read .*no network.*elsewhere to .*\.tgz"):
         runtime.load_runtime()
     assert not list(tmp_path.rglob("*.*"))

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.demo.page import ASSETS, describe_world
+from repro.demo.page import ASSETS
+from repro.demo.worlds import FILE, describe, describe_world
 from repro.maps.encodings import create_encoding, to_input
 from repro.maps.grid import Grid
 from repro.simulation.sampling import reverse_direction, sample_world
@@ -28,6 +29,10 @@ ENCODINGS = [
     {"name": "recent7", "parameters": {"frames": 7, "range_max_m": 30.0}},
 ]
 DIFFERENT_PIXELS = 3  # of 16,384: points within float32 of the border of a pixel
+
+
+def test_the_worlds_of_the_page_are_those_of_the_study():
+    assert json.loads(FILE.read_text()) == describe(), "run python -m repro.demo.worlds"
 
 
 def record(experiment, seed, reverse):

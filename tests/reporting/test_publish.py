@@ -43,14 +43,11 @@ def published(study, tmp_path):
 
 
 @pytest.fixture
-def later(tmp_path):
-    """Return outputs with a run of another network and one of a published network with another seed."""
-    path = tmp_path / "later" / "laptop"
+def later(study, tmp_path):
+    """Return the published outputs with a run of another network, and one of a published network with another seed."""
+    path = shutil.copytree(study[0].path, tmp_path / "later" / "laptop")
     fake_run(path, "3", "convgru", 0.7, encoding=SERIES)
     fake_run(path, "3", "unet", 0.6, seed=1)
-    write_intervals(
-        path, [("3", "convgru", "series10", 0.7), ("3", "unet", "projection", 0.6), ("3", "all_free", "", 0)]
-    )
     return Outputs(path)
 
 
@@ -81,97 +78,78 @@ def test_publishing_copies_runs_and_provenance(study):
     assert "runs/exp3/unet/projection-no-decay/seed0" in json.loads((target / "provenance.json").read_text())
 
 
-def test_analysis_and_page_are_published_with_the_tables_and_stale_files_are_removed(tmp_path):
-    fake_study(tmp_path / "laptop")
-    outputs, results = Outputs(tmp_path / "laptop"), tmp_path / "results"
-    outputs.analysis.mkdir()
-    for name in ("claims.csv", "ages.png", "ages.pdf", "old.csv"):
-        (outputs.analysis / name).write_text(name)
-    (outputs.path / "report.html").write_text("page")
-    publish(outputs, results)
-    (outputs.analysis / "old.csv").unlink()
-    target = publish(outputs, results)
-    assert sorted(path.name for path in target.glob("analysis/*")) == ["ages.png", "claims.csv"]
-    assert (target / "report.html").read_text() == "page"
+def test_the_analysis_is_replaced_and_files_of_others_stay(published, later):
+    target, analysis = published / "laptop", later.analysis
+    for path in (target / "exp3-unet" / "model.onnx", target / "costs.csv", target / "drive.gif", target / "tables.md"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("kept")
+    for path in (target / "analysis" / "old.csv", target / "old.png"):
+        path.write_text("stale")
+    for name in ("claims.csv", "recency.png", "recency.pdf"):
+        (analysis / name).write_text(name)
+    write_intervals(later.path, [("3", "convgru", "series10", 0.7)])
+    publish(later, published)
+    assert sorted(path.name for path in target.glob("analysis/*")) == ["claims.csv", "intervals.csv", "recency.png"]
+    assert pd.read_csv(target / "analysis" / "intervals.csv")["model"].tolist() == ["convgru"]
+    kept = {str(path.relative_to(target)) for path in target.rglob("*.*") if path.read_bytes() == b"kept"}
+    assert kept == {"exp3-unet/model.onnx", "costs.csv", "drive.gif", "tables.md"}
+    assert not (target / "old.png").exists()
+    assert {path.name for path in published.iterdir()} == {"laptop", ".lock"}
 
 
-def test_new_runs_are_added_and_published_ones_stay(published, later):
-    before = read_published(published / "laptop")
+def test_new_runs_and_new_results_replace_the_published_ones(published, later):
+    run = later.run(RunKey("3", "unet", "projection", 0))
+    pd.read_csv(run.metrics).assign(dice=0.65).to_csv(run.metrics, index=False)
     target = publish(later, published)
     after = read_published(target)
-    assert len(after) == len(before) + 2
-    both = before.merge(after, how="left", on=[*before.columns], indicator=True)
-    assert (both["_merge"] == "both").all()
+    assert len(after) == 8
     main = make_tables(after)["main"].frame
     assert main.loc[main["model"] == "convgru", "dice"].tolist() == [0.7]
     assert main.loc[(main["model"] == "unet") & (main["experiment"] == "3"), "seeds"].tolist() == [2]
-    origins = json.loads((target / "provenance.json").read_text())
-    assert len(origins) == len(after)
+    assert sorted(after.loc[(after["model"] == "unet") & (after["encoding"] == "projection"), "dice"]) == [0.6, 0.65]
+    assert len(json.loads((target / "provenance.json").read_text())) == 8
+    before = listing(target)
+    publish(later, published)
+    assert listing(target) == before
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"learning_rate": 0.5}, "the paper's method was trained with different settings: .*0.001.* and .*0.5"),
-        ({"scale": "workstation"}, "the published runs have laptop as scale, these runs workstation"),
-        ({"size_px": 64}, "the published runs have 32 px, these runs 64"),
-        ({"recordings": "others"}, "seed1 has other recordings than the published runs of experiment 3"),
         ({"commit": "abc+"}, r"uncommitted code; publish\.force=true"),
     ],
 )
-def test_runs_of_another_kind_are_not_added(changes, message, published, tmp_path):
-    other, before = Outputs(tmp_path / "other" / "laptop"), {"recordings": "hash of recordings", "commit": "0123abc"}
-    after = {name: changes.get(name, value) for name, value in before.items()}
-    own = {name: value for name, value in changes.items() if name not in before}
-    path = fake_run(other.path, "3", "unet", 0.6, seed=1, **own).path / "provenance.json"
-    text = path.read_text()
-    for name in before:
-        text = text.replace(f'"{before[name]}"', f'"{after[name]}"')
-    path.write_text(text)
+def test_doubtful_runs_need_force(changes, message, published, later):
+    settings = {name: value for name, value in changes.items() if name != "commit"}
+    path = fake_run(later.path, "4", "fpn", 0.6, **settings).path / "provenance.json"
+    path.write_text(path.read_text().replace('"0123abc"', f'"{changes.get("commit", "0123abc")}"'))
     kept = listing(published / "laptop")
+    with pytest.raises(ValueError, match=message):
+        publish(later, published)
+    assert listing(published / "laptop") == kept
+    assert len(read_published(publish(later, published, force=True))) == 9
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({}, "6 published runs are not in the outputs, such as baselines/exp3/all_free"),
+        ({"scale": "workstation"}, "the published runs have laptop as scale, these runs workstation"),
+        ({"size_px": 64}, "the published runs have 32 px, these runs 64"),
+    ],
+)
+def test_published_results_are_not_lost_without_force(changes, message, published, tmp_path):
+    other, kept = Outputs(tmp_path / "other" / "laptop"), listing(published / "laptop")
+    fake_run(other.path, "3", "unet", 0.6, seed=1, **changes)
     with pytest.raises(ValueError, match=message):
         publish(other, published)
     assert listing(published / "laptop") == kept
-    assert after["commit"] in (publish(other, published, force=True) / "provenance.json").read_text()
-
-
-def test_what_the_published_table_lacks_is_added_once(published, later):
-    """A published interval over other seeds is not replaced by that of one seed, and no row has a second copy."""
-    columns = ["experiment", "comparison", "one", "other", "model", "encoding", "metric", "value"]
-    old = ("3", "networks", "all_free", "last_seen", "", "", "ssim", 0.1)
-    row = ("3", "networks", "convgru", "all_free", "", "series10", "ssim", 0.2)
-    pd.DataFrame([old], columns=columns).to_csv(published / "laptop/analysis/differences.csv", index=False)
-    pd.DataFrame([old, row], columns=columns).to_csv(later.analysis / "differences.csv", index=False)
-    analysis = publish(later, published) / "analysis"
-    intervals = pd.read_csv(analysis / "intervals.csv")
-    assert intervals["model"].tolist() == ["unet", "all_free", "convgru"]
-    assert intervals["value"].tolist() == [0.5, 0.0, 0.7]
-    assert pd.read_csv(analysis / "differences.csv")["value"].tolist() == [0.1, 0.2]
-
-
-def test_a_second_publication_changes_nothing_and_a_new_result_of_a_run_replaces_the_old_one(published, later):
-    once = read_published(publish(later, published))
-    twice = read_published(publish(later, published))
-    pd.testing.assert_frame_equal(once, twice)
-    run = later.run(RunKey("3", "unet", "projection", 1))
-    pd.read_csv(run.metrics).assign(dice=0.65).to_csv(run.metrics, index=False)
-    again = read_published(publish(later, published))
-    assert len(again) == len(once)
-    assert again.loc[again["seed"].eq(1) & (again["model"] == "unet"), "dice"].tolist() == [0.65]
+    assert len(read_published(publish(other, published, force=True))) == 1
 
 
 def listing(directory):
     return {path.name: path.read_bytes() for path in directory.iterdir() if path.is_file()}
-
-
-def test_runs_of_another_size_replace_all_published_runs_and_keep_weights(published, tmp_path):
-    (target := published / "laptop" / "exp3-unet").mkdir()
-    (target / "kept").write_text("weights")
-    fake_run(tmp_path / "other" / "laptop", "3", "unet", 0.7, size_px=16)
-    publish(Outputs(tmp_path / "other" / "laptop"), published, force=True)
-    assert len(read_published(published / "laptop")) == 1
-    assert (target / "kept").read_text() == "weights"
-    assert {path.name for path in published.iterdir()} == {"laptop", ".lock"}
 
 
 def test_readme_tables_are_those_of_the_report(study):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from conftest import ROOT, read_calls
+from conftest import ROOT, read_calls, world_errors
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -24,7 +24,6 @@ from repro.recordings.format import shards_of
 from repro.recordings.reader import open_recordings
 from repro.runs.config import Training
 from repro.runs.model import NETWORKS, paper_model
-from repro.simulation.checks import world_errors
 from repro.simulation.recorder import record_experiment, write_shard
 from repro.worlds.spec import read_world, world_spec
 

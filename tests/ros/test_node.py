@@ -1,6 +1,10 @@
 """The parameters of the nodes, and those of Nav2 in the example."""
 
+import runpy
+import sys
 import tomllib
+from pathlib import Path
+from types import ModuleType
 from xml.etree import ElementTree
 
 import pytest
@@ -72,3 +76,31 @@ def test_the_package_of_ros_2_has_the_parameters_of_the_node_and_the_version_of_
     assert package.findtext("version") == project["version"]
     (script,) = (line for line in (folder / "setup.py").read_text().splitlines() if "console_scripts" in line)
     assert project["scripts"]["repro-ros2-node"] in script
+
+
+def test_the_launch_file_starts_the_node_of_the_package(monkeypatch):
+    """With stand-ins for `launch` and `launch_ros`, which record what the file asks of them."""
+    folder = ROOT / "ros" / "repro_ros"
+    modules = {
+        "launch": "LaunchDescription",
+        "launch.actions": "DeclareLaunchArgument",
+        "launch.substitutions": "LaunchConfiguration",
+        "launch_ros": "",
+        "launch_ros.actions": "Node",
+    }
+    for name, wanted in modules.items():
+        module = ModuleType(name)
+        if wanted:
+            setattr(module, wanted, lambda *args, **options: (args, options))
+        monkeypatch.setitem(sys.modules, name, module)
+    path = folder / "launch" / "map_prediction.launch.py"
+    ((actions,), _) = runpy.run_path(str(path))["generate_launch_description"]()
+    *arguments, (_, node) = actions
+    defaults = {name: options["default_value"] for (name,), options in arguments}
+    content = yaml.safe_load(Path(defaults["params_file"]).read_text())
+    assert list(content) == [node["name"]]
+    assert node["package"] == ElementTree.parse(folder / "package.xml").getroot().findtext("name")
+    assert f'"{node["executable"]} = ' in (folder / "setup.py").read_text()
+    assert node["remappings"][0][0] == content["map_prediction"]["ros__parameters"]["scan_topic"] == defaults["scan"]
+    asked = [*node["parameters"], *(topic for _, topic in node["remappings"])]
+    assert [name for ((name,), _) in asked] == list(defaults)

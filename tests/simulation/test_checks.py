@@ -4,9 +4,8 @@ import copy
 from typing import Any
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, world_errors
 
-from repro.simulation.checks import world_errors
 from repro.worlds.spec import read_world
 
 OFFICE, ROOMS = (read_world(ROOT / "conf" / "world" / f"{name}.yaml") for name in ("office", "rooms"))

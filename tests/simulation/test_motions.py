@@ -3,14 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from repro.simulation.obstacle_motions import Drift
-from repro.simulation.paths import motion_of, robot_commands
-from repro.worlds.motions import integrated
+from repro.worlds.obstacle_motions import Drift
+from repro.worlds.robot_motions import Square, drive_of, integrated
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_rotation_is_one_full_turn_without_driving(direction):
-    commands = robot_commands({"name": "rotate", "steps": 100, "direction": direction}, 0.1)
+    commands = drive_of({"name": "rotate", "steps": 100, "direction": direction}).commands(0.1)
     assert commands.shape == (100, 2)
     assert not commands[:, 0].any()
     assert commands[:, 1].sum() * 0.1 == pytest.approx(direction * 2 * math.pi)
@@ -18,7 +17,7 @@ def test_rotation_is_one_full_turn_without_driving(direction):
 
 def square(*, first_steps: int, direction: int = 1) -> np.ndarray:
     behavior = {"name": "square", "side_m": 10, "drive_steps": 20, "turn_steps": 5, "first_steps": first_steps}
-    return robot_commands({**behavior, "direction": direction}, 0.1)
+    return drive_of({**behavior, "direction": direction}).commands(0.1)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -40,13 +39,13 @@ def test_square_ends_where_it_began(direction):
 def test_a_square_turns_after_its_first_steps(first_steps):
     turning = square(first_steps=first_steps)[:, 0] == 0
     assert np.flatnonzero(turning)[:6].tolist() == [*range(first_steps, first_steps + 5), first_steps + 25]
-    with pytest.raises(ValueError, match=r"between 0 and drive_steps=20, got 21"):
-        square(first_steps=21)
+    with pytest.raises(ValueError, match=r"between 0 and drive_steps=20"):
+        Square(name="square", side_m=10.0, drive_steps=20, turn_steps=5, first_steps=21)
 
 
 def test_unknown_robot_behavior_lists_the_known_ones():
     with pytest.raises(ValueError, match=r"rotate.*square.*got 'dash'"):
-        robot_commands({"name": "dash"}, 0.1)
+        drive_of({"name": "dash"}).commands(0.1)
 
 
 def track(obstacle: Drift, start: tuple[float, float], steps: int) -> np.ndarray:
@@ -82,7 +81,7 @@ def test_drift_never_enters_the_zone(seed):
 def test_a_drive_turns_and_drives_within_its_rates_and_arrives(steps):
     points = [[1.0, 1.0], [4.0, 1.0], [4.0, 3.0], [1.0, 1.0]]
     behavior = {"name": "waypoints", "points_m": points, "speed_m_s": 0.7, "turn_rad_s": 1.1, "steps": steps}
-    commands = robot_commands({**behavior, "direction": 1}, 0.1)
+    commands = drive_of({**behavior, "direction": 1}).commands(0.1)
     assert commands.shape == (steps, 2)
     assert np.abs(commands).max(axis=0) == pytest.approx([0.7, 1.1 if steps > 40 else 0.0], abs=0.03)
     assert (np.abs(commands) <= [0.7, 1.1]).all()
@@ -95,8 +94,9 @@ def test_a_drive_turns_and_drives_within_its_rates_and_arrives(steps):
 
 def test_a_drive_backwards_passes_the_same_places():
     points = [[1.0, 1.0], [4.0, 1.5], [2.0, 3.0], [9.0, 9.0]]
-    drive = motion_of({"name": "waypoints", "points_m": points, "speed_m_s": 1.3, "turn_rad_s": 0.9, "steps": 90})
-    there, back = (integrated(drive.commands(way, 0.1), drive.start(way, 10.0, 0.1), 0.1) for way in (1, -1))
+    drive = {"name": "waypoints", "points_m": points, "speed_m_s": 1.3, "turn_rad_s": 0.9, "steps": 90}
+    ahead, behind = (drive_of({**drive, "direction": direction}) for direction in (1, -1))
+    there, back = (integrated(each.commands(0.1), each.start(10.0, 0.1), 0.1) for each in (ahead, behind))
     assert np.allclose(back[::-1, :2], there[:, :2], atol=1e-9)
     assert np.allclose(np.cos(back[::-1, 2] - there[:, 2]), -1)
-    assert (drive.commands(-1, 0.1)[:, 0] >= 0).all()  # it drives ahead
+    assert (behind.commands(0.1)[:, 0] >= 0).all()  # it drives ahead

@@ -11,10 +11,10 @@ from conftest import ROOT
 from shapely import LineString, Point
 
 import repro.worlds.spec
-from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, simulate
+from repro.worlds.obstacle_motions import obstacle_states
 from repro.worlds.spec import WorldSpec
 
 SHAPES = {

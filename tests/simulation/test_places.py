@@ -3,20 +3,19 @@
 import numpy as np
 import pytest
 import shapely
-from conftest import ROOT
+from conftest import ROOT, world_errors
 
 from repro.scans import Scans
 from repro.simulation import recorder
-from repro.simulation.checks import world_errors
-from repro.simulation.obstacle_motions import Walk
-from repro.simulation.paths import robot_commands
 from repro.simulation.rooms import sample_rooms
 from repro.simulation.sampling import reverse_direction, sample_world
 from repro.simulation.sensing import drifted_poses, sensed, skipped_scans
 from repro.simulation.shapes import geometry, shape_radius, union
 from repro.simulation.simulator import check_replay, drive_robot, simulate
 from repro.system.errors import InputError
+from repro.worlds.obstacle_motions import Walk
 from repro.worlds.obstacles import Cabinets
+from repro.worlds.robot_motions import drive_of
 from repro.worlds.spec import Sensing, read_world, world_spec
 
 SPEC = world_spec(read_world(ROOT / "conf" / "world" / "places.yaml"), "people")
@@ -62,8 +61,8 @@ def test_twins_of_a_robot_that_stands_look_the_other_way():
 
 
 def test_a_sweep_swings_about_its_heading():
-    sweep = {"name": "sweep", "swing_rad": 0.8, "period_s": 4.0, "phase_rad": 0.0, "steps": 40, "direction": 1}
-    commands = robot_commands(sweep, 0.1)
+    swing = {"swing_rad": 0.8, "period_s": 4.0, "phase_rad": 0.0}
+    commands = drive_of({"name": "sweep", "direction": 1, "pose": [5, 5, 0], **swing, "steps": 40}).commands(0.1)
     headings = np.cumsum(commands[:, 1] * 0.1)
     assert not commands[:, 0].any()
     assert headings.max() == pytest.approx(0.8, abs=0.01)

@@ -23,9 +23,9 @@ from repro.runs.config import RECURRENT, Encoding, Scale, Training
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.parallel import has_gpu, training_memory_gb
 from repro.system.errors import InputError
-from repro.system.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, config_errors_of
+from repro.system.fields import KNOWN_KEYS, OLDEST_GRAY, UNKNOWN_KEY, ConfigError, Gray, WrongValues, config_errors_of
 from repro.system.memory import total_memory_gb
-from repro.worlds.spec import world_spec
+from repro.worlds.spec import WorldFile, WorldSpec
 
 
 def _as_text(value: Any) -> Any:
@@ -33,11 +33,14 @@ def _as_text(value: Any) -> Any:
 
 
 @lru_cache(8)
-def _errors_of_world(text: str) -> list[ConfigError]:
-    """Return the errors of a world, as JSON; the jobs of a sweep share it."""
-    from repro.simulation.checks import world_errors  # samples worlds, which needs the study
+def _checked_world(text: str) -> WorldFile | WrongValues:
+    """Return the world of a call, given as JSON, or what is wrong with it; the jobs of a sweep share it."""
+    from repro.simulation.checks import checked_world  # samples worlds, which needs the study
 
-    return world_errors(json.loads(text))
+    try:
+        return checked_world(json.loads(text))
+    except WrongValues as error:
+        return error
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Call:
     __pydantic_config__ = KNOWN_KEYS
 
     task: str
-    world: dict[str, Any]
+    world: WorldFile | None  # None for a task that ignores it
     exp: Annotated[str, BeforeValidator(_as_text)]
     decay: bool
     oldest_gray: Gray
@@ -76,9 +79,9 @@ class Call:
         return tasks()[self.task]
 
     @property
-    def experiment(self) -> dict[str, Any]:
-        """The experiment in `world`."""
-        return self.world["experiments"][self.exp]
+    def specs(self) -> dict[str, WorldSpec]:
+        """What decides the worlds of each experiment; none for a task that ignores them."""
+        return self.world.specs if self.world else {}
 
     @field_validator("task")
     @classmethod
@@ -87,14 +90,17 @@ class Call:
             raise InputError(f"must be one of {', '.join(tasks())}")
         return task
 
-    @field_validator("world")
+    @field_validator("world", mode="before")
     @classmethod
-    def _can_be_recorded(cls, world: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+    def _can_be_recorded(cls, world: Any, info: ValidationInfo) -> WorldFile | None:
         """Check the worlds, unless the task, which comes first, has none."""
         task = tasks().get(info.data.get("task", ""))
-        if not (task and "world" in task.ignores) and (errors := _errors_of_world(json.dumps(world))):
-            raise Refused(*errors)
-        return world
+        if task and "world" in task.ignores:
+            return None
+        checked = _checked_world(json.dumps(world))
+        if isinstance(checked, WrongValues):
+            raise Refused(*checked.args)
+        return checked
 
     @model_validator(mode="after")
     def _fits_together(self) -> "Call":
@@ -107,11 +113,10 @@ class Call:
 
     def _errors(self) -> Iterator[str]:
         """Yield what is wrong with values that are right alone."""
-        experiments, task, model, encoding = self.world.get("experiments"), self.facts, self.model, self.encoding
-        experiments = experiments if isinstance(experiments, dict) else {}  # which a task without worlds does not check
-        if self.exp not in experiments:
-            yield f"exp={self.exp}: must be one of {', '.join(experiments)}"
-        elif task.place == "run" and encoding.frames > (steps := world_spec(self.world, self.exp).steps):
+        specs, task, model, encoding = self.specs, self.facts, self.model, self.encoding
+        if self.world and self.exp not in specs:
+            yield f"exp={self.exp}: must be one of {', '.join(specs)}"
+        elif task.place == "run" and encoding.frames > (steps := specs[self.exp].steps):
             expected = f"divides a window into {encoding.frames} parts, those of exp {self.exp} have {steps} steps"
             yield f"encoding={encoding.name}: {expected}"
         if not self.decay and "decay" not in encoding.parameters:
@@ -125,9 +130,9 @@ class Call:
             yield f"encoding={encoding.name}: {expected}"
         if task.needs and getattr(self, task.needs) is None:
             yield f"{task.needs}: is needed with task={self.task}"
-        unknown = [name for name in self.navigation.experiments if name not in experiments]
+        unknown = [name for name in self.navigation.experiments if name not in specs]
         if self.task == "navigate" and unknown:
-            listing = f"{', '.join(unknown)} is none of {', '.join(experiments)}: set world=navigation"
+            listing = f"{', '.join(unknown)} is none of {', '.join(specs)}: set world=navigation"
             yield f"navigation.experiments: {listing}"
         batch, pairs = self.train.batch_size, self.scale.pairs.train
         if task.trains and batch > pairs:

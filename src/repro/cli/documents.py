@@ -1,17 +1,16 @@
-"""Write verdicts, generated tables, and published reports from reproduce/results."""
+"""Write verdicts and generated tables from reproduce/results."""
 
 from pathlib import Path
 
 from repro.cli.jobs import RESULTS, ROOT
 from repro.reporting.documents import with_results
-from repro.reporting.page import render_published
 from repro.reporting.papers_claims import verdicts
 from repro.reporting.results import read_frames, read_published
 from repro.system.files import write_text
 
 
 def update_docs() -> None:
-    """Write the verdicts of the published analyses, the tables between the markers of documents, and the reports."""
+    """Write the verdicts of the published analyses, and the tables between the markers of documents."""
     others = {name: read_frames(RESULTS / name)[name] for name in ("navigation", "scaling")}
     for path in sorted(RESULTS.glob("*/analysis/claims.csv")):
         published = path.parents[1]
@@ -19,8 +18,6 @@ def update_docs() -> None:
         _update(path, judged.to_csv(index=False, float_format="%.6g"))
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(RESULTS.glob("*/tables.md"))):
         _update(path, with_results(path.read_text(encoding="utf-8"), RESULTS))
-    for path in sorted(RESULTS.glob("*/report.html")):
-        _update(path, render_published(path.parent))
 
 
 def _update(path: Path, text: str) -> None:

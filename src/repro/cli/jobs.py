@@ -11,7 +11,7 @@ from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.system.places import project_directory
-from repro.worlds.spec import WorldSpec, world_spec
+from repro.worlds.spec import WorldSpec
 
 ROOT = project_directory()
 RESULTS = ROOT / "reproduce" / "results"
@@ -26,7 +26,7 @@ class Job:
     @cached_property
     def spec(self) -> WorldSpec:
         """What decides the worlds of the experiment."""
-        return world_spec(self.call.world, self.call.exp)
+        return self.call.specs[self.call.exp]
 
     @cached_property
     def config(self) -> RunConfig:

@@ -4,7 +4,6 @@ import dataclasses
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from repro.baselines.names import rank
 from repro.recordings.format import recordings_in
@@ -16,7 +15,7 @@ from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.files import is_locked
-from repro.worlds.spec import is_moving
+from repro.worlds.spec import Experiment
 
 
 @dataclass(frozen=True)
@@ -25,19 +24,19 @@ class Study:
 
     Args:
         outputs: the outputs directory.
-        experiments: `world.experiments` of the configuration.
+        experiments: those of the worlds, by name.
         seed: seed of the trainings.
         worlds: fingerprints of their worlds by experiment; a run of others is none of the study.
     """
 
     outputs: Outputs
-    experiments: Mapping[str, Mapping[str, Any]]
+    experiments: Mapping[str, Experiment]
     seed: int
     worlds: Mapping[str, str]
 
     def runs(self) -> dict[RunKey, Run]:
         """Return the run of each training; its directory may be missing. The paper's world has 24 trainings."""
-        moving = [name for name, experiment in self.experiments.items() if is_moving(experiment)]
+        moving = [name for name, experiment in self.experiments.items() if experiment.behaviors]
         keys = [
             RunKey(experiment, model, encoding, self.seed)
             for encoding, experiments in ((PROJECTION, self.experiments), (PROJECTION_NO_DECAY, moving))

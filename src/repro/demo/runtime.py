@@ -3,14 +3,13 @@
 import logging
 import os
 import tarfile
+import urllib.request
 from dataclasses import dataclass
 from http.client import HTTPException
 from pathlib import Path
 
-import torch
-
 from repro.system.errors import InputError
-from repro.system.files import sha256
+from repro.system.files import replacing, sha256
 
 log = logging.getLogger(__name__)
 VERSION = "1.30.0"
@@ -39,7 +38,8 @@ def load_runtime() -> Runtime:
         log.info("downloading %s (33 MB) to %s", URL, path)
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            torch.hub.download_url_to_file(URL, str(path), progress=False)
+            with urllib.request.urlopen(URL, timeout=60) as response, replacing(path) as new:
+                new.write_bytes(response.read())
         except (OSError, HTTPException) as error:
             advice = f"connect to the internet once, or download it elsewhere to {path}"
             raise InputError(f"{URL} cannot be read ({error}): {advice}") from error

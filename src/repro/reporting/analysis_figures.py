@@ -1,6 +1,6 @@
 """Figures of the analysis: frames in, `Figure` out. All are readable in gray; CSV files beside them hold their data."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,17 +32,11 @@ BASELINE_DOT: dict[str, Any] = {"color": INK, "marker": "s", "markerfacecolor": 
 DECAYS = {PROJECTION: (LOOKS[0], "with time decay"), PROJECTION_NO_DECAY: (LOOKS[1], "without time decay")}
 
 
-def write_analysis_figures(
-    directory: Path,
-    frames: DataFrames,
-    names: Collection[str] | None = None,
-    suffixes: tuple[str, ...] = ("png", "pdf"),
-) -> list[Path]:
-    """Write every figure that has data, or those of `names`, and delete those without; return the PNG files."""
-    chosen = {name: draw for name, draw in FIGURES.items() if names is None or name in names}
+def write_analysis_figures(directory: Path, frames: DataFrames) -> None:
+    """Write every figure that has data, as PNG and PDF, and delete those without."""
     with plt.rc_context(STYLE):
-        written = [save_or_delete(draw(frames), directory / name, suffixes) for name, draw in chosen.items()]
-    return [path for path in written if path]
+        for name, draw in FIGURES.items():
+            save_or_delete(draw(frames), directory / name)
 
 
 def recency(frames: DataFrames) -> Figure | None:

@@ -71,7 +71,7 @@ def answer(results: pd.DataFrame) -> list[str]:
     gaps = (networks["ours"] - networks["paper"]).agg(["mean", "min", "max"])
     sentences = [
         f"{metric.capitalize()} differs from the paper's by {gaps.loc['mean', metric]:+.3f} on average, "
-        f"{gaps.loc['min', metric]:+.3f} to {gaps.loc['max', metric]:+.3f} (networks and experiments: {len(networks)})."
+        f"{gaps.loc['min', metric]:+.3f} to {gaps.loc['max', metric]:+.3f} ({len(networks)} networks and experiments)."
         for metric in CLOSE
     ]
     for name, ours, paper in effects(found):

@@ -19,9 +19,9 @@ from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 from repro.scans import Scans
-from repro.simulation.paths import motion_of
 from repro.simulation.sampling import World, reverse_direction
 from repro.simulation.simulator import make
+from repro.worlds.robot_motions import drive_of
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def write_figures(directory: Path, worlds: dict[str, World], examples: list[Exam
 
 def write_world_figure(world: World, experiment: str, path: Path) -> None:
     """Write IR-SIM's rendering of a world and its twin at the end of the recording as PNG, see `data_collection`."""
-    steps = motion_of(world["robot"]["behavior"]).steps
+    steps = drive_of(world["robot"]["behavior"]).steps
     twins = {f"{experiment}, there": world, f"{experiment}, back": reverse_direction(world)}
     with plt.rc_context(STYLE):
         figure = data_collection(twins, steps)

@@ -1,6 +1,12 @@
-"""The HTML report: one self-contained file with tables, claims and figures."""
+"""The HTML report: one self-contained file with tables, claims and figures.
+
+    python -m repro.reporting.page reproduce/results/workstation workstation.html
+
+writes that of a published directory.
+"""
 
 import base64
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +21,8 @@ from repro.reporting.plots import DataFrames
 from repro.reporting.render import Cells
 from repro.reporting.results import read_frames, read_published
 from repro.reporting.tables import caption, make_tables
+from repro.system.errors import InputError
+from repro.system.files import write_text
 
 PX_PER_INCH = 110  # of the images on the page, so that their text has the size of its text
 
@@ -78,7 +86,24 @@ def render_published(directory: Path) -> str:
     """Return the report of a published directory.
 
     Raises:
-        InputError: a table cannot be read.
+        InputError: it has no analysis, or a table cannot be read.
     """
+    frames = read_frames(directory)
+    if missing := sorted({"claims", "intervals"} - set(frames)):
+        raise InputError(f"{directory} has no {' and no '.join(missing)}.csv in analysis/, which the page shows")
     figures = images_of(directory, directory / "analysis")
-    return render(Path("outputs", directory.name), read_published(directory), read_frames(directory), figures)
+    return render(Path("outputs", directory.name), read_published(directory), frames, figures)
+
+
+def main(arguments: list[str]) -> None:
+    """Write the report of a published directory."""
+    if len(arguments) != 2:
+        sys.exit("expected a published directory and the file to write: reproduce/results/workstation workstation.html")
+    try:
+        write_text(Path(arguments[1]), render_published(Path(arguments[0])))
+    except InputError as error:
+        sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from repro.simulation.obstacle_motions import OBSTACLE_MOTIONS, obstacle_motion
-from repro.simulation.paths import BEHAVIORS, robot_commands
+from repro.worlds.obstacle_motions import OBSTACLE_MOTIONS, obstacle_motion
+from repro.worlds.robot_motions import DRIVES, drive_of
 
 with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM prints the backends that it tried
     from irsim.lib import register_behavior_class
@@ -18,7 +18,7 @@ with contextlib.redirect_stdout(io.StringIO()):  # without a display, IR-SIM pri
 
 
 class CommandBehavior:
-    """IR-SIM behavior of a robot that executes the commands of a motion, see `world_motions`, and then stands still.
+    """IR-SIM behavior of a robot that executes the commands of a motion, see `robot_motions`, and then stands still.
 
     Such as `{name: rotate, steps: 100, direction: 1}`.
     """
@@ -30,7 +30,7 @@ class CommandBehavior:
 
     def __call__(self, ego_object: Any, **_: Any) -> np.ndarray:
         if self.commands is None:
-            self.commands = robot_commands(self.behavior, ego_object._world_param.step_time)
+            self.commands = drive_of(self.behavior).commands(ego_object._world_param.step_time)
         if self.step == len(self.commands):
             return np.zeros((2, 1))
         self.step += 1
@@ -49,7 +49,7 @@ class ObstacleBehavior:
         return vel_world2omni(heading, np.array(velocity)[:, None])
 
 
-for _name in BEHAVIORS:
+for _name in DRIVES:
     register_behavior_class("diff", _name)(CommandBehavior)
 for _name in OBSTACLE_MOTIONS:
     register_behavior_class("omni", _name)(ObstacleBehavior)

@@ -1,62 +1,42 @@
 """Errors of a whole file of conf/world: of single values, and of combinations that cannot be recorded."""
 
-import json
-import re
 from typing import Any
 
 import shapely
-from pydantic import ValidationError
 
+from repro.simulation.paths import top_speeds
 from repro.simulation.sampling import check_spec, fixed_obstacles, sample_world, smallest_radius
 from repro.simulation.shapes import geometry
 from repro.system.errors import InputError
-from repro.system.fields import ConfigError, config_errors_of
-from repro.worlds.spec import WorldFile, WorldSpec, world_spec
+from repro.system.fields import ConfigError, WrongValues
+from repro.worlds.spec import WorldFile, WorldSpec
 
 MAX_STEPS = 30_000  # of a recording; ages of pixels are stored in 16 bits
 SAMPLED = 4  # worlds that a configuration must have room for; recording samples the others
 MAX_READINGS = 2_000_000  # of a recording; a shard of a hundred recordings is held in memory, 4 bytes each
 
 
-def world_errors(world: dict[str, Any]) -> list[ConfigError]:
-    """Return all config errors of `world`: first of single values, then of their combinations.
+def checked_world(values: dict[str, Any]) -> WorldFile:
+    """Return the typed content of a file of conf/world, whose worlds can be recorded.
 
     Args:
-        world: the section `world` of the configuration, as plain values.
+        values: the section `world` of the configuration, as plain values.
 
-    Returns:
-        the config errors; empty if the worlds of every experiment can be recorded.
+    Raises:
+        WrongValues: single values are wrong, or their combination in an experiment.
     """
-    if "experiments" not in world:
+    if "experiments" not in values:
         expected = "is missing; worlds are sampled from the keys in docs/worlds.md, a plain world of IR-SIM is not read"
-        return [ConfigError("world.experiments", None, expected)]
-    if isinstance(world["experiments"], dict) and (
-        numbers := [key for key in world["experiments"] if not isinstance(key, str)]
-    ):
-        return [ConfigError("world.experiments", numbers, f'names are strings: write "{numbers[0]}" in the YAML')]
-    try:
-        # JSON, for strict types and lists where the schema has tuples; other values of YAML become text
-        WorldFile.model_validate_json(json.dumps(world, default=str))
-    except ValidationError as error:
-        return _once(config_errors_of(error, "world."))
-    errors = []
-    for name in world["experiments"]:
-        message = _error_of_spec(world_spec(world, name))
-        if message:
-            errors.append(ConfigError(f"world.experiments.{name}", None, message))
-    return errors
-
-
-_TAG = re.compile(  # that pydantic adds to the path of a value in a union, where it is not the user's name of a part
-    r"(?<!motions)(?<!obstacles)(?<!fixed)(?<!rooms)(?<!experiments)\.(<\w+>|rotate|square|waypoints|random_goals|drift|"
-    r"walk|circle|rectangle|polygon|linestring)(?=\.|$)"
-)
-
-
-def _once(errors: list[ConfigError]) -> list[ConfigError]:
-    """Drop pydantic's union tags, and errors of experiments until all parts are right to which they may refer."""
-    plain = [ConfigError(_TAG.sub("", error.key), error.value, error.expected) for error in errors]
-    return [error for error in plain if not error.key.startswith("world.experiments.")] or plain
+        raise WrongValues(ConfigError("world.experiments", None, expected))
+    names = values["experiments"]
+    if isinstance(names, dict) and (numbers := [name for name in names if not isinstance(name, str)]):
+        expected = f'names are strings: write "{numbers[0]}" in the YAML'
+        raise WrongValues(ConfigError("world.experiments", numbers, expected))
+    world = WorldFile.parse(values)
+    found = {name: _error_of_spec(spec) for name, spec in world.specs.items()}
+    if errors := [ConfigError(f"world.experiments.{name}", None, text) for name, text in found.items() if text]:
+        raise WrongValues(*errors)
+    return world
 
 
 def _error_of_spec(spec: WorldSpec) -> str | None:
@@ -67,7 +47,7 @@ def _error_of_spec(spec: WorldSpec) -> str | None:
             return f"{steps} steps of {beams} beams are more than {MAX_READINGS} readings: use fewer"
         if steps > MAX_STEPS:
             return f"a recording of {steps} steps is longer than {MAX_STEPS}: use fewer"
-        speeds = spec.motion.top_speeds(step_time)
+        speeds = top_speeds(spec.motion, step_time)
         check_spec(spec)
         for number, obstacle in enumerate(fixed_obstacles(spec), start=1):
             if not geometry(obstacle["shape"], obstacle["state"]).intersects(shapely.box(0, 0, width, width)):

@@ -10,41 +10,34 @@ import numpy as np
 import shapely
 
 from repro.system.errors import InputError
-from repro.worlds.motions import Motion, RandomGoals, Rotation, Square, Sweep, Waypoints, integrated
+from repro.worlds.robot_motions import Motion, RandomGoals, Rotation, Square, Waypoints, drive_of, integrated
 from repro.worlds.spec import Map
 
 Behavior = dict[str, Any]  # of the robot, as IR-SIM reads it
-BEHAVIORS: dict[str, Any] = {"rotate": Rotation, "square": Square, "waypoints": Waypoints, "sweep": Sweep}
 
 _GOALS = 200  # goals tried from one place
 _STARTS = 50  # starts tried for one world
 
 
-def motion_of(behavior: Behavior) -> Rotation | Square | Waypoints | Sweep:
-    """Return the motion of a robot behavior as written in a world YAML.
-
-    Raises:
-        InputError: the behavior is none of `BEHAVIORS`.
-    """
-    if behavior["name"] not in BEHAVIORS:
-        raise InputError(f"robot behavior must be one of {sorted(BEHAVIORS)}, got {behavior['name']!r}")
-    return BEHAVIORS[behavior["name"]].model_construct(**behavior)  # its values are checked or drawn
-
-
-def robot_commands(behavior: Behavior, step_time: float) -> np.ndarray:
-    """Compute the commands of a robot behavior, linear and angular velocity of each step [m/s, rad/s], (T, 2)."""
-    return motion_of(behavior).commands(behavior["direction"], step_time)
-
-
-def start_pose(behavior: Behavior, size_m: float, step_time: float) -> list[float]:
-    """Return the start pose x, y [m], heading [rad] of a robot behavior on a map of this side [m]."""
-    return motion_of(behavior).start(behavior["direction"], size_m, step_time)
-
-
 def planned_path(behavior: Behavior, world: Map) -> np.ndarray:
     """Compute the poses of the robot, beginning with the start, (T + 1, 3)."""
-    start = start_pose(behavior, world.width, world.step_time)
-    return integrated(robot_commands(behavior, world.step_time), start, world.step_time)
+    drive = drive_of(behavior)
+    return integrated(drive.commands(world.step_time), drive.start(world.width, world.step_time), world.step_time)
+
+
+def top_speeds(motion: Motion, step_time: float) -> np.ndarray:
+    """Return the largest linear and angular speed of a motion [m/s, rad/s], (2,)."""
+    if isinstance(motion, Waypoints):
+        return np.array([motion.speed_m_s, motion.turn_rad_s])
+    if isinstance(motion, RandomGoals):
+        swing_rad_s = motion.standing.turn_rad_s if motion.standing else 0.0
+        return np.array([np.max(motion.speed_m_s), max(np.max(motion.turn_rad_s), swing_rad_s)])
+    return np.abs(drive_of(_straight(motion)).commands(step_time)).max(axis=0)
+
+
+def _straight(motion: Motion) -> Behavior:
+    """Return a motion in direction 1 that is not turned."""
+    return {**motion.irsim(), "turned_rad": 0.0, "direction": 1}
 
 
 def sampled_behavior(rng: np.random.Generator, motion: Motion) -> Behavior:
@@ -57,7 +50,7 @@ def sampled_behavior(rng: np.random.Generator, motion: Motion) -> Behavior:
 
 def reach_m(motion: Rotation | Square, world: Map) -> float:
     """Return the largest distance of the robot from the center of the map [m], however its motion is turned."""
-    path = planned_path({**motion.irsim(), "turned_rad": 0.0, "direction": 1}, world)[:, :2]
+    path = planned_path(_straight(motion), world)[:, :2]
     return float(np.linalg.norm(path - world.width / 2, axis=1).max())
 
 
@@ -131,7 +124,7 @@ def to_waypoints(
         drive = {**given, "points_m": [rng.uniform(low, high).tolist()]}
         while goal := _goal(rng, drive["points_m"][-1], low, high, walls, radius_m):
             drive["points_m"] = [*drive["points_m"], goal]
-            if robot_commands(drive, world.step_time)[-1].any():  # it still drives in the last step
+            if drive_of(drive).commands(world.step_time)[-1].any():  # it still drives in the last step
                 return drive
     raise InputError(f"no free place for a robot of radius {radius_m:g} m and its goals: the map is too full")
 

@@ -7,8 +7,8 @@ from itertools import islice
 import numpy as np
 import shapely
 
-from repro.simulation.obstacle_motions import obstacle_states
 from repro.simulation.shapes import Line, Obstacle, Shape, boundaries, shape_radius, standing
+from repro.worlds.obstacle_motions import obstacle_states
 from repro.worlds.obstacles import Shaped, Sized
 
 _PLACEMENTS = 200  # attempts to place one obstacle

@@ -13,10 +13,11 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from repro.simulation.shapes import Obstacle, line_strings, standing
+from repro.simulation.shapes import Obstacle, standing
 from repro.system.errors import InputError
-from repro.worlds.motions import Motion, RandomGoals
 from repro.worlds.obstacles import Cabinets, Rooms
+from repro.worlds.robot_motions import Motion, RandomGoals
+from repro.worlds.walls import line_strings
 
 _PLACES = 20  # attempts to place a wall that ends at no door
 _BESIDE_M = 0.1  # least distance between a door and the end of another wall [m]

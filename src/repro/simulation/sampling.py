@@ -20,11 +20,9 @@ import yaml
 from repro.simulation.paths import (
     Behavior,
     check_path,
-    motion_of,
     planned_path,
     reach_m,
     sampled_behavior,
-    start_pose,
     to_waypoints,
 )
 from repro.simulation.placement import Attempts, Site, sample_obstacles
@@ -32,8 +30,8 @@ from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, Obstacle, boundaries, filled, shape_radius, standing, union
 from repro.system.errors import InputError
 from repro.system.files import write_text
-from repro.worlds.motions import RandomGoals, Rotation, Square
 from repro.worlds.obstacles import Shaped, Sized
+from repro.worlds.robot_motions import RandomGoals, Rotation, Square, drive_of
 from repro.worlds.spec import WorldSpec
 
 World = dict[str, Any]
@@ -73,7 +71,7 @@ def sample_world(spec: WorldSpec, seed: int) -> World:
     if spec.lidar.noise:
         custom["seed"] = 2 * int(rng.integers(2**30))
     behavior = drive or sampled_behavior(rng, spec.motion)  # a turn, drawn last, leaves obstacles and noise as they are
-    state = start_pose(behavior, spec.world.width, spec.world.step_time)
+    state = drive_of(behavior).start(spec.world.width, spec.world.step_time)
     robot = {**spec.robot.irsim(), "behavior": behavior, "state": state}
     sampled = {"world": spec.world.irsim(), "robot": robot, "obstacle": [*fixed, *obstacles]}
     return {**sampled, "custom": custom} if custom else sampled
@@ -168,7 +166,7 @@ def reverse_direction(world: World) -> World:
     twin = {**world, "robot": copy.deepcopy(world["robot"])}
     behavior = twin["robot"]["behavior"]
     behavior["direction"] = -behavior["direction"]
-    twin["robot"]["state"] = start_pose(behavior, world["world"]["width"], world["world"]["step_time"])
+    twin["robot"]["state"] = drive_of(behavior).start(world["world"]["width"], world["world"]["step_time"])
     if "seed" in twin.get("custom", {}):
         twin["custom"] = {**world["custom"], "seed": world["custom"]["seed"] ^ 1}
     return twin
@@ -177,7 +175,7 @@ def reverse_direction(world: World) -> World:
 def write_world(world: World, path: Path) -> None:
     """Write a world as plain IR-SIM YAML."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    noise_seed, steps = world.get("custom", {}).get("seed"), motion_of(world["robot"]["behavior"]).steps
+    noise_seed, steps = world.get("custom", {}).get("seed"), drive_of(world["robot"]["behavior"]).steps
     arguments = "this file" if noise_seed is None else f"this file, seed={noise_seed}"
     header = (
         f"# Plain IR-SIM world: import repro.simulation.behaviors, irsim.make({arguments}), {steps} times env.step().\n"

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import shapely
 
+from repro.worlds.walls import Line
+
 Shape = dict[str, Any]
 Obstacle = dict[str, Any]
-Line = list[list[float]]
 
 SNAP_M = 1e-6  # grid of the corners, where the exact union fails
 
@@ -32,14 +33,6 @@ def geometry(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> shapely.
     x, y, heading = state
     turn = np.array([[math.cos(heading), math.sin(heading)], [-math.sin(heading), math.cos(heading)]])
     return shapely.transform(own, lambda points: points @ turn + [x, y])
-
-
-def line_strings(lines: Sequence[Line]) -> np.ndarray:
-    """Create the geometry of many lines of points x, y [m] at once, (L,)."""
-    lengths = [len(line) for line in lines]
-    return shapely.linestrings(
-        np.concatenate([np.array(line, float) for line in lines]), indices=np.repeat(np.arange(len(lines)), lengths)
-    )
 
 
 def standing(shape: Shape, state: Sequence[float] = (0.0, 0.0, 0.0)) -> Obstacle:

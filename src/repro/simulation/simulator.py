@@ -20,12 +20,12 @@ import yaml
 
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
-from repro.simulation.obstacle_motions import obstacle_states
-from repro.simulation.paths import motion_of, robot_commands
 from repro.simulation.raycasting import grazes, scan
 from repro.simulation.sampling import World
 from repro.simulation.shapes import Shape
 from repro.system.errors import InputError
+from repro.worlds.obstacle_motions import obstacle_states
+from repro.worlds.robot_motions import drive_of
 
 # isort: split
 import irsim
@@ -58,7 +58,7 @@ def simulate(world: World) -> Recording:
         InputError: the robot's commands exceed its `vel_max` (IR-SIM would clip them silently), or an
             obstacle reaches the robot.
     """
-    steps = motion_of(world["robot"]["behavior"]).steps
+    steps = drive_of(world["robot"]["behavior"]).steps
     poses, states, outlines = drive_robot(world), move_obstacles(world, steps), outlines_of_world(world)
     lidar, fixed = world["robot"]["sensors"][0], world.get("custom", {}).get("fixed", 0)
     angles, has_noise = beam_angles(lidar), lidar.get("noise", False)
@@ -94,7 +94,7 @@ def replay(world: World) -> tuple[Scans, np.ndarray]:
     env = make(world)
     lidar = env.robot.lidar
     ranges, poses, states = [], [], []
-    for _ in range(motion_of(world["robot"]["behavior"]).steps):
+    for _ in range(drive_of(world["robot"]["behavior"]).steps):
         env.step()
         ranges.append(np.where(lidar.valid, lidar.range_data, np.inf))
         poses.append(env.robot.state[:3, 0].copy())
@@ -162,7 +162,7 @@ def drive_robot(world: World) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _drive(behavior: str, start: tuple, vel_max: tuple, step_time: float) -> np.ndarray:
-    commands = robot_commands(json.loads(behavior), step_time)
+    commands = drive_of(json.loads(behavior)).commands(step_time)
     if (np.abs(commands).max(axis=0) > vel_max).any():
         raise InputError(
             f"the robot needs up to {np.abs(commands).max(axis=0)} m/s, rad/s but vel_max is {list(vel_max)}"

@@ -1,5 +1,6 @@
 """Types of fields with their ranges, for pydantic, and the error that names a wrong value."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -32,6 +33,10 @@ def ordered(values: tuple[Any, ...]) -> tuple[Any, ...]:
     return values
 
 
+class WrongValues(InputError):
+    """Several values are wrong; the arguments are their config errors."""
+
+
 @dataclass(frozen=True)
 class ConfigError:
     """A wrong value of the configuration: its key, the value received (None when missing) and what is expected."""
@@ -47,13 +52,17 @@ class ConfigError:
         return f"{self.key}={value if len(value) <= LONGEST else value[:LONGEST] + '...'}: {self.expected}"
 
 
-def config_errors_of(error: ValidationError, prefix: str = "") -> list[ConfigError]:
-    """Convert the errors of pydantic, with keys written as on the command line after `prefix`."""
+def config_errors_of(error: ValidationError, prefix: str = "", values: Any = None) -> list[ConfigError]:
+    """Convert the errors of pydantic, with keys written as on the command line after `prefix`.
+
+    The names that pydantic adds to the path of a value in a union are left out, if the validated `values` are given.
+    """
     errors = []
     known = dict.fromkeys(("extra_forbidden", "unexpected_keyword_argument"), UNKNOWN_KEY)
     known |= {"missing": "is missing", "string_pattern_mismatch": "must be letters, digits, _ and - only"}
     for found in error.errors():
-        key = prefix + ".".join(str(part) for part in found["loc"])
+        path = found["loc"] if values is None else _keys_in(values, found["loc"], is_missing=found["type"] == "missing")
+        key = prefix + ".".join(str(part) for part in path)
         if found["type"] in ("union_tag_invalid", "union_tag_not_found"):  # the name of one of several parts
             errors.append(_error_of_tag(key, found.get("ctx", {})))
             continue
@@ -61,6 +70,17 @@ def config_errors_of(error: ValidationError, prefix: str = "") -> list[ConfigErr
         value = None if found["type"] == "missing" else found["input"]
         errors.append(ConfigError(key, value, message))
     return errors
+
+
+def _keys_in(values: Any, path: tuple[str | int, ...], *, is_missing: bool) -> Iterator[str | int]:
+    """Yield those keys of a path that are in some values, and the last one if it is missing there."""
+    for place, key in enumerate(path):
+        known = values if isinstance(values, dict) else range(len(values)) if isinstance(values, list) else ()
+        if key in known:
+            values = values[key]
+            yield key
+        elif is_missing and place == len(path) - 1:
+            yield key
 
 
 def _error_of_tag(key: str, context: dict[str, Any]) -> ConfigError:

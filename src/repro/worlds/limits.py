@@ -1,4 +1,4 @@
-"""What all parts of a world are made of: the base of their classes, and types of fields with their limits.
+"""What all sections of a file of conf/world are made of: their base, and types of fields with their limits.
 
 Within the limits, IR-SIM, the recorder and float32 compute what the value says.
 """
@@ -15,12 +15,18 @@ from repro.system.fields import STRICT, ordered
 T = TypeVar("T")
 
 
-def amount(value: Any) -> str:
+def _one_or_several(value: Any) -> str:
     return "<several>" if isinstance(value, list | tuple) else "<one>"
 
 
 Range = Annotated[tuple[T, T], AfterValidator(ordered)]
-OneOrRange = Annotated[Annotated[T, Tag("<one>")] | Annotated[Range[T], Tag("<several>")], Discriminator(amount)]
+OneOrRange = Annotated[
+    Annotated[T, Tag("<one>")] | Annotated[Range[T], Tag("<several>")], Discriminator(_one_or_several)
+]
+OneOrList = Annotated[
+    Annotated[T, Tag("<one>")] | Annotated[list[T], Field(max_length=100), Tag("<several>")],
+    Discriminator(_one_or_several),
+]
 Length = Annotated[float, Field(ge=0.01, le=10_000, allow_inf_nan=False)]  # [m]
 Coordinate = Annotated[float, Field(ge=-10_000, le=10_000, allow_inf_nan=False)]  # [m]
 Point = tuple[Coordinate, Coordinate]
@@ -35,11 +41,11 @@ WindowSteps = Annotated[int, Field(ge=2, le=1_000_000)]  # steps
 Number = Annotated[int, Field(ge=1, le=1000)]
 
 
-class Part(BaseModel):
+class Section(BaseModel):
     model_config = ConfigDict(**STRICT, frozen=True)
 
     def irsim(self) -> dict[str, Any]:
-        """Return the part as IR-SIM reads it, with the keys that were given."""
+        """Return the section as IR-SIM reads it, with the keys that were given."""
         return self.model_dump(mode="json", exclude_unset=True)
 
 

@@ -1,6 +1,5 @@
-"""Obstacles in a file of conf/world: their shapes, fixed ones, rooms, and populations with their motions."""
+"""Obstacles in a file of conf/world: their shapes, fixed ones, rooms, and populations."""
 
-import math
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
@@ -10,26 +9,25 @@ from repro.worlds.limits import (
     Coordinate,
     Length,
     Number,
-    Part,
+    OneOrList,
     Point,
     Probability,
     Range,
     Ratio,
-    Speed,
-    Steps,
-    amount,
+    Section,
     distinct,
 )
+from repro.worlds.obstacle_motions import Behavior
 
 MAX_VERTICES, MAX_FIXED = 100, 1000  # of a polygon or line string, of the fixed obstacles of a floor
 
 
-class Disc(Part):
+class Disc(Section):
     name: Literal["circle"]
     radius: Length
 
 
-class Rectangle(Part):
+class Rectangle(Section):
     name: Literal["rectangle"]
     length: Length
     width: Length
@@ -47,14 +45,14 @@ def _simple(vertices: list[Point]) -> list[Point]:
     return vertices
 
 
-class Polygon(Part):
+class Polygon(Section):
     """A polygon, convex or not."""
 
     name: Literal["polygon"]
     vertices: Annotated[list[Point], Field(min_length=3, max_length=MAX_VERTICES), AfterValidator(_simple)]
 
 
-class LineString(Part):
+class LineString(Section):
     """A wall without width."""
 
     name: Literal["linestring"]
@@ -64,7 +62,7 @@ class LineString(Part):
 AnyShape = Annotated[Disc | Rectangle | Polygon | LineString, Field(discriminator="name")]
 
 
-class Fixed(Part):
+class Fixed(Section):
     """An obstacle that stands in every world, at x, y [m], heading [rad]."""
 
     shape: AnyShape
@@ -74,7 +72,7 @@ class Fixed(Part):
 FixedList = Annotated[list[Fixed], Field(max_length=MAX_FIXED)]
 
 
-class Cabinets(Part):
+class Cabinets(Section):
     """Boxes against the walls; `per_m` is drawn for each wall, and is their number per meter of a side of it."""
 
     per_m: Range[Probability]
@@ -82,7 +80,7 @@ class Cabinets(Part):
     depth_m: Range[Length]
 
 
-class Rooms(Part):
+class Rooms(Section):
     """Walls with doors and corridors that are sampled for every world, see `simulation.rooms`.
 
     `longest_m` and `thickness_m` are drawn once per world.
@@ -105,27 +103,7 @@ class Rooms(Part):
         return self
 
 
-class Drifting(Part):
-    name: Literal["drift"]
-    speed_m_s: Range[Speed]
-    turn_steps: Range[Steps]
-
-
-class Walking(Part):
-    """Straight ways of `way_steps`, after which a person stops (`stop_share`, `stop_steps`) or turns (`turn_rad`)."""
-
-    name: Literal["walk"]
-    speed_m_s: Range[Speed]
-    way_steps: Range[Steps]
-    turn_rad: Annotated[float, Field(ge=0, le=math.pi, allow_inf_nan=False)]
-    stop_share: Probability
-    stop_steps: Range[Steps]
-
-
-Behavior = Annotated[Drifting | Walking, Field(discriminator="name")]
-
-
-class Sized(Part):
+class Sized(Section):
     """Discs and rectangles of random size."""
 
     count: Range[Number]
@@ -135,7 +113,7 @@ class Sized(Part):
     behavior: Behavior | None = None
 
 
-class Shaped(Part):
+class Shaped(Section):
     """Obstacles of given shapes, each with the same probability."""
 
     count: Range[Number]
@@ -148,7 +126,4 @@ def _kind(value: Any) -> str:
 
 
 Population = Annotated[Annotated[Sized, Tag("<sized>")] | Annotated[Shaped, Tag("<shaped>")], Discriminator(_kind)]
-Populations = Annotated[
-    Annotated[Population, Tag("<one>")] | Annotated[list[Population], Field(max_length=100), Tag("<several>")],
-    Discriminator(amount),
-]
+Populations = OneOrList[Population]

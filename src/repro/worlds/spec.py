@@ -7,20 +7,22 @@ import copy
 import json
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from omegaconf import DictConfig, OmegaConf
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from repro.system.errors import InputError
-from repro.system.fields import Name, NotNegative, config_errors_of
-from repro.worlds.limits import Duration, Length, Limit, Part, Probability, Range, Speed, Steps
-from repro.worlds.motions import Motion, RandomGoals, Waypoints
-from repro.worlds.obstacles import Behavior, Disc, FixedList, Populations, Rooms, Shaped, Sized
+from repro.system.fields import Name, NotNegative, WrongValues, config_errors_of
+from repro.worlds.limits import Duration, Length, Limit, Probability, Range, Section, Speed, Steps
+from repro.worlds.obstacle_motions import Behavior
+from repro.worlds.obstacles import Disc, FixedList, Populations, Rooms, Shaped, Sized
+from repro.worlds.robot_motions import Motion, RandomGoals, Waypoints
 
 
-class Map(Part):
+class Map(Section):
     """The map; obstacles may pass through one another, as they do in the recorder."""
 
     width: Length
@@ -29,7 +31,7 @@ class Map(Part):
     collision_mode: Literal["unobstructed"]
 
 
-class Lidar(Part):
+class Lidar(Section):
     """IR-SIM's lidar at the center of the robot, with normal noise of the ranges [m]."""
 
     type: Literal["lidar2d"]
@@ -49,11 +51,11 @@ class Lidar(Part):
         return self
 
 
-class Kinematics(Part):
+class Kinematics(Section):
     name: Literal["diff"]
 
 
-class Robot(Part):
+class Robot(Section):
     """A disc-shaped differential-drive robot with one lidar; its start pose follows from the motion."""
 
     kinematics: Kinematics
@@ -63,7 +65,7 @@ class Robot(Part):
     sensors: Annotated[list[Lidar], Field(min_length=1, max_length=1)]
 
 
-class Sensing(Part):
+class Sensing(Section):
     """What a real lidar and odometry do to the scans of a recording, see `simulation.sensing`; drawn per recording."""
 
     range_m: Range[Length]
@@ -75,7 +77,7 @@ class Sensing(Part):
     pose_m: Range[NotNegative]
 
 
-class Experiment(Part):
+class Experiment(Section):
     """A motion of the robot and the obstacles around it."""
 
     motion: Motion
@@ -107,7 +109,7 @@ class Experiment(Part):
         return [population.behavior for population in self.populations if population.behavior]
 
 
-class WorldFile(Part):
+class WorldFile(Section):
     """The complete content of a file of conf/world."""
 
     world: Map
@@ -117,6 +119,31 @@ class WorldFile(Part):
     fixed: dict[Name, FixedList] = Field(default_factory=dict)
     rooms: dict[Name, Rooms] = Field(default_factory=dict)
     experiments: dict[Name, Experiment]
+    _written: dict[str, Any] = PrivateAttr()  # with its numbers as they were written, see `WorldSpec.raw`
+
+    @classmethod
+    def parse(cls, values: Mapping[str, Any]) -> "WorldFile":
+        """Return the typed content of a file, given as plain values.
+
+        Raises:
+            WrongValues: a key is unknown or missing, or a value is of another type or out of range. Errors of
+                experiments are named once all is right to which they may refer.
+        """
+        text = json.dumps(values, default=str)  # other values of YAML become text
+        written = json.loads(text)
+        try:
+            world = cls.model_validate_json(text)  # JSON, for strict types and tuples
+        except ValidationError as error:
+            errors = config_errors_of(error, "world.", written)
+            others = [each for each in errors if not each.key.startswith("world.experiments.")]
+            raise WrongValues(*(others or errors)) from error
+        world._written = written
+        return world
+
+    @cached_property
+    def specs(self) -> dict[str, "WorldSpec"]:
+        """What decides the worlds of each experiment, by its name."""
+        return {name: world_spec(self._written, name) for name in self.experiments}
 
 
 class WorldSpec(Experiment):
@@ -203,9 +230,3 @@ def world_spec(world: Mapping[str, Any], experiment: str) -> WorldSpec:
     """
     parts = {"experiment": experiment, "world": world["world"], "robot": world["robot"]}
     return WorldSpec.parse({**parts, **world["experiments"][experiment]})
-
-
-def is_moving(experiment: Mapping[str, Any]) -> bool:
-    """Return whether any obstacles of an experiment of a file of conf/world move."""
-    obstacles = experiment["obstacles"]
-    return any(each.get("behavior") for each in (obstacles if isinstance(obstacles, list) else [obstacles]))

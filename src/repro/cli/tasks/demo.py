@@ -10,7 +10,9 @@ def run(job: Job) -> None:
     Raises:
         InputError: a network or the runtime cannot be used.
     """
-    from repro.demo.networks import load_demo_network
+    print("loading ONNX Runtime Web and the networks", flush=True)
+    from repro.cli.prediction import load
+    from repro.demo.networks import demo_network
     from repro.demo.page import render
     from repro.demo.runtime import load_runtime
     from repro.system.files import write_text
@@ -18,9 +20,9 @@ def run(job: Job) -> None:
     runtime = load_runtime()
     networks = []
     for number, name in enumerate(job.call.demo.networks, start=1):
-        print(f"network {number} of {len(job.call.demo.networks)}, exported and compared: {name}", flush=True)
-        networks.append(load_demo_network(name))
-    page = render(networks, runtime, {key: job.call.world[key] for key in ("world", "robot", "experiments")})
+        print(f"network {number} of {len(job.call.demo.networks)}: {name}", flush=True)
+        networks.append(demo_network(name, load(name)))
+    page = render(networks, runtime)
     path = job.outputs.path / "demo.html"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, page)
@@ -32,6 +34,6 @@ TASK = Task(
     once=True,
     names_scale=False,
     own=("demo",),
-    ignores=(*NETWORK_KEYS, "recordings", "runtime"),
+    ignores=("world", "exp", *NETWORK_KEYS, "recordings", "runtime"),
     instead="demo.networks chooses the network",
 )

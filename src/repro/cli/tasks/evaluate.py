@@ -10,6 +10,8 @@ def run(job: Job) -> None:
     Raises:
         InputError: the run is not trained, of another configuration, or damaged.
     """
+    if not job.run.is_evaluated:
+        print(f"evaluating {job.run}", flush=True)
     from repro.baselines.names import QUICK_BASELINES
     from repro.cli.output import summary_line
     from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
@@ -20,7 +22,6 @@ def run(job: Job) -> None:
         job.run.check_files()
         print(f"done already: {job.run.done}")
     else:
-        print(f"evaluating {job.run}", flush=True)
         row = evaluate(job.run, job.recordings, accelerator=job.call.runtime.accelerator)
         print(f"{job.run}, test: {summary_line(row)}", flush=True)
     for name in QUICK_BASELINES:

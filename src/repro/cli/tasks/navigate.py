@@ -19,15 +19,15 @@ def run(job: Job) -> None:
     Raises:
         InputError: the network is of another map, or a world has no room for courses.
     """
+    print(f"loading what drives a robot by the maps of {job.call.navigation.mapper}", flush=True)
     from repro.navigation.study import Seeds, Study
     from repro.recordings.datasets import grid_of
     from repro.reporting.navigation import write_results
     from repro.runs.devices import few_threads
     from repro.runs.provenance import environment
-    from repro.worlds.spec import world_spec
 
     settings, directory = job.call.navigation, job.outputs.path / "navigation"
-    specs = {name: world_spec(job.call.world, name) for name in settings.experiments}
+    specs = {name: job.call.specs[name] for name in settings.experiments}
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
     name, mapper = _mapper(job, grid, settings.mapper)

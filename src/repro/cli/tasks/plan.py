@@ -8,13 +8,11 @@ def run(job: Job) -> None:
     """Print the status of an outputs directory, and the usual time of the whole study."""
     from repro.cli.study import Study, describe_outputs
     from repro.recordings.format import spec_fingerprint
-    from repro.worlds.spec import world_spec
 
-    experiments = job.call.world["experiments"]
-    worlds = {name: spec_fingerprint(world_spec(job.call.world, name)) for name in experiments}
-    study = Study(job.outputs, experiments, job.call.seed, worlds)
+    worlds = {name: spec_fingerprint(spec) for name, spec in job.call.specs.items()}
+    study = Study(job.outputs, job.call.specs, job.call.seed, worlds)
     print(describe_outputs(study, job.call.scale.pairs), flush=True)
-    print(f"The whole study usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
+    print(f"It usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
 
 
 TASK = Task(run, once=True, trains=True)

@@ -11,6 +11,7 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Write the world of the seed, its twin and the figure."""
+    print("sampling the world, after IR-SIM is loaded", flush=True)
     from repro.recordings.format import SHOWN_SEED
     from repro.reporting.figures import write_world_figure
     from repro.simulation.sampling import reverse_direction, sample_world, write_world

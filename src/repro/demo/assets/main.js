@@ -5,7 +5,7 @@ import { beginWorld, obstacleAt, takeScan } from "./world.js";
 
 const at = (id) => document.getElementById(id);
 const settings = JSON.parse(at("settings").textContent), { steps, stepMs, sizeM } = settings;
-const state = { world: null, window: null, shown: null, begun: 0, isPlaying: true, isAsking: false, isStale: true, last: 0 };
+const state = { world: null, window: null, begun: 0, isPlaying: true, isAsking: false, isStale: true, last: 0, dropped: 0 };
 const worker = new Worker(URL.createObjectURL(new Blob([settings.worker], { type: "text/javascript" })));
 
 /** Send values to the worker, and resolve to its answer; there is one question at a time. */
@@ -50,7 +50,9 @@ function scan() {
 function frame(now) {
   if (state.isPlaying && now - state.last >= stepMs) {
     step();
-    state.last = Math.max(state.last + stepMs, now - stepMs); // a slow machine shows the world more slowly
+    const lost = Math.max(0, now - stepMs - (state.last + stepMs)); // a slow machine shows the world more slowly
+    state.last += stepMs + lost;
+    state.dropped = 0.9 * state.dropped + 0.1 * lost;
   }
   drawWorld(at("world"), state.world, sizeM, state.window.poses);
   at("clock").textContent = `${((state.world.step * stepMs) / 1000).toFixed(1)} s`;
@@ -60,7 +62,7 @@ function frame(now) {
 
 /** Ask for the map of the present moment, and show it. */
 async function predict() {
-  const { world, window: scans } = state, number = Number(at("network").value), { grid, encoding } = settings.networks[number];
+  const { world, window: scans } = state, asked = performance.now(), number = Number(at("network").value), { grid, encoding } = settings.networks[number];
   const { robot } = world, outlines = world.obstacles.map(({ placed }) => placed);
   [state.isAsking, state.isStale] = [true, false];
   const { images, free } = await ask({ number, scans });
@@ -68,6 +70,13 @@ async function predict() {
   drawInput(at("input"), images, grid, encoding.parameters.frames ?? 1, robot);
   drawMap(at("prediction"), free, grid, robot, outlines);
   at("status").textContent = "";
+  showLag(performance.now() - asked);
+}
+
+/** Show how old the map is when it appears, and how much more slowly than in reality the world moves. */
+function showLag(ageMs) {
+  const speed = stepMs / (stepMs + state.dropped);
+  at("lag").textContent = `map ${(ageMs / 1000).toFixed(2)} s behind${speed < 0.9 ? `, world at ${speed.toFixed(1)} of its speed` : ""}`;
 }
 
 /** Show why no network can run; the page makes no further predictions. */
@@ -107,5 +116,8 @@ at("new-world").addEventListener("click", newWorld);
 at("experiment").addEventListener("change", newWorld);
 at("network").addEventListener("change", () => { state.isStale = true; });
 connectPointer(at("world"));
+for (const title of Object.keys(settings.worlds)) at("experiment").add(new Option(title));
+settings.networks.forEach(({ title }, number) => at("network").add(new Option(title, number)));
+at("experiment").selectedIndex = at("experiment").length - 1;
 newWorld();
 ask(settings).then(() => requestAnimationFrame(frame), fail);

@@ -4,9 +4,9 @@
 /**
  * Begin a world.
  *
- * @param {{poses: number[][], outlines: number[][], headings: number[], paths: number[][]}} description the poses of the
- *   robot x, y [m], heading [rad] in one round, and of each obstacle outline, heading and places x0, y0, x1, y1, ... of
- *   all steps, a single place if it stands
+ * @param {{poses: number[][], outlines: number[][], headings: number[], paths: number[][][]}} description the poses of
+ *   the robot x, y [m], heading [rad] in one round, and of each obstacle outline, heading and the step and place x, y
+ *   where it begins, changes and ends its straight parts, a single one if it stands
  * @param {{angle_range: number, number: number, range_max: number}} lidar as in conf/world
  */
 export function beginWorld({ poses, outlines, headings, paths }, lidar) {
@@ -40,7 +40,9 @@ export function takeScan(world) {
 /** Place the outline of an obstacle in the world, where its path and the user have moved it. */
 function place(obstacle, step) {
   const { outline, heading, path, moved } = obstacle, cos = Math.cos(heading), sin = Math.sin(heading);
-  const at = Math.min(2 * step, path.length - 2), x = path[at] + moved[0], y = path[at + 1] + moved[1];
+  const next = path.find(([at]) => at > step) ?? path.at(-1), last = path.findLast(([at]) => at <= step);
+  const share = (step - last[0]) / (next[0] - last[0] || 1);
+  const [x, y] = [1, 2].map((i) => last[i] + share * (next[i] - last[i]) + moved[i - 1]);
   obstacle.placed = Float64Array.from(outline, (value, i) => (i % 2
     ? outline[i - 1] * sin + value * cos + y
     : value * cos - outline[i + 1] * sin + x));

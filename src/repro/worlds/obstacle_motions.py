@@ -1,15 +1,15 @@
-"""Motions of the moving obstacles, by the name of their `behavior` in a world, independent of IR-SIM.
+"""Motions of obstacles, by the name of their `behavior`: parameters in conf/world, and the velocity of each step.
 
 Paper: "Simulation Approach". Unstated details: DEVIATIONS D5 and D6.
 """
 
 import math
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
-import shapely
+from pydantic import Field
 
-from repro.simulation.shapes import line_strings
+from repro.worlds.limits import Probability, Range, Section, Speed, Steps
 
 _TURNS = 20  # headings tried at a wall before an obstacle stands still for a step
 
@@ -24,6 +24,14 @@ class ObstacleMotion(Protocol):
 
     def velocity(self, x: float, y: float, step_time: float) -> tuple[float, float]:
         """Compute the velocity of the next step in the world frame [m/s], for an obstacle at (x, y) [m]."""
+
+
+class Drifting(Section):
+    """The parameters of `Drift`."""
+
+    name: Literal["drift"]
+    speed_m_s: Range[Speed]
+    turn_steps: Range[Steps]
 
 
 class Drift:
@@ -62,7 +70,7 @@ class Drift:
         self.turn_steps = turn_steps
         self.center_m = center_m
         self.keep_out_m = keep_out_m
-        self.walls = shapely.multilinestrings(line_strings(walls_m)) if walls_m else None
+        self.walls: Any = _walls(walls_m) if walls_m else None
         self.radius_m = radius_m
         self._steps_clear = 0  # further steps that cannot end at a wall
         self._head(self.rng.uniform(-math.pi, math.pi))
@@ -79,8 +87,8 @@ class Drift:
             self._head(math.atan2(away_y, away_x) + self.rng.uniform(-math.pi / 2, math.pi / 2))
         if self.walls is None or self._is_clear(x, y, step_time):
             return self.vx, self.vy
-        wall = shapely.get_coordinates(shapely.shortest_line(self.walls, shapely.Point(x, y)))[0]
-        away = math.atan2(y - wall[1], x - wall[0])
+        wall_x, wall_y = self.walls.nearest(x, y)
+        away = math.atan2(y - wall_y, x - wall_x)
         for _ in range(_TURNS):
             self._head(away + self.rng.uniform(-math.pi / 2, math.pi / 2))
             if self._is_clear(x, y, step_time) and not self._enters_zone(away_x, away_y, step_time):
@@ -100,8 +108,7 @@ class Drift:
         if self._steps_clear > 0:
             self._steps_clear -= 1
             return True
-        ahead = shapely.Point(x + self.vx * step_time, y + self.vy * step_time)
-        gap_m = float(shapely.distance(self.walls, ahead)) - self.radius_m
+        gap_m = self.walls.distance_m(x + self.vx * step_time, y + self.vy * step_time) - self.radius_m
         self._steps_clear = int(gap_m / (self.speed_m_s * step_time) - 1e-6)  # whatever its headings
         return gap_m >= 0
 
@@ -111,6 +118,17 @@ class Drift:
     def _head(self, heading: float) -> None:
         self.vx = self.speed_m_s * math.cos(heading)
         self.vy = self.speed_m_s * math.sin(heading)
+
+
+class Walking(Section):
+    """The parameters of `Walk`."""
+
+    name: Literal["walk"]
+    speed_m_s: Range[Speed]
+    way_steps: Range[Steps]
+    turn_rad: Annotated[float, Field(ge=0, le=math.pi, allow_inf_nan=False)]
+    stop_share: Probability
+    stop_steps: Range[Steps]
 
 
 class Walk(Drift):
@@ -156,10 +174,17 @@ class Walk(Drift):
         return int(steps) if is_stop else 0
 
 
+Behavior = Annotated[Drifting | Walking, Field(discriminator="name")]
 OBSTACLE_MOTIONS: dict[str, type[ObstacleMotion]] = {
     "drift": Drift,
     "walk": Walk,
 }
+
+
+def _walls(lines_m: list[list[list[float]]]) -> Any:
+    from repro.worlds.walls import Walls  # shapely, which reading a world without walls does not need
+
+    return Walls(lines_m)
 
 
 def obstacle_motion(behavior: dict[str, Any]) -> ObstacleMotion:
