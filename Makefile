@@ -106,7 +106,7 @@ demo: setup ## one HTML file that runs the ConvGRU and the paper's U-Net in the 
 	$(PY) run.py task=demo 'demo.networks=[exp4,reproduce/results/workstation/exp4-unet]' $(SCALE_ARG) $(ARGS)
 
 docs: setup ## update the generated tables of README.md and docs/ from reproduce/results
-	$(PY) -m repro.cli.documents
+	$(PY) -m repro.cli.generated_documents
 
 clean: ## delete caches and .venv; outputs/ stays
 	rm -rf .venv .venv-ros2 .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info

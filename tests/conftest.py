@@ -21,7 +21,7 @@ from preloaded import preloaded_python
 from repro.baselines.names import BASELINES
 from repro.cli import compose, main
 from repro.cli.call import Call
-from repro.cli.errors import Refused
+from repro.cli.refusals import Refused
 from repro.metrics.names import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.runs import provenance

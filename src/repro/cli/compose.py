@@ -26,7 +26,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from repro.cli.errors import WANTS_TRACEBACKS, Refused, did_you_mean
+from repro.cli.refusals import WANTS_TRACEBACKS, Refused, did_you_mean
 from repro.cli.tasks import summaries, tasks
 from repro.runs.config import NO_DECAY, Encoding
 from repro.runs.keys import RunKey
@@ -98,7 +98,7 @@ def launch(jobs: list[Composed], function: Any) -> list[Any]:
     """Run a function of the configuration for every job by Hydra's launcher, and return what they return."""
     config = jobs[0].config
     launcher = Plugins.instance().instantiate_launcher(_context(config), function, config)
-    overrides = [[each for each in job.overrides if not _is_of_hydra(each)] for job in jobs]
+    overrides = [[override for override in job.overrides if not _is_of_hydra(override)] for job in jobs]
     return [result.return_value for result in launcher.launch(overrides, initial_job_idx=0)]
 
 
@@ -150,7 +150,7 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
         Refused: an override is wrong, or there are no jobs.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
-    if errors := [error for each in parsed for error in _override_errors(each)]:
+    if errors := [error for override in parsed for error in _override_errors(override)]:
         raise Refused(*errors)
     if not multirun:
         return [overrides]
@@ -194,13 +194,13 @@ def _check_hydra(jobs: list[Composed]) -> None:
     Raises:
         Refused: one does.
     """
-    own = [each for each in jobs[0].overrides if _is_of_hydra(each)]
+    own = [override for override in jobs[0].overrides if _is_of_hydra(override)]
     expected = _hydra_part(hydra.compose("config", own, return_hydra_config=True))
     for job in jobs:
         found = _hydra_part(job.config)
         for key in found | expected:
             if found.get(key) != expected.get(key):
-                chosen = ", ".join(each for each in job.overrides if each.partition("=")[0] in GROUPS)
+                chosen = ", ".join(override for override in job.overrides if override.partition("=")[0] in GROUPS)
                 raise Refused(f"{chosen}: a file sets hydra.{key}; only the command line configures Hydra")
 
 
