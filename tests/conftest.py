@@ -20,7 +20,7 @@ from preloaded import preloaded_python
 from repro.baselines.titles import BASELINES
 from repro.cli import compose, main
 from repro.cli.call import Call
-from repro.cli.errors import Refused
+from repro.cli.refusals import Refused
 from repro.metrics.headings import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.runs import provenance

@@ -15,7 +15,7 @@ import pytest
 from conftest import cpu_seconds, read_calls, refuse, run_py
 
 from repro.cli.call import read_call
-from repro.cli.errors import Refused
+from repro.cli.refusals import Refused
 from repro.system.project import conf_directory
 from repro.worlds.spec import plain
 

@@ -7,8 +7,8 @@ import pytest
 from conftest import TINY, damage, read_calls
 
 from repro.baselines.titles import QUICK_BASELINES
-from repro.cli.errors import explain
 from repro.cli.jobs import Job
+from repro.cli.refusals import explain
 from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs

@@ -27,7 +27,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from repro.cli.errors import WANTS_TRACEBACKS, Refused, did_you_mean
+from repro.cli.refusals import WANTS_TRACEBACKS, Refused, did_you_mean
 from repro.cli.tasks import summaries, tasks
 from repro.runs.config import NO_DECAY, EncodingChoice
 from repro.runs.keys import RunKey

@@ -14,8 +14,8 @@ from omegaconf import DictConfig
 
 from repro.cli.call import Call, read_call
 from repro.cli.compose import Composed, composed, launch
-from repro.cli.errors import WANTS_TRACEBACKS, Refused, explain
 from repro.cli.jobs import Job
+from repro.cli.refusals import WANTS_TRACEBACKS, Refused, explain
 from repro.cli.tasks import keys_without_effect
 from repro.runs.outputs import Outputs
 from repro.runs.parallel import has_gpu, use_one_thread
@@ -199,7 +199,7 @@ def _run_sweep(calls: list[Call], jobs: list[Composed]) -> int:
 
 def _name(job: Composed, jobs: list[Composed]) -> str:
     """Return the overrides of a job that the others of its call do not share."""
-    return " ".join(each for each in job.overrides if any(each not in other.overrides for other in jobs))
+    return " ".join(override for override in job.overrides if any(override not in other.overrides for other in jobs))
 
 
 def run_composed(config: DictConfig) -> str | None:

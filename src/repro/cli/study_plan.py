@@ -19,7 +19,7 @@ from repro.worlds.spec import Experiment
 
 
 @dataclass(frozen=True)
-class Study:
+class StudyPlan:
     """The trainings of one seed: the paper's networks in every experiment, and the ablation with moving obstacles.
 
     Args:
@@ -51,7 +51,7 @@ class Study:
         return self.worlds.get(config.experiment, config.data.worlds) != config.data.worlds
 
 
-def describe_outputs(study: Study, pairs: PairCounts) -> str:
+def describe_outputs(study: StudyPlan, pairs: PairCounts) -> str:
     """Return the state of all recordings and runs of an outputs directory as Markdown.
 
     Args:
@@ -75,7 +75,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     return "\n".join(lines)
 
 
-def _state(run: Run, study: Study) -> str:
+def _state(run: Run, study: StudyPlan) -> str:
     """Return the status of a run in a few words."""
     if not run.has_begun and not run.model.exists():
         return "missing"
