@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.baselines.names import OTHER_BOUNDS, rank
+from repro.baselines.names import rank
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.names import predictor_title
@@ -111,7 +111,7 @@ def baselines(frames: DataFrames) -> Figure | None:
     table = frames["intervals"]
     rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
     shown = rows["encoding"].isin(["", PROJECTION, OURS[1]]) | rows["model"].isin(RECURRENT)
-    rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
+    rows = rows[shown & ~rows["model"].isin(["average", "all_free", "inference"])]
     titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
     rows = rows.assign(title=titles, rank=rows["model"].map(rank))
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()
