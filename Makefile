@@ -97,7 +97,7 @@ check: setup ## ruff (lint and format) and mypy
 	$(PY) -m mypy
 
 verify: setup ## check two published rows of experiment 4: record its test pairs, evaluate the published networks
-	$(PY) reproduce/check.py
+	$(PY) -m reproduce.check
 
 bench: setup ## speed and memory as ratios to a plain implementation, on this machine
 	$(PY) reproduce/bench
@@ -106,7 +106,7 @@ demo: setup ## one HTML file that runs the ConvGRU and the paper's U-Net in the 
 	$(PY) run.py task=demo 'demo.networks=[exp4,reproduce/results/workstation/exp4-unet]' $(SCALE_ARG) $(ARGS)
 
 docs: setup ## update the generated tables of README.md and docs/ from reproduce/results
-	$(PY) -m repro.cli.documents
+	$(PY) -m repro.cli.generated_documents
 
 clean: ## delete caches and .venv; outputs/ stays
 	rm -rf .venv .venv-ros2 .pytest_cache .mypy_cache .ruff_cache build src/*.egg-info

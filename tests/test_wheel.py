@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from repro.demo.runtime import cached_archive
+
 ROOT = Path(__file__).parents[1]
 FOLDERS, FILES = ("conf", "src"), ("pyproject.toml", "README.md", "LICENSE")
 SWEEP = "-m exp=4 decay=false model=unet scale=first scale.pairs.train=16 scale.pairs.val=2 scale.pairs.test=2"
@@ -62,7 +64,10 @@ def test_a_log_is_predicted(python, site, tmp_path):
     assert list(tmp_path.glob("outputs/**/*.png"))
 
 
-STUDY = ("torch", "pandas", "scipy", "matplotlib", "PIL", "joblib", "shapely", "irsim", "onnx", "huggingface_hub")
+STUDY = (
+    *("torch", "pandas", "scipy", "matplotlib", "PIL", "joblib", "shapely", "irsim", "onnx", "huggingface_hub"),
+    "jinja2",
+)
 WITHOUT = f"sys.modules.update(dict.fromkeys({STUDY}))  # as if they were not installed"
 
 
@@ -74,6 +79,14 @@ def test_a_log_is_predicted_without_the_packages_of_the_study(site, tmp_path):
     assert {path.suffix for path in tmp_path.glob("outputs/*/predictions/rooms/*")} == {
         *(".npz", ".pgm", ".yaml", ".csv", ".json")
     }
+
+
+def test_the_demo_is_written_without_the_packages_of_the_study(site, tmp_path):
+    if not cached_archive().is_file():
+        pytest.skip(f"{cached_archive()} is missing: python run.py task=demo downloads it")
+    call(sys.executable, site, tmp_path, f"{WITHOUT}\n{MAIN}", "task=demo")
+    (page,) = tmp_path.glob("outputs/*/demo.html")
+    assert "ConvGRU, experiment 4" in page.read_text()
 
 
 @pytest.mark.parametrize(

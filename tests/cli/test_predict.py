@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT, run_py
 
-from repro.cli.prediction import name_of
+from repro.cli.tasks.predict import name_of
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import load_predictor
 from repro.prediction.stream import PredictionStream

@@ -3,7 +3,7 @@ from dataclasses import asdict
 import pytest
 from conftest import ROOT, fake_run, run_config
 
-from repro.cli.study import Study, describe_outputs
+from repro.cli.study_plan import StudyPlan, describe_outputs
 from repro.recordings.format import shards_of
 from repro.reporting.names import duration
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
@@ -18,7 +18,7 @@ EXPERIMENTS = WorldFile.parse(read_world(ROOT / "conf" / "world" / "paper.yaml")
 
 
 def test_the_study_has_the_papers_24_trainings(tmp_path):
-    keys = list(Study(Outputs(tmp_path), EXPERIMENTS, 0, {}).runs())
+    keys = list(StudyPlan(Outputs(tmp_path), EXPERIMENTS, 0, {}).runs())
     ablation = [key for key in keys if key.encoding == PROJECTION_NO_DECAY]
     assert len(keys) == 24
     assert ablation == keys[16:]
@@ -46,7 +46,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
     for shard in shards_of(asdict(PAIRS)):
         (outputs.recordings("4") / shard.name).touch()
     experiments = {name: EXPERIMENTS[name] for name in "34"} | {"5": EXPERIMENTS["1"]}
-    text = describe_outputs(Study(outputs, experiments, 0, {"3": run_config().data.worlds}), PAIRS)
+    text = describe_outputs(StudyPlan(outputs, experiments, 0, {"3": run_config().data.worlds}), PAIRS)
     for row in (
         "| 3 | 100 of 208 |",
         "| 4 | 208 of 208 |",
@@ -68,7 +68,7 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
 
 def test_a_training_that_no_process_runs_is_stopped(tmp_path):
     run = fake_run(tmp_path, "3", "fpn", 0.9, status=Status.training)
-    study = Study(Outputs(tmp_path), {"3": EXPERIMENTS["3"]}, 0, {})
+    study = StudyPlan(Outputs(tmp_path), {"3": EXPERIMENTS["3"]}, 0, {})
     assert "/fpn/projection/seed0 | stopped |" in describe_outputs(study, PAIRS)
     with run.exclusive():
         assert "/fpn/projection/seed0 | training |" in describe_outputs(study, PAIRS)

@@ -7,7 +7,7 @@ import pytest
 from messages import Ros
 from scipy.spatial.transform import Rotation
 
-from repro.logs.messages import LaserScans, add_transforms
+from repro.logs.messages import LaserScans, ScanTimes, add_transforms
 from repro.logs.transforms import Transforms
 
 ORIGIN, RESOLUTION_M = (-3.0, 7.0), 0.5
@@ -62,6 +62,6 @@ def test_a_time_increment_with_which_scans_overlap_is_ignored_with_a_message(inc
     ],
 )
 def test_the_angles_of_a_scan_are_checked_against_one_another(changes, spacing, problem):
-    scan = LaserScans(lambda _: None).convert(laser_scan(**changes), (5.0, 5.0, 5.0), STANDING)
+    scan = LaserScans(lambda _: None).convert(laser_scan(**changes), ScanTimes(5.0, 5.0, 5.0), STANDING)
     assert (scan.problem, scan.pose) == (problem, (1.0, 2.0, 3.0))
     assert scan.spacing == pytest.approx(spacing)

@@ -17,6 +17,7 @@ from log_files import SCANS, STAMPS, carmen, flaser
 
 from repro.cli import prediction
 from repro.cli.settings import Prediction
+from repro.cli.tasks.predict import target_of
 from repro.learning.networks.create import create_network
 from repro.learning.networks.trained import TorchNetwork
 from repro.maps.grid import Grid
@@ -44,7 +45,7 @@ def run(tmp_path, monkeypatch):
         job = SimpleNamespace(
             call=SimpleNamespace(prediction=chosen, scans=[*map(str, scans)]), outputs=SimpleNamespace(path=tmp_path)
         )
-        prediction.predict_log(job)  # type: ignore[arg-type]
+        prediction.predict_log(job, target_of(job))  # type: ignore[arg-type]
 
     return call
 

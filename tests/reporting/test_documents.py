@@ -33,7 +33,6 @@ def test_methods_are_in_the_order_of_the_tables_with_intervals():
             ("mine", "projection", 0.4),
             ("another", "projection", 0.4),
             ("unet", "series10", 0.6),
-            ("unet", "observed_free", 0.7),  # an encoding that is gone
             ("unet", "projection", 0.5),
         )
         for metric in ("accuracy", "specificity", "obstacle_iou", "ssim")

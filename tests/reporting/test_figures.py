@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import fake_run, world_spec
 
-from repro.cli.figures import draw_figures
+from repro.cli.paper_figures import draw_figures
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.reporting.figures import (
@@ -101,7 +101,7 @@ def test_figures_show_the_network_with_the_lowest_seed(tmp_path, monkeypatch):
     )
     record_experiment(Outputs(tmp_path).recordings("3"), world_spec("3"), {"train": 2, "val": 2, "test": 2}, workers=1)
     shown = []
-    monkeypatch.setattr("repro.cli.figures.load_example", lambda outputs, key: shown.append(key))
-    monkeypatch.setattr("repro.cli.figures.write_figures", lambda *_: [])
+    monkeypatch.setattr("repro.cli.paper_figures.load_example", lambda outputs, key: shown.append(key))
+    monkeypatch.setattr("repro.cli.paper_figures.write_figures", lambda *_: [])
     draw_figures(Outputs(tmp_path))
     assert shown == [RunKey("3", "unet", PROJECTION, 1)]

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from conftest import TINY, damage, read_calls
 
-from repro.baselines.names import QUICK_BASELINES
-from repro.cli.errors import explain
+from repro.baselines.titles import QUICK_BASELINES
 from repro.cli.jobs import Job
+from repro.cli.refusals import explain
 from repro.runs.config import PROJECTION
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs

@@ -12,7 +12,7 @@ from conftest import ROOT, read_calls, world_errors
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from repro.cli.errors import Refused
+from repro.cli.refusals import Refused
 from repro.evaluation.coverage import coverage_and_visibility
 from repro.learning.losses import MapLoss
 from repro.learning.networks.create import create_network

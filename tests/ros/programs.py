@@ -28,19 +28,17 @@ STEPS = 100
 @contextmanager
 def started(command: list[str], environment: dict[str, str], ready: str | Path, name: str = "") -> Iterator[Path]:
     """Run a program until the end of the block, from when it prints a text or creates a file; return its output."""
-    log = Path(environment["ROS_HOME"]) / f"{name or Path(command[0]).name}.log"
+    end, log = time.monotonic() + 60, Path(environment["ROS_HOME"]) / f"{name or Path(command[0]).name}.log"
     with log.open("w") as output:
         process = subprocess.Popen(
             command, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
         )
         try:
-            for _ in range(600):
-                if ready.exists() if isinstance(ready, Path) else ready in log.read_text(errors="replace"):
-                    break
+            is_file = isinstance(ready, Path)
+            while not (ready.exists() if is_file else ready in log.read_text(errors="replace")):
                 assert process.poll() is None, log.read_text(errors="replace")
+                assert time.monotonic() < end, f"{command} is not ready: {log.read_text(errors='replace')}"
                 time.sleep(0.1)
-            else:
-                raise AssertionError(f"{command} is not ready after 60 s: {log.read_text(errors='replace')}")
             yield log
         finally:
             process.send_signal(signal.SIGINT)
@@ -49,6 +47,14 @@ def started(command: list[str], environment: dict[str, str], ready: str | Path, 
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
+
+
+def wait_for(path: Path, output: Path) -> None:
+    """Wait until a program, which prints an output, has made a file."""
+    end = time.monotonic() + 120
+    while not path.exists():
+        assert time.monotonic() < end, f"{path} is missing: {output.read_text(errors='replace')}"
+        time.sleep(0.1)
 
 
 def batch_maps(log: ScanLog) -> dict[float, np.ndarray]:

@@ -6,14 +6,13 @@ import socket
 import subprocess
 import sys
 import sysconfig
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import ROOT
-from programs import EXAMPLE, batch_maps, check_maps, started
+from programs import EXAMPLE, batch_maps, check_maps, started, wait_for
 from rosbags.highlevel import AnyReader
 
 from repro.logs.formats import read_log
@@ -60,16 +59,12 @@ def ros(tmp_path_factory):
 
 
 @contextmanager
-def record(path: Path, topics: list[str], environment: dict[str, str]):
-    """Record topics to a bag until the end of the block."""
-    command = ["rosbag", "record", "-O", str(path), *topics]
+def record(path: Path, topics: list[str], environment: dict[str, str], most: int = 0):
+    """Record topics to a bag until the end of the block, or until each has so many messages."""
+    command = ["rosbag", "record", "-l", str(most), "-O", str(path), *topics]
     with started(command, environment, path.with_suffix(".bag.active")) as output:
         yield output
-    for _ in range(300):  # rosbag may end before its recorder has closed the bag
-        if path.exists():
-            return
-        time.sleep(0.1)
-    raise AssertionError(f"{path} is not closed after 30 s: {output.read_text(errors='replace')}")
+    wait_for(path, output)  # rosbag may end before its recorder has closed the bag
 
 
 @pytest.fixture(scope="module")
@@ -99,12 +94,14 @@ def test_a_recorded_bag_is_read(log):
 def test_the_maps_of_the_node_are_those_of_the_batch(bag, log, ros):
     maps = bag.with_name("maps.bag")
     node = [DEBIAN, str(ROOT / "examples" / "ros1_node.py"), "_center:=12.5,12.5", "_weights:=rooms"]
-    with started(node, ros, "waiting for scans", "node") as output, record(maps, ["/predicted_map"], ros):
-        time.sleep(1)  # for the recorder to find the node
-        subprocess.run(
-            ["rosbag", "play", "-q", "-d", "1", "-r", str(SPEED), str(bag)], env=ros, check=True, timeout=120
-        )
-        time.sleep(2)
+    play = ["rosbag", "play", "-q", "-d", "1", "-r", str(SPEED), str(bag)]
+    expected = batch_maps(log)
+    with (
+        started(node, ros, "waiting for scans", "node") as output,
+        record(maps, ["/predicted_map"], ros, most=len(expected)),
+    ):
+        subprocess.run(play, env=ros, check=True, timeout=120)
+        wait_for(maps, output)  # the recorder ends with the last map
     with AnyReader([maps]) as reader:
         received = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
-    check_maps(received, batch_maps(log), output.read_text())
+    check_maps(received, expected, output.read_text())

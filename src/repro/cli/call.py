@@ -16,10 +16,10 @@ from pydantic import (
     model_validator,
 )
 
-from repro.cli.errors import Refused, did_you_mean
+from repro.cli.refusals import Refused, did_you_mean
 from repro.cli.settings import Adaptation, Demo, Log, Navigation, Prediction, Publish, Runtime, UserPath
 from repro.cli.tasks import Task, tasks
-from repro.runs.config import RECURRENT, Encoding, Scale, Training
+from repro.runs.config import RECURRENT, EncodingChoice, Scale, Training
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.parallel import has_gpu, training_memory_gb
 from repro.system.errors import InputError
@@ -60,7 +60,7 @@ class Call:
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     outputs: UserPath
     recordings: UserPath
-    encoding: Encoding
+    encoding: EncodingChoice
     model: Model
     scale: Scale
     train: Training
@@ -105,7 +105,7 @@ class Call:
     @model_validator(mode="after")
     def _fits_together(self) -> "Call":
         usual = {"decay": self.decay, "oldest_gray": self.oldest_gray}  # of which torch need not be asked
-        if self.encoding != Encoding("projection", usual) and (error := _encoding_error(self.encoding)):
+        if self.encoding != EncodingChoice("projection", usual) and (error := _encoding_error(self.encoding)):
             raise Refused(error)
         if errors := list(self._errors()) or _model_errors(self.model):
             raise Refused(*errors)
@@ -140,11 +140,11 @@ class Call:
         if task.trains and self.train.weights is not None and (error := _weights_error(self.train.weights)):
             yield f"train.weights: {error}"
         if task.trains and (self.runtime.accelerator == "cpu" or not has_gpu()):
-            size_px, there = self.scale.size_px, total_memory_gb()
+            size_px, total_gb = self.scale.size_px, total_memory_gb()
             needed = training_memory_gb(size_px, batch, pairs + self.scale.pairs.val, encoding.most_channels)
-            if needed > there:
+            if needed > total_gb:
                 size = f"at {size_px} px and batches of {batch} a training takes about {needed:.0f} GB of memory"
-                yield f"scale.pairs.train={pairs}: {size}, this machine has {there:.0f} GB"
+                yield f"scale.pairs.train={pairs}: {size}, this machine has {total_gb:.0f} GB"
 
 
 def _model_errors(model: Model) -> list[ConfigError]:
@@ -168,7 +168,7 @@ def _weights_error(weights: str) -> str | None:
     return None
 
 
-def _encoding_error(encoding: Encoding) -> str | None:
+def _encoding_error(encoding: EncodingChoice) -> str | None:
     """Return why an encoding cannot be created, None if it can."""
     from repro.maps.encodings import ENCODINGS, create_encoding, kind_of
 
@@ -199,14 +199,14 @@ def read_call(values: dict[str, Any]) -> Call:
 
 def _reasons(error: ValidationError, values: dict[str, Any]) -> Iterator[str]:
     found = config_errors_of(error)
-    keys = {each.key for each in found}
-    for each, detail in zip(found, error.errors(), strict=True):
+    keys = {wrong.key for wrong in found}
+    for wrong, detail in zip(found, error.errors(), strict=True):
         refused = detail.get("ctx", {}).get("error")
         if isinstance(refused, Refused):
             for reason in refused.args:
                 is_unknown = isinstance(reason, ConfigError) and reason.expected == UNKNOWN_KEY
                 yield f"{reason}{did_you_mean(reason.key, values) if is_unknown else ''}"
-        elif not (each.key.startswith("train.") and each.key.replace("train", "scale") in keys):
-            is_number = detail["type"] == "string_type" and each.value is not None
-            quoted = f"; for a name, quote it: '{each.key}=\"...\"'" if is_number else ""
-            yield f"{each}{did_you_mean(each.key, values) if each.expected == UNKNOWN_KEY else quoted}"
+        elif not (wrong.key.startswith("train.") and wrong.key.replace("train", "scale") in keys):
+            is_number = detail["type"] == "string_type" and wrong.value is not None
+            quoted = f"; for a name, quote it: '{wrong.key}=\"...\"'" if is_number else ""
+            yield f"{wrong}{did_you_mean(wrong.key, values) if wrong.expected == UNKNOWN_KEY else quoted}"

@@ -1,7 +1,6 @@
 """task=predict: maps from a log of your own robot."""
 
 import csv
-import hashlib
 import io
 import math
 import os
@@ -23,28 +22,26 @@ from repro.logs.options import ReadOptions, WindowSettings, window_of
 from repro.logs.scan_log import ScanLog
 from repro.logs.times import UnusableTimes
 from repro.maps.statistics import measure
+from repro.metrics.scores import THRESHOLD
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import compare
 from repro.prediction.drawing import draw_window
 from repro.prediction.log_page import page_of
 from repro.prediction.map_files import write_map, write_probabilities
-from repro.prediction.stream import predict_map
+from repro.prediction.stream import REACH_M, predict_map
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
 from repro.system.progress import progress
 
-LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 SOURCE = "source.json"  # the log and the settings of the maps beside it
-LONGEST_NAME = 180  # bytes of the name of a log
-COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
 CAN_DRAW = find_spec("matplotlib") is not None  # a robot needs no figures
 SHOWN = 100  # windows on the page, of 60 kB each
 
 
-def predict_log(job: Job) -> None:
+def predict_log(job: Job, target: Path) -> None:
     """Predict the map at the end of every window of a log.
 
     Raises:
@@ -53,7 +50,6 @@ def predict_log(job: Job) -> None:
     settings = job.call.prediction
     assert job.call.scans, "validated"
     path, *others = paths = [Path(name) for name in job.call.scans]
-    target = target_of(job)
     _check_target(target, Path(settings.weights), paths)
     predictor = load(settings.weights)
     log, windows = read(path, predictor, settings, others)
@@ -77,11 +73,6 @@ def predict_log(job: Job) -> None:
     print(f"{target} has the maps, " + ("maps.html shows them" if CAN_DRAW else "pip install matplotlib for figures"))
 
 
-def target_of(job: Job) -> Path:
-    """Return the directory of the maps of a call."""
-    return job.outputs.path / "predictions" / name_of(*map(Path, job.call.scans or ()))
-
-
 def load(weights: str) -> Predictor:
     """Load the network of a prediction, from weights of torch where there is no ONNX file.
 
@@ -93,17 +84,6 @@ def load(weights: str) -> Predictor:
     from repro.learning.networks.trained import load_trained  # takes seconds
 
     return load_trained(weights)
-
-
-def name_of(log: Path, *others: Path) -> str:
-    """Return the name of a log without the suffixes of its kind, and how many other files there are."""
-    name = Path(os.path.realpath(log)).name
-    while Path(name).suffix in LOG_SUFFIXES:
-        name = Path(name).stem
-    name = name.strip(".") or "log"
-    if len(os.fsencode(name)) > LONGEST_NAME:  # files of a prediction add to it
-        name = f"{name[: LONGEST_NAME // 4]}-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"
-    return name + (f"-and-{len(others)}-others" if others else "")
 
 
 def _check_target(target: Path, weights: Path, logs: list[Path]) -> None:
@@ -151,7 +131,7 @@ def _windows(predictor: Predictor, settings: Prediction) -> WindowSettings:
     others = {"center": settings.center, "range_max_m": settings.range_max_m, "misses": settings.misses}
     windows = window_of(predictor, settings.steps, settings.step_s, **others)
     if (windows.steps, windows.step_s) != (predictor.steps, predictor.step_s):
-        chosen, known = (f"{each.steps} steps of {each.step_s:g} s" for each in (windows, predictor))
+        chosen, known = (f"{windowing.steps} steps of {windowing.step_s:g} s" for windowing in (windows, predictor))
         print(f"warning: windows of {chosen}, the network was trained with {known}")
     return replace(windows, spacing=settings.spacing or "time")
 
@@ -187,13 +167,13 @@ def _table(rows: list[Row]) -> str:
     writer = csv.DictWriter(text, [*columns, "left_out"], lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({name: f"{each:.4f}" if isinstance(each, float) else each for name, each in row.items()})
+        writer.writerow({name: f"{value:.4f}" if isinstance(value, float) else value for name, value in row.items()})
     return text.getvalue()
 
 
 def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog, when: str) -> Row:
     """Predict one window, write its files and return its row."""
-    grid, range_max_m = predictor.grid, min(log.range_max_m, COMPARED_M)
+    grid, range_max_m = predictor.grid, min(log.range_max_m, REACH_M)
     predicted = predict_map(predictor, window.scans, window.origin, window.stamp, log.range_max_m)
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), predicted)
@@ -201,7 +181,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
     if CAN_DRAW:
         draw_window(window, predicted, grid, range_max_m, when).savefig(stem.with_suffix(".png"), dpi=120)
     row: Row = {
-        "obstacle_share": float((predicted.free < 0.5).mean()),
+        "obstacle_share": float((predicted.free < THRESHOLD).mean()),
         "unknown_share": float(predicted.unknown.mean()),
         "moving_pixels": int(predicted.moving.sum()),
     }

@@ -122,7 +122,7 @@ def summarize(rows: list[Row]) -> None:
     for name, value in (item for row in rows for item in row.items()):
         if name.endswith("log_loss") and math.isfinite(value):
             values[name].append(value)
-    means = {name: math.fsum(each) / len(each) for name, each in values.items()}
+    means = {name: math.fsum(losses) / len(losses) for name, losses in values.items()}
     print(f"{len(rows)} windows, mean{compared(means) or ': no other scan to compare with'}")
     count = sum(row["moving_pixels"] > 0 for row in rows)
     if count:

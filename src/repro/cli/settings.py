@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
-from repro.cli.errors import Refused
+from repro.cli.refusals import Refused
 from repro.logs.options import Center, LidarRange, Misses, Mounting, Pose, Spacing, Steps, StepTime
 from repro.runs.parallel import has_gpu
 from repro.system.errors import InputError

@@ -17,8 +17,8 @@ from repro.recordings.datasets import HIDDEN
 from repro.scans import Scans
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import Recording, simulate
-from repro.system.places import conf_directory
 from repro.system.progress import progress
+from repro.system.project import conf_directory
 from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 WORLDS = {  # and their experiments: how many of six windows each has; the first two have walls, the last is open

@@ -76,7 +76,8 @@ def bag_scans(paths: Sequence[Path], options: ReadOptions) -> Iterator[LogScan]:
             times, frame = converter.times(message), message.header.frame_id
             scan = converter.convert(message, times, poses)
             if scan.pose is None and not scan.problem:
-                converter.warn_once("pose", f"the first scan without a pose: {poses.why_unplaced(frame, times[1])}")
+                why = poses.why_unplaced(frame, times.middle_s)
+                converter.warn_once("pose", f"the first scan without a pose: {why}")
             frames[frame] = None
             if len(frames) == 2:
                 converter.warn_once("frames", f"{reader.scan_topic} has scans of several lidars, {', '.join(frames)}")
@@ -172,7 +173,7 @@ class _Bag:
     def _read_poses(self) -> None:
         """Read the transforms, only the static ones for named odometry, and odometry where its frame has none."""
         options = self.options
-        topics = sorted({each.topic for each in self.bag.connections if each.msgtype in TRANSFORMS})
+        topics = sorted({connection.topic for connection in self.bag.connections if connection.msgtype in TRANSFORMS})
         for is_static in (True, False):
             if is_static or options.odometry_topic is None:
                 found = self._of_robot([topic for topic in topics if topic.endswith("tf_static") == is_static])

@@ -24,8 +24,8 @@ def undistorted(scan: LogScan, begin: PlanarPose, end: PlanarPose) -> LogScan:
     """
     assert scan.pose is not None, "the middle is known"
     count, (x, y, heading) = len(scan.ranges), scan.pose
-    turns = [float(wrapped(each.heading - heading)) for each in (begin, end)]
-    moved_m = max(math.hypot(each.x - x, each.y - y) for each in (begin, end))
+    turns = [float(wrapped(pose.heading - heading)) for pose in (begin, end)]
+    moved_m = max(math.hypot(pose.x - x, pose.y - y) for pose in (begin, end))
     if count < 2 or (max(map(abs, turns)) < 0.5 * abs(scan.spacing) and moved_m < NEGLIGIBLE_M):
         return scan
     halves, share = [0, 0.5, 1], np.linspace(0, 1, count)
@@ -35,8 +35,8 @@ def undistorted(scan: LogScan, begin: PlanarPose, end: PlanarPose) -> LogScan:
     ranges = scan.ranges.astype(float)
     with np.errstate(invalid="ignore"):  # of NaN
         hit = (ranges > max(scan.range_min_m, 0)) & (ranges < scan.range_max_m)
-    reach = np.where(hit, ranges, 0)
-    ahead, left = aside[0] + reach * np.cos(heading + directions), aside[1] + reach * np.sin(heading + directions)
+    hit_m = np.where(hit, ranges, 0)
+    ahead, left = aside[0] + hit_m * np.cos(heading + directions), aside[1] + hit_m * np.sin(heading + directions)
     longest = np.nextafter(np.float32(scan.range_max_m), np.float32(0))
     ranges[hit] = np.hypot(ahead, left)[hit].clip(scan.range_min_m, longest)
     directions[hit] += wrapped(np.arctan2(left, ahead) - heading - directions)[hit]

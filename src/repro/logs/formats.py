@@ -42,13 +42,13 @@ def read_log(
             message names it and what was expected.
     """
     paths, kind = (path, *others), kind_of(path)
-    if strange := next((each for each in others if kind_of(each) != kind), None):
+    if strange := next((other for other in others if kind_of(other) != kind), None):
         raise InputError(f"{strange}: expected the files of one log, all of the kind {kind}")
     if kind == "bag":
         return collect(_bags(path).bag_scans(paths, options), path, settings)
     if options.frame or options.scan_topic or options.odometry_topic:
         raise InputError(f"{path}: expected a bag for a topic or a frame of its poses, got {kind}")
-    parts = (array_scans(each, options.pose) if kind == "npz" else read_carmen(each) for each in paths)
+    parts = (array_scans(part, options.pose) if kind == "npz" else read_carmen(part) for part in paths)
     return collect(_placed(chain.from_iterable(parts), options), path, settings)
 
 

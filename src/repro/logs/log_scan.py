@@ -43,7 +43,7 @@ class LogScan:
 
     def has_beams_of(self, other: "LogScan") -> bool:
         """Return whether another scan has the same number of beams at the same angles."""
-        angles, others = ((each.first_angle, each.spacing) for each in (self, other))
+        angles, others = ((scan.first_angle, scan.spacing) for scan in (self, other))
         return len(self.ranges) == len(other.ranges) and np.allclose(angles, others, atol=1e-4)
 
     def at_beams_of(self, other: "LogScan") -> "LogScan | None":

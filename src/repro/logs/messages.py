@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,8 @@ def seconds(stamp: Any) -> float:
 
 def add_transforms(transforms: Transforms, message: Any, *, is_static: bool = False) -> None:
     """Add the transforms of a TFMessage."""
-    for each in message.transforms:
-        _add(transforms, each, each.transform.translation, each.transform.rotation, is_static=is_static)
+    for transform in message.transforms:
+        _add(transforms, transform, transform.transform.translation, transform.transform.rotation, is_static=is_static)
 
 
 def add_odometry(transforms: Transforms, message: Any) -> None:
@@ -51,6 +51,14 @@ def _add(transforms: Transforms, message: Any, place: Any, turn: Any, *, is_stat
     transforms.add(child, parent, stamp, (place.x, place.y, place.z), quaternion, is_static=is_static)
 
 
+class ScanTimes(NamedTuple):
+    """The times of the first beam of a scan, of its middle, at which its pose is taken, and of the last [s]."""
+
+    first_s: float
+    middle_s: float
+    last_s: float
+
+
 class LaserScans:
     """Converts the LaserScan messages of a topic, in the order of their arrival, and warns once of each wrong field.
 
@@ -64,8 +72,8 @@ class LaserScans:
         self._last_s = math.nan
         self._warned: set[str] = set()
 
-    def times(self, message: Any) -> tuple[float, float, float]:
-        """Return the times of the first beam of a scan, of its middle, at which its pose is taken, and of the last [s].
+    def times(self, message: Any) -> ScanTimes:
+        """Return the times of a scan.
 
         Where a scan would last longer than the time to the next one, `time_increment` is wrong, and is ignored.
         """
@@ -77,12 +85,12 @@ class LaserScans:
         increment = float(message.time_increment)
         lasts_s = increment * (len(message.ranges) - 1)
         if lasts_s == 0 or (0 < lasts_s <= LONGER * min(between_s, MAX_SCAN_S)):
-            return stamp, stamp + lasts_s / 2, stamp + lasts_s
+            return ScanTimes(stamp, stamp + lasts_s / 2, stamp + lasts_s)
         text = f"time_increment is {increment:.4g} s, with which a scan lasts {lasts_s:.3g} s, and one follows after "
         self.warn_once("time_increment", f"{text}{between_s:.3g} s: it is ignored")
-        return stamp, stamp, stamp
+        return ScanTimes(stamp, stamp, stamp)
 
-    def convert(self, message: Any, times: tuple[float, float, float], transforms: Transforms) -> LogScan:
+    def convert(self, message: Any, times: ScanTimes, transforms: Transforms) -> LogScan:
         """Convert a scan, given what `times` returned, with the pose of its frame in its middle.
 
         Every beam is placed at its own time where the poses at the first and the last are known, too. The angles of a
@@ -90,9 +98,11 @@ class LaserScans:
         """
         placed, problem, frame = None, None, message.header.frame_id
         try:
-            placed = transforms.pose_at(frame, times[1])
-            moves = placed is not None and times[0] < times[2]
-            begin, end = (transforms.pose_at(frame, times[i]) if moves else None for i in (0, 2))
+            placed = transforms.pose_at(frame, times.middle_s)
+            moves = placed is not None and times.first_s < times.last_s
+            begin, end = (
+                transforms.pose_at(frame, stamp) if moves else None for stamp in (times.first_s, times.last_s)
+            )
         except InputError as error:
             self.warn_once("tilt", str(error))
             placed, begin, end = None, None, None
@@ -100,7 +110,7 @@ class LaserScans:
         first, spacing, contradiction = self._angles(message)
         sense = -1 if placed and placed.is_upside_down else 1
         scan = LogScan(
-            stamp=times[0],
+            stamp=times.first_s,
             ranges=np.asarray(message.ranges, dtype=np.float32),
             first_angle=sense * first,
             spacing=sense * spacing,

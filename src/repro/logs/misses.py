@@ -75,7 +75,7 @@ class MissCheck:
         beyond = readings[np.isfinite(readings) & (readings > range_max_m)]
         if len(self._beyond) < NEWEST:
             self._beyond.update(beyond.tolist())
-        counts = (int(each.sum()) for each in (misses, is_equal, is_at_maximum))
+        counts = (int(is_counted.sum()) for is_counted in (misses, is_equal, is_at_maximum))
         return len(ranges), *counts, len(beyond), int(not np.isfinite(ranges).any())
 
     def _judge(self, range_max_m: float) -> None:

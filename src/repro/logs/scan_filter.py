@@ -92,7 +92,7 @@ class ScanFilter:
         """Return the maximum range of most of the scans [m], inf if most differ from each other."""
         found = sorted(scan.range_max_m for scan in scans)
         usual = found[len(found) // 2]
-        if 2 * sum(_is_near(each, usual) for each in found) > len(found):
+        if 2 * sum(_is_near(range_max_m, usual) for range_max_m in found) > len(found):
             return usual
         self.notes["range"] = (
             f"the maximum range of the scans varies from {found[0]:.4g} to {found[-1]:.4g} m, as of a driver that "

@@ -130,9 +130,9 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
         InputError: the times do not order the scans, fewer than two scans can be used, the beams are not those of a
             lidar, the ranges are not meters, or the headings are not radians.
     """
-    accepted, clock = ScanFilter(str(path), settings), Clock(settings)
+    scan_filter, clock = ScanFilter(str(path), settings), Clock(settings)
     kept = list[LogScan]()
-    for number, scan in enumerate(_usable(scans, accepted)):
+    for number, scan in enumerate(_usable(scans, scan_filter)):
         if settings.spacing == "distance":
             kept.append(replace(scan, stamp=float(number)))
         elif not clock.why_left_out(scan.stamp):
@@ -140,27 +140,26 @@ def collect(scans: Iterable[LogScan], path: Path, settings: WindowSettings) -> S
                 kept.pop()
             kept.append(scan)
         is_checked = len(kept) % SCANS_PER_CHECK == 0
-        if is_checked and 1e-9 * sum(each.ranges.nbytes for each in kept) > available_memory_gb():  # copied once
+        if is_checked and 1e-9 * sum(scan.ranges.nbytes for scan in kept) > available_memory_gb():  # copied once
             raise InputError(f"{path}: its first {number} scans fill the memory: divide the log")
     stamps = np.array([scan.stamp for scan in kept])
     _check_order(stamps, clock.left_out[Reason.NOT_LATER] + clock.left_out[Reason.OUT_OF_ORDER], path)
-    skipped = accepted.left_out + clock.left_out
+    skipped = scan_filter.left_out + clock.left_out
     if len(kept) < MIN_SCANS:
         reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
         raise InputError(f"{path}: {len(kept)} scans can be used ({reasons or 'it has no others'}): need {MIN_SCANS}")
     ranges, poses = np.stack([scan.ranges for scan in kept]), np.array([scan.pose for scan in kept], float)
-    log = ScanLog(
-        stamps, ranges, accepted.angles, poses, dict(skipped), accepted.range_max_m, None, (*accepted.notes.values(),)
-    )
+    notes, range_max_m = tuple(scan_filter.notes.values()), scan_filter.range_max_m
+    log = ScanLog(stamps, ranges, scan_filter.angles, poses, dict(skipped), range_max_m, notes=notes)
     _check_values(log, path, frames={getattr(scan.header, "frame_id", None) for scan in kept})
     log.poses[:, 2] = np.unwrap(log.poses[:, 2])
     return log
 
 
-def _usable(scans: Iterable[LogScan], accepted: ScanFilter) -> Iterator[LogScan]:
+def _usable(scans: Iterable[LogScan], scan_filter: ScanFilter) -> Iterator[LogScan]:
     for scan in scans:
-        yield from accepted.add(scan)
-    yield from accepted.flush()
+        yield from scan_filter.add(scan)
+    yield from scan_filter.flush()
 
 
 def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:

@@ -13,7 +13,8 @@ PAGE = """<!DOCTYPE html>
 <title>{title}</title>
 <style>
 body {{ font: 16px/1.4 sans-serif; margin: 1em auto; max-width: 1400px; padding: 0 0.5em; }}
-img {{ width: 100%; }}
+div {{ overflow-x: auto; }}
+img {{ width: 100%; min-width: 44rem; }}
 form {{ display: flex; gap: 0.5em; }}
 input {{ flex: 1; }}
 </style>
@@ -21,7 +22,7 @@ input {{ flex: 1; }}
 <p>White is free, dark an obstacle, light blue is where no beam has been.</p>
 <form><button type="button">Play</button><input type="range" min="0" max="{last}" value="0" aria-label="window"></form>
 <p id="caption"></p>
-<img alt="hits, predicted map, and what other scans show">
+<div><img alt="hits, predicted map, and what other scans show"></div>
 <script>
 const frames = {frames};
 const slider = document.querySelector("input"), button = document.querySelector("button");

@@ -80,19 +80,19 @@ def shards_of(pairs: Mapping[str, int]) -> Iterator[Shard]:
             yield Shard(split, number, SPLITS[split] + first, min(SHARD_WORLDS, count // 2 - first))
 
 
-def holds(there: Mapping[str, int], asked: Mapping[str, int]) -> bool:
+def has_pairs(recorded: Mapping[str, int], asked: Mapping[str, int]) -> bool:
     """Check whether recorded pairs cover the requested pairs: the counts agree, or there are more training pairs.
 
     In the second case the requested training pairs must fill whole shards, so that these shards are identical to
     those of a smaller recording.
 
     Args:
-        there: recorded pairs per split.
+        recorded: pairs that are there, per split.
         asked: requested pairs per split.
     """
-    rest = {split: count for split, count in asked.items() if there.get(split) != count}
-    spare = "train" in rest and there.get("train", 0) > rest["train"] and rest["train"] % (2 * SHARD_WORLDS) == 0
-    return set(there) == set(asked) and (not rest or (len(rest) == 1 and spare))
+    rest = {split: count for split, count in asked.items() if recorded.get(split) != count}
+    spare = "train" in rest and recorded.get("train", 0) > rest["train"] and rest["train"] % (2 * SHARD_WORLDS) == 0
+    return set(recorded) == set(asked) and (not rest or (len(rest) == 1 and spare))
 
 
 def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:

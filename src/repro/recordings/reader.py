@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from repro.recordings.format import BrokenShard, Shard, ShardContent, holds, read_shard
+from repro.recordings.format import BrokenShard, Shard, ShardContent, has_pairs, read_shard
 from repro.system.errors import InputError
 from repro.system.files import read_typed, sha256
 from repro.worlds.spec import WorldSpec
@@ -100,7 +100,7 @@ class Recordings:
     def _used(self, asked: Mapping[str, int]) -> Iterator[ShardEntry]:
         """Yield the shards that hold the requested pairs."""
         pairs = self.manifest.pairs
-        if not holds(pairs, asked):
+        if not has_pairs(pairs, asked):
             raise InputError(f"{self.directory} holds {pairs} pairs, which do not cover the requested {dict(asked)}")
         left = dict(asked)
         for entry in self.manifest.shards.values():

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.baselines.names import OTHER_BOUNDS, rank
+from repro.baselines.titles import rank
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.names import predictor_title
@@ -95,7 +95,7 @@ def reliability(frames: DataFrames) -> Figure | None:
         ax.plot([0, 1], [0, 1], color="#bbbbbb", linewidth=1)
         for encoding, line in own_rows.groupby("encoding", sort=False):
             look, label = DECAYS[str(encoding)]
-            ax.plot(line["predicted"], line["found"], markersize=3, label=label, **look)
+            ax.plot(line["predicted"], line["observed"], markersize=3, label=label, **look)
         ax.set(xlabel="predicted probability", aspect="equal")
     axes[0, 0].set_ylabel("observed frequency")
     one_legend(figure, axes[0])
@@ -111,7 +111,7 @@ def baselines(frames: DataFrames) -> Figure | None:
     table = frames["intervals"]
     rows = table[(table["metric"] == "obstacle_iou") & ~table["encoding"].str.endswith(NO_DECAY)]
     shown = rows["encoding"].isin(["", PROJECTION, OURS[1]]) | rows["model"].isin(RECURRENT)
-    rows = rows[shown & ~rows["model"].isin(["average", "all_free", *OTHER_BOUNDS])]
+    rows = rows[shown & ~rows["model"].isin(["average", "all_free", "inference"])]
     titles = [predictor_title(*cell) for cell in zip(rows["model"], rows["encoding"], strict=True)]
     rows = rows.assign(title=titles, rank=rows["model"].map(rank))
     names = rows.drop_duplicates("title").sort_values(["rank", "encoding", "model"], ascending=False)["title"].tolist()

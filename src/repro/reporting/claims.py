@@ -18,7 +18,7 @@ from typing import Any, Literal
 import pandas as pd
 from uncertainties import nominal_value, std_dev, ufloat
 
-from repro.baselines.names import BASELINES, OTHER_BOUNDS
+from repro.baselines.titles import BASELINES
 from repro.reporting.paper import paper_rows
 from repro.runs.config import PROJECTION
 from repro.runs.keys import CELL
@@ -55,7 +55,7 @@ class Numbers:
     def table(self, metric: str, exp: str | list[str], model: str = "average", encoding: str = PROJECTION) -> Number:
         """Return a metric of the tables, for a list of experiments its mean."""
         experiments = [exp] if isinstance(exp, str) else exp
-        encoding = "" if model in (*BASELINES, *OTHER_BOUNDS) else encoding
+        encoding = "" if model in BASELINES else encoding
         return sum(self.numbers["tables", metric, e, model, encoding, "all"] for e in experiments) / len(experiments)
 
     def unet(self, of: str, metric: str, exp: str, group: str = "all", encoding: str = PROJECTION) -> Number:

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import BOUNDS, LIMITS, OTHER_BOUNDS, rank
-from repro.maps.encodings import ENCODINGS, kind_of
-from repro.metrics.names import SUMMARY
+from repro.baselines.titles import rank
+from repro.metrics.headings import SUMMARY
 from repro.reporting.claims import Verdict, count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
 from repro.reporting.plots import DataFrames
@@ -24,8 +23,7 @@ from repro.runs.keys import CELL
 from repro.system.errors import InputError
 
 MARKS = re.compile(r"(<!-- results: ([\w-]+) (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
-BOUND = BOUNDS[0]
-PROBABILISTIC = {"best_iou": "IoU at its best threshold", "log_loss": "Log loss [nat]", "brier": "Brier score"}
+BOUND = "privileged"
 COSTS = {
     "size_px": ("Image [px]", 0),
     "parameters_m": ("Parameters [M]", 2),
@@ -63,10 +61,7 @@ def methods(frames: DataFrames, caption: str) -> Cells:
     Where the upper bound is evaluated, the last columns have the obstacle IoU as a share of that of the bound.
     """
     intervals = frames["intervals"]
-    hidden = {"average", *OTHER_BOUNDS} - set(LIMITS)
-    is_shown = intervals["metric"].isin(SUMMARY) & ~intervals["model"].isin(hidden)
-    kinds = intervals["encoding"].map(kind_of)
-    rows = intervals[is_shown & ((kinds == "") | kinds.isin(list(ENCODINGS)))]  # not of encodings that are gone
+    rows = intervals[intervals["metric"].isin(SUMMARY) & (intervals["model"] != "average")]
     inputs = rows[rows["encoding"] != ""].groupby("experiment")["encoding"].nunique()
     chosen = sorted(inputs.index[inputs == inputs.max()])  # the experiments with most inputs
     rows = rows[rows["experiment"].isin(chosen)]
@@ -105,20 +100,6 @@ def networks(frames: DataFrames, caption: str) -> Cells:
         rows.append((predictor_title(str(row.model), str(row.encoding)), *measured, *costs))
     heads = [f"Exp. {name}: {head}" for name, head, *_ in columns]
     return Cells(("Network, input", *heads, "Parameters [M]", "Training [min]", "Latency [ms]"), rows, caption)
-
-
-def bounds(frames: DataFrames, caption: str) -> Cells:
-    """Return the upper bound with more and less knowledge, one row per experiment and bound."""
-    intervals, recency = frames["intervals"], frames["recency"]
-    of_map = recency[(recency["recency"] == "all") & recency["metric"].isin(PROBABILISTIC)]
-    texts = _texts(pd.concat([intervals[intervals["metric"].isin(SUMMARY)], of_map]))
-    evaluated = set(zip(intervals["experiment"], intervals["model"], strict=True))
-    shown = [
-        (name, predictor_title(bound, ""), *(texts.get((name, bound, "", m), "") for m in (*SUMMARY, *PROBABILISTIC)))
-        for name, bound in itertools.product(sorted(intervals["experiment"].unique()), BOUNDS)
-        if (name, bound) in evaluated
-    ]
-    return Cells(("Exp.", "Predictor", *SUMMARY.values(), *PROBABILISTIC.values()), shown, caption, text_columns=2)
 
 
 def mappers(frames: DataFrames, caption: str) -> Cells:
@@ -165,7 +146,6 @@ ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # table
         methods,
         "Networks, other inputs, baselines and the upper bound, with 95 % intervals",
     ),
-    "bounds": (bounds, "The upper bound with more and less knowledge, with 95 % intervals"),
     "networks": (
         networks,
         "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two",
@@ -181,7 +161,7 @@ def with_results(text: str, results: Path) -> str:
     """Return a document with the tables between its marks regenerated from the published results.
 
     A mark is `<!-- results: laptop main -->`, closed by `<!-- end -->`. Instead of `main` it may name another table
-    (`ablation`, `costs`, `claims`, `methods`, `bounds`, `networks`, `mappers`), or one network or `average` for its
+    (`ablation`, `costs`, `claims`, `methods`, `networks`, `mappers`), or one network or `average` for its
     rows in both tables.
 
     Raises:

@@ -1,6 +1,6 @@
 """Names of experiments, models and predictors, and durations, in tables, figures and messages."""
 
-from repro.baselines.names import BASELINES, OTHER_BOUNDS
+from repro.baselines.titles import BASELINES
 from repro.runs.config import NO_DECAY, PROJECTION
 
 TITLES = {
@@ -12,7 +12,6 @@ TITLES = {
     "convlstm": "ConvLSTM",
     "average": "Average",
     **BASELINES,
-    **OTHER_BOUNDS,
 }
 SETUPS = {"1": "Static, rotation", "2": "Static, square", "3": "Dynamic, rotation", "4": "Dynamic, square"}
 

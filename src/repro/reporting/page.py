@@ -61,7 +61,7 @@ def tables_of_sections(results: pd.DataFrame, frames: DataFrames) -> dict[str, l
     return {
         "tables": [table.cells for table in make_tables(results).values() if len(table.frame)] + [decay_table(results)],
         "claims": [claims(frames)],
-        "baselines": [analyzed(name, frames) for name in ("methods", "bounds")],
+        "baselines": [analyzed("methods", frames)],
     }
 
 

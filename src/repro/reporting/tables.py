@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import OTHER_BOUNDS, QUICK_BASELINES, rank
-from repro.metrics.names import HEADINGS, TABLE_METRICS
+from repro.baselines.titles import QUICK_BASELINES, rank
+from repro.metrics.headings import HEADINGS, TABLE_METRICS
 from repro.reporting.names import model_title, predictor_title
 from repro.reporting.paper import read_paper
 from repro.reporting.render import Cells, number
@@ -134,7 +134,7 @@ def select(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     if encoding == PROJECTION:
         chosen |= (model == OURS[0]) & (inputs == OURS[1])
         chosen |= (inputs != "") & ~model.isin(STUDIED) & ~inputs.str.endswith(NO_DECAY)
-        chosen |= (inputs == "") & ~model.isin(list(OTHER_BOUNDS))
+        chosen |= (inputs == "") & (model != "inference")
     else:
         is_there = results["experiment"].isin(results.loc[chosen, "experiment"])
         chosen |= is_there & model.isin(QUICK_BASELINES)

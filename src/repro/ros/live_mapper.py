@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from repro.logs.log_scan import LogScan
-from repro.logs.messages import LaserScans, add_odometry, add_transforms, seconds
+from repro.logs.messages import LaserScans, ScanTimes, add_odometry, add_transforms, seconds
 from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range
 from repro.logs.reasons import Reason
@@ -51,7 +51,7 @@ class LiveMapper:
         self.predictor, self.publish, self.warn, self.settings = predictor, publish, warn, settings
         self.transforms = transforms or Transforms(KEEP_S)
         self.scans = LaserScans(warn)
-        self.waiting: list[tuple[Any, tuple[float, float, float]]] = []  # scans with their times, in order
+        self.waiting: list[tuple[Any, ScanTimes]] = []  # scans with their times, in order
         self.newest_s = -np.inf  # time of the newest scan; poses may be stamped ahead of it
         self.is_early = False  # whether the last scan was earlier than another one by more than a window
         self.lock = OneAtATime("the mapper")
@@ -59,7 +59,7 @@ class LiveMapper:
 
     def _begin_again(self) -> None:
         """Begin a window, of a lidar whose beams are not known."""
-        self.accepted = ScanFilter("scan", self.settings)
+        self.scan_filter = ScanFilter("scan", self.settings)
         self.stream: PredictionStream | None = None
         self.root: str | None = None  # frame of the poses in the stream
 
@@ -73,16 +73,16 @@ class LiveMapper:
                 return
             if self.is_early:
                 self.warn("the clock was set back: scans of later times are skipped")
-                later = [each for each in self.waiting if each[1][0] > stamp]
-                self.waiting = [each for each in self.waiting if each[1][0] <= stamp]
-                for each in later:
-                    if self.transforms.is_known(each[0].header.frame_id, each[1][1]):
-                        self._take(*each)  # ends the window before
+                later = [(scan, times) for scan, times in self.waiting if times.first_s > stamp]
+                self.waiting = [(scan, times) for scan, times in self.waiting if times.first_s <= stamp]
+                for scan, times in later:
+                    if self.transforms.is_known(scan.header.frame_id, times.middle_s):
+                        self._take(scan, times)  # ends the window before
                 self.newest_s, self.is_early = -np.inf, False
             insort(self.waiting, (message, self.scans.times(message)), key=itemgetter(1))
             if len(self.waiting) > MAX_WAITING:
                 first, times = self.waiting.pop(0)
-                why = self.transforms.why_unplaced(first.header.frame_id, times[1]) or "for the network"
+                why = self.transforms.why_unplaced(first.header.frame_id, times.middle_s) or "for the network"
                 self.warn(f"a scan is skipped: {MAX_WAITING} others wait, {why}")
             self.newest_s = max(self.newest_s, stamp)
             self._predict()
@@ -105,12 +105,12 @@ class LiveMapper:
             self.scans.warn_once(text, text)
         while self.waiting:
             message, times = self.waiting[0]
-            is_late = self.newest_s > times[1] + WAIT_S
-            if not is_late and not self.transforms.has_later(message.header.frame_id, times[2]):
+            is_late = self.newest_s > times.middle_s + WAIT_S
+            if not is_late and not self.transforms.has_later(message.header.frame_id, times.last_s):
                 return
             self._take(*self.waiting.pop(0))
 
-    def _take(self, message: Any, times: tuple[float, float, float]) -> None:
+    def _take(self, message: Any, times: ScanTimes) -> None:
         """Take a scan whose pose is known or missing, and predict maps for the scans that can be used now."""
         scan, frame = self.scans.convert(message, times, self.transforms), message.header.frame_id
         root = self.transforms.root(frame)
@@ -120,17 +120,17 @@ class LiveMapper:
                 self._begin_again()
             self.root = root
         try:
-            found = self.accepted.add(scan)
+            usable = self.scan_filter.add(scan)
         except InputError as error:
             self.warn(str(error))
             return
-        for reason in self.accepted.reasons:
-            why = f": {self.transforms.why_unplaced(frame, times[1])}" if reason is Reason.NO_POSE else ""
+        for reason in self.scan_filter.reasons:
+            why = f": {self.transforms.why_unplaced(frame, times.middle_s)}" if reason is Reason.NO_POSE else ""
             self.warn(f"a scan is skipped: it is {reason}{why}")
-        for kind, note in self.accepted.notes.items():
+        for kind, note in self.scan_filter.notes.items():
             self.scans.warn_once(kind, note)
-        for each in found:
-            self._map(each)
+        for scan in usable:
+            self._map(scan)
 
     def _map(self, scan: LogScan) -> None:
         """Predict the map of the window that ends with a scan, and publish it."""
@@ -148,13 +148,13 @@ class LiveMapper:
             self.warn(f"a scan is skipped: {self.stream.reason}")
 
     def _stream(self) -> PredictionStream:
-        if message := note_on_range(self.accepted.range_max_m, self.predictor.reach_m):
+        if message := note_on_range(self.scan_filter.range_max_m, self.predictor.reach_m):
             self.warn(message)
         return PredictionStream(
             self.predictor,
-            self.accepted.angles,
+            self.scan_filter.angles,
             center=self.settings.center,
             steps=self.settings.steps,
             step_s=self.settings.step_s,
-            range_max_m=self.accepted.range_max_m,
+            range_max_m=self.scan_filter.range_max_m,
         )

@@ -48,7 +48,7 @@ def sampled_behavior(rng: np.random.Generator, motion: Motion) -> Behavior:
     return behavior
 
 
-def reach_m(motion: Rotation | Square, world: Map) -> float:
+def farthest_m(motion: Rotation | Square, world: Map) -> float:
     """Return the largest distance of the robot from the center of the map [m], however its motion is turned."""
     path = planned_path(_straight(motion), world)[:, :2]
     return float(np.linalg.norm(path - world.width / 2, axis=1).max())
@@ -78,7 +78,7 @@ def check_path(
     if walls is None:
         return
     if isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple):
-        path = shapely.Point(world.width / 2, world.height / 2).buffer(reach_m(motion, world))
+        path = shapely.Point(world.width / 2, world.height / 2).buffer(farthest_m(motion, world))
     else:
         path = shapely.LineString(points or planned_path({**motion.irsim(), "direction": 1}, world)[:, :2])
     if shapely.distance(walls, path) < radius_m:

@@ -75,11 +75,11 @@ def sample_obstacles(
             if found is None:
                 return None
             placed.append(found)
-    still_ones = [None if each[-1].behavior else _static(rng, *each[:3]) for each in placed]
-    lines = [*site.lines, *boundaries(each for each in still_ones if each)]
+    still_ones = [None if found[-1].behavior else _static(rng, *found[:3]) for found in placed]
+    lines = [*site.lines, *boundaries(still for still in still_ones if still)]
     obstacles = []
-    for each, still in zip(placed, still_ones, strict=True):
-        obstacle = still or _moving(rng, each, site, lines, attempts)
+    for found, still in zip(placed, still_ones, strict=True):
+        obstacle = still or _moving(rng, found, site, lines, attempts)
         if obstacle is None:
             return None
         obstacles.append(obstacle)

@@ -21,7 +21,7 @@ from repro.recordings.format import (
     SHARD_WORLDS,
     BrokenShard,
     Shard,
-    holds,
+    has_pairs,
     read_shard,
     shards_of,
     spec_fingerprint,
@@ -68,7 +68,7 @@ def record_experiment(
         existing = open_recordings(directory).manifest if (directory / "manifest.json").is_file() else None
         if existing and existing.fingerprint != fingerprint:
             raise InputError(f"{directory} has recordings of other worlds: delete it, or set outputs= or recordings=")
-        if existing and not holds(existing.pairs, pairs):
+        if existing and not has_pairs(existing.pairs, pairs):
             raise InputError(
                 f"{directory} has {existing.pairs} pairs, {dict(pairs)} are requested: expected the same numbers, or "
                 f"fewer training pairs that are a multiple of {2 * SHARD_WORLDS}; otherwise set outputs= or recordings="

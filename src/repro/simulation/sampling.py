@@ -20,8 +20,8 @@ import yaml
 from repro.simulation.paths import (
     Behavior,
     check_path,
+    farthest_m,
     planned_path,
-    reach_m,
     sampled_behavior,
     to_waypoints,
 )
@@ -51,7 +51,9 @@ def sample_world(spec: WorldSpec, seed: int) -> World:
     """
     check_spec(spec)
     width = spec.world.width
-    least_area = sum(each.count[0] * math.pi * smallest_radius(each) ** 2 for each in spec.populations)
+    least_area = sum(
+        population.count[0] * math.pi * smallest_radius(population) ** 2 for population in spec.populations
+    )
     if least_area > width**2 - math.pi * min(spec.clear_radius_m, width / 2) ** 2:
         raise InputError(_no_room(spec))  # the attempts below would take seconds
     rng = np.random.default_rng([experiment_number(spec.experiment), seed])
@@ -93,7 +95,7 @@ def _site(spec: WorldSpec, drive: Behavior | None, walls: shapely.Geometry | Non
 
 def fixed_obstacles(spec: WorldSpec) -> list[Obstacle]:
     """Return the obstacles of every world of an experiment, as IR-SIM reads them."""
-    return [standing(each.shape.irsim(), each.state) for each in spec.fixed]
+    return [standing(obstacle.shape.irsim(), obstacle.state) for obstacle in spec.fixed]
 
 
 def sample_fixed(rng: np.random.Generator, spec: WorldSpec) -> list[Obstacle]:
@@ -127,10 +129,10 @@ def check_spec(spec: WorldSpec) -> None:
         if 0 < clear_m < radius_m:
             raise InputError(f"clear_radius_m={clear_m} is less than the robot's radius of {radius_m} m")
         return
-    reach = reach_m(motion, world) + radius_m
-    if clear_m > 0 and reach > clear_m:
+    farthest = farthest_m(motion, world) + radius_m
+    if clear_m > 0 and farthest > clear_m:
         raise InputError(
-            f"the robot reaches {reach:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
+            f"the robot reaches {farthest:.2f} m from the center, beyond its clear zone of clear_radius_m={clear_m}: "
             "make the zone larger or the motion smaller"
         )
 

@@ -23,7 +23,7 @@ def sensed(scans: Scans, sensing: Sensing, range_max_m: float, rng: np.random.Ge
         int(rng.integers(low, high + 1)) for low, high in (sensing.every_beam, sensing.every_step)
     )
     limits = (sensing.range_m, sensing.noise_m, sensing.lost_share, sensing.odometry, sensing.pose_m)
-    range_m, noise_m, lost_share, odometry, pose_m = (float(rng.uniform(*each)) for each in limits)
+    range_m, noise_m, lost_share, odometry, pose_m = (float(rng.uniform(*limit)) for limit in limits)
     moved = noisy_poses(drifted_poses(Scans.stack([scans]), odometry, rng), pose_m, rng).poses[0]
     moved[-1] = scans.poses[-1]
     scans = noisy_ranges(dataclasses.replace(scans, poses=moved), noise_m, rng)

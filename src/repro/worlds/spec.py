@@ -135,7 +135,7 @@ class WorldFile(Section):
             world = cls.model_validate_json(text)  # JSON, for strict types and tuples
         except ValidationError as error:
             errors = config_errors_of(error, "world.", written)
-            others = [each for each in errors if not each.key.startswith("world.experiments.")]
+            others = [wrong for wrong in errors if not wrong.key.startswith("world.experiments.")]
             raise WrongValues(*(others or errors)) from error
         world._written = written
         return world
@@ -171,7 +171,7 @@ class WorldSpec(Experiment):
         try:
             return cls.model_validate_json(json.dumps({**raw, "raw": raw}))  # JSON, for strict types and tuples
         except ValidationError as error:
-            raise InputError("; ".join(str(each) for each in config_errors_of(error))) from error
+            raise InputError("; ".join(str(wrong) for wrong in config_errors_of(error))) from error
 
     @property
     def lidar(self) -> Lidar:

@@ -65,13 +65,13 @@ def keys_without_effect(task: str, overrides: list[str]) -> list[str]:
     """Return which overrides a task does not use, each with the reason."""
     facts = tasks()[task]
     reasons = {key: f"has no effect with task={task}, {facts.instead}" for key in facts.ignores}
-    for key in sorted({key for each in tasks().values() for key in each.own} - set(facts.own)):
-        users = [name for name, each in tasks().items() if key in each.own]
+    for key in sorted({key for task in tasks().values() for key in task.own} - set(facts.own)):
+        users = [name for name, task in tasks().items() if key in task.own]
         reasons[key] = f"is for task={', '.join(users)} only"
-    written = {each: each.lstrip("+~").partition("=")[0] for each in overrides}
+    written = {override: override.lstrip("+~").partition("=")[0] for override in overrides}
     return [
-        f"{each}: {reason}"
-        for each, name in written.items()
+        f"{override}: {reason}"
+        for override, name in written.items()
         for key, reason in reasons.items()
         if name == key or name.startswith(f"{key}.")
     ]

@@ -7,7 +7,7 @@ from repro.cli.tasks import Task
 def run(job: Job) -> None:
     """Write analysis/ and report.html."""
     print(f"analyzing {job.outputs.path}: baselines first", flush=True)
-    from repro.cli.analysis import analyze, evaluate_baselines  # takes seconds
+    from repro.cli.outputs_analysis import analyze, evaluate_baselines  # takes seconds
     from repro.runs.parallel import process_pool
 
     with process_pool(job.call.runtime.workers) as parallel:

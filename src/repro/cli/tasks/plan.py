@@ -6,11 +6,11 @@ from repro.cli.tasks import Task
 
 def run(job: Job) -> None:
     """Print the status of an outputs directory, and the usual time of the whole study."""
-    from repro.cli.study import Study, describe_outputs
+    from repro.cli.study_plan import StudyPlan, describe_outputs
     from repro.recordings.format import spec_fingerprint
 
     worlds = {name: spec_fingerprint(spec) for name, spec in job.call.specs.items()}
-    study = Study(job.outputs, job.call.specs, job.call.seed, worlds)
+    study = StudyPlan(job.outputs, job.call.specs, job.call.seed, worlds)
     print(describe_outputs(study, job.call.scale.pairs), flush=True)
     print(f"It usually takes {job.call.scale.takes}; it can be interrupted, the same command resumes.")
 

@@ -1,9 +1,14 @@
 """task=predict: maps from a log of your own robot."""
 
+import hashlib
+import os
 from pathlib import Path
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import NETWORK_KEYS, Task
+
+LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
+LONGEST_NAME = 180  # bytes of the name of a log
 
 
 def run(job: Job) -> None:
@@ -12,18 +17,28 @@ def run(job: Job) -> None:
     print(f"loading {job.call.prediction.weights}, then {' and '.join(map(str, job.call.scans))}", flush=True)
     from repro.cli.prediction import predict_log  # takes seconds
 
-    predict_log(job)
+    predict_log(job, target_of(job))
 
 
-def _target(job: Job) -> Path:
-    from repro.cli.prediction import target_of
+def target_of(job: Job) -> Path:
+    """Return the directory of the maps of a call."""
+    return job.outputs.path / "predictions" / name_of(*map(Path, job.call.scans or ()))
 
-    return target_of(job)
+
+def name_of(log: Path, *others: Path) -> str:
+    """Return the name of a log without the suffixes of its kind, and how many other files there are."""
+    name = Path(os.path.realpath(log)).name
+    while Path(name).suffix in LOG_SUFFIXES:
+        name = Path(name).stem
+    name = name.strip(".") or "log"
+    if len(os.fsencode(name)) > LONGEST_NAME:  # files of a prediction add to it
+        name = f"{name[: LONGEST_NAME // 4]}-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"
+    return name + (f"-and-{len(others)}-others" if others else "")
 
 
 TASK = Task(
     run,
-    target=_target,
+    target=target_of,
     names_scale=False,
     needs="scans",
     own=("scans", "prediction"),

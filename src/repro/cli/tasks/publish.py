@@ -7,7 +7,7 @@ from repro.cli.tasks import Task
 def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
     print(f"reading {job.outputs.path}", flush=True)
-    from repro.cli.documents import update_docs
+    from repro.cli.generated_documents import update_docs
     from repro.reporting.publish import publish
 
     print(f"published {publish(job.outputs, RESULTS, force=job.call.publish.force)}")

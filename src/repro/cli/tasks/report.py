@@ -18,7 +18,7 @@ def run(job: Job) -> None:
     if not any(outputs.runs()) and not outputs.recorded():
         raise InputError(f"{outputs.path} holds no recordings and no runs: make some first, or set outputs=")
     print_tables(outputs, ())
-    from repro.cli.figures import draw_figures  # imports torch and IR-SIM, some seconds
+    from repro.cli.paper_figures import draw_figures  # imports torch and IR-SIM, some seconds
 
     print("drawing the figures", flush=True)
     draw_figures(outputs)

@@ -48,10 +48,10 @@ def explain(error: BaseException) -> str | None:
 def did_you_mean(key: str, values: dict[str, Any]) -> str:
     """Return the keys of a nested mapping that an unknown key may have meant, for the end of a message."""
     above, _, name = key.rpartition(".")
-    others = {each: each.rpartition(".") for each in _keys(values) if each != key}
-    beside = {last: each for each, (parent, _, last) in others.items() if parent == above}
-    near = [beside[each] for each in get_close_matches(name, beside, 1)]
-    near = near or [each for each, (_, _, last) in others.items() if last == name][:2]
+    others = {other: other.rpartition(".") for other in _keys(values) if other != key}
+    beside = {last: other for other, (parent, _, last) in others.items() if parent == above}
+    near = [beside[other] for other in get_close_matches(name, beside, 1)]
+    near = near or [other for other, (_, _, last) in others.items() if last == name][:2]
     return f"; did you mean {' or '.join(near)}?" if near else f"; known are {', '.join(beside)}" if beside else ""
 
 

@@ -10,20 +10,12 @@ BASELINES = {
     "transitional": "Transitional grid",
     "tracker": "Tracker",
     "privileged": "Upper bound",  # of reproduce/upper_bound.py; no task evaluates it
+    "inference": "Inference from scans",  # published rows only: DEVIATIONS D25
 }
-OTHER_BOUNDS = {  # published rows only, their code is in older versions (docs/analysis.md, DEVIATIONS D25)
-    "with_unseen": "Upper bound, with unseen obstacles",
-    "without_shapes": "Upper bound, without shapes",
-    "without_velocities": "Upper bound, without velocities",
-    "positions": "Upper bound, positions only",
-    "inference": "Inference from scans",
-}
-BOUNDS = ("privileged", *OTHER_BOUNDS)
-LIMITS = ("privileged", "inference")  # the best prediction from scans lies between them
 QUICK_BASELINES = ("all_free", "last_seen")  # evaluated together with every network; task=analysis evaluates the others
 
 
 def rank(model: str) -> int:
     """Return the position of a model in tables: the paper's networks, their average, other networks, baselines."""
-    order = [*NETWORKS, "average", None, *BASELINES, *OTHER_BOUNDS]
+    order = [*NETWORKS, "average", None, *BASELINES]
     return order.index(model if model in order else None)

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from repro.baselines.names import rank
+from repro.baselines.titles import rank
 from repro.recordings.format import recordings_in
 from repro.reporting.render import Cells
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
@@ -19,7 +19,7 @@ from repro.worlds.spec import Experiment
 
 
 @dataclass(frozen=True)
-class Study:
+class StudyPlan:
     """The trainings of one seed: the paper's networks in every experiment, and the ablation with moving obstacles.
 
     Args:
@@ -51,7 +51,7 @@ class Study:
         return self.worlds.get(config.experiment, config.data.worlds) != config.data.worlds
 
 
-def describe_outputs(study: Study, pairs: PairCounts) -> str:
+def describe_outputs(study: StudyPlan, pairs: PairCounts) -> str:
     """Return the state of all recordings and runs of an outputs directory as Markdown.
 
     Args:
@@ -75,7 +75,7 @@ def describe_outputs(study: Study, pairs: PairCounts) -> str:
     return "\n".join(lines)
 
 
-def _state(run: Run, study: Study) -> str:
+def _state(run: Run, study: StudyPlan) -> str:
     """Return the status of a run in a few words."""
     if not run.has_begun and not run.model.exists():
         return "missing"

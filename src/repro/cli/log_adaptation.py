@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from repro.cli.jobs import Job
-from repro.cli.prediction import name_of, read
+from repro.cli.prediction import read
 from repro.cli.settings import Prediction
 from repro.learning.adaptation import adapt, label
 from repro.learning.held_out import View
@@ -20,7 +20,7 @@ from repro.system.errors import InputError
 from repro.system.files import sha256, write_json
 
 
-def adapt_to_logs(job: Job) -> None:
+def adapt_to_logs(job: Job, target: Path) -> None:
     """Adapt the network of a call to its logs, and write it to a new directory.
 
     Raises:
@@ -30,7 +30,6 @@ def adapt_to_logs(job: Job) -> None:
     paths = [Path(log) for log in job.call.adaptation.logs]
     if not paths:
         raise InputError("adaptation.logs: is needed with task=adapt, such as adaptation.logs=[a.log,b.bag]")
-    target = target_of(job)
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
     predictor = load_trained(settings.weights)
@@ -50,12 +49,6 @@ def adapt_to_logs(job: Job) -> None:
         os.rename(new, target)  # fails if another process has written it since
     print(f"validation loss: {before:.4f} before, {after:.4f} adapted")
     print(f"{target}: prediction.weights={target} uses it")
-
-
-def target_of(job: Job) -> Path:
-    """Return the directory of the adapted network of a call."""
-    logs = job.call.adaptation.logs
-    return job.outputs.path / "adapted" / (job.call.adaptation.name or (name_of(*map(Path, logs)) if logs else ""))
 
 
 def _labeled(path: Path, predictor: Predictor, settings: Prediction, *, seed: int) -> tuple[Labeled, Labeled]:
