@@ -97,7 +97,7 @@ check: setup ## ruff (lint and format) and mypy
 	$(PY) -m mypy
 
 verify: setup ## check two published rows of experiment 4: record its test pairs, evaluate the published networks
-	$(PY) reproduce/check.py
+	$(PY) -m reproduce.check
 
 bench: setup ## speed and memory as ratios to a plain implementation, on this machine
 	$(PY) reproduce/bench

@@ -24,7 +24,7 @@ from scipy import ndimage
 from repro.system.errors import InputError
 from repro.system.fields import Finite
 from repro.system.files import check_regular, read_typed, write_text
-from repro.system.places import conf_directory
+from repro.system.project import conf_directory
 from repro.worlds.obstacles import MAX_FIXED, MAX_VERTICES
 
 MAX_CELLS = 10_000  # along one side of a map

@@ -13,7 +13,6 @@ import itertools
 import sys
 
 import pandas as pd
-from hydra._internal.utils import get_args_parser
 
 from repro.baselines.registry import PREDICTORS
 from repro.cli import compose, main
@@ -55,7 +54,7 @@ def differences(job: Job, names: list[str]) -> pd.DataFrame:
 def run(names: list[str], arguments: list[str]) -> None:
     """Evaluate the named baselines in every job of the call, and write the differences."""
     PREDICTORS["privileged"] = privileged
-    parsed = get_args_parser().parse_args(["-m", *arguments])
+    parsed = main.read_arguments(["-m", *arguments])
     with compose.composed(parsed) as composed:
         jobs = [Job(call) for call in main.read_calls(parsed, composed)]
     for job, name in itertools.product(jobs, names):

@@ -19,7 +19,6 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from hydra._internal.utils import get_args_parser
 from matplotlib.figure import Figure
 
 from repro.cli import compose, main
@@ -200,7 +199,7 @@ def test_network(job: Job) -> pd.DataFrame:
 
 def run(arguments: list[str]) -> None:
     """Test the network of every job of the call, and write the table and the figure."""
-    parsed = get_args_parser().parse_args(["-m", *arguments])
+    parsed = main.read_arguments(["-m", *arguments])
     with compose.composed(parsed) as composed:
         jobs = [Job(call) for call in main.read_calls(parsed, composed)]
     for job in jobs:

@@ -15,17 +15,16 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pandas as pd
 import pytest
-from hydra._internal.utils import get_args_parser
 from preloaded import preloaded_python
 
-from repro.baselines.names import BASELINES
+from repro.baselines.titles import BASELINES
 from repro.cli import compose, main
 from repro.cli.call import Call
 from repro.cli.refusals import Refused
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.runs import provenance
-from repro.runs.config import RECURRENT, Data, Encoding, PairCounts, RunConfig, Training
+from repro.runs.config import RECURRENT, Data, EncodingChoice, PairCounts, RunConfig, Training
 from repro.runs.directories import Run
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.outputs import Outputs
@@ -63,7 +62,7 @@ def world_errors(values: dict[str, Any]) -> list[ConfigError]:
 
 def read_calls(*arguments: str) -> list[Call]:
     """Return the checked jobs of a call of run.py."""
-    parsed = get_args_parser().parse_args([*arguments])
+    parsed = main.read_arguments([*arguments])
     with compose.composed(parsed) as jobs:
         return main.read_calls(parsed, jobs)
 
@@ -131,7 +130,7 @@ def evaluated(recorded) -> Run:
 
 
 def run_config(
-    *, model: str = "unet", decay: bool = True, encoding: Encoding | None = None, **changes: Any
+    *, model: str = "unet", decay: bool = True, encoding: EncodingChoice | None = None, **changes: Any
 ) -> RunConfig:
     """Return the configuration of a small run, of a baseline if `model` names one.
 
@@ -155,7 +154,7 @@ def run_config(
         worlds=spec_fingerprint(world_spec("3")),
     )
     train = take(Training, learning_rate=1e-3, min_delta=0.001, patience=5, batch_size=8, max_epochs=3, dice_eps=1e-6)
-    encoding = encoding or Encoding("projection", {"decay": decay, "oldest_gray": 0.8})
+    encoding = encoding or EncodingChoice("projection", {"decay": decay, "oldest_gray": 0.8})
     network = take(Model, name=model, encoder_name=None if model in RECURRENT else PAPER_ENCODER)
     config = RunConfig("3", 0, network, encoding, data, train)
     config = dataclasses.replace(config, **changes)

@@ -22,7 +22,7 @@ from repro.simulation.raycasting import scan
 from repro.simulation.sampling import sample_world
 from repro.simulation.sensing import sensed
 from repro.simulation.simulator import Recording, simulate
-from repro.system.places import conf_directory
+from repro.system.project import conf_directory
 from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 SLACK_M = 0.2  # of a region: one pixel at 25 m and 128 px

@@ -1,4 +1,5 @@
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,9 @@ from conftest import prepared
 from shapely import affinity
 
 from repro.baselines import registry, tracker
-from repro.baselines.names import BASELINES
 from repro.baselines.occupancy_grids import log_odds_grid, observation, transitional_grid
 from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free
+from repro.baselines.titles import BASELINES
 from repro.evaluation.evaluate import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
@@ -106,6 +107,36 @@ def test_a_grid_remembers_recent_observations_and_forgets_old_ones(filtered):
     assert faded < kept - 0.2
 
 
+def test_log_odds_are_forgotten_and_added_in_every_step():
+    seen, none = disc_ranges(15.0), np.full((41,), np.nan)
+    prior = math.log(0.08 / 0.92)
+    gain = math.log(0.9 / 0.1) - prior
+    for ranges, expected in [([seen, *[none] * 4], gain * 0.9**4), ([seen, *[none] * 5, seen], gain * (1 + 0.9**6))]:
+        found = log_odds_grid(one_recording(np.stack(ranges)), 0.1)[0][24, 13]
+        assert found == pytest.approx(1 / (1 + math.exp(-expected - prior)), rel=1e-5)
+    many = log_odds_grid(one_recording(np.stack([seen] * 9)), 0.0)[0][24, 13]
+    assert many == pytest.approx(1 / (1 + math.exp(-8 - prior)), rel=1e-5)
+
+
+def test_a_transitional_grid_agrees_with_plain_sums_over_neighbors():
+    recorded = one_recording(np.stack([disc_ranges(15.0 + step, 26.0) for step in range(5)]))
+    static = dynamic = np.full((50, 50), 0.04)
+    for step in range(5):
+        one = Scans(recorded.scans.ranges[:, step : step + 1], ANGLES, recorded.scans.poses[:, :1])
+        hit, passed = (seen[0] for seen in observation(one, GRID, 30.0))
+        wide = np.pad(dynamic, 1, mode="edge")
+        around = sum(wide[i : i + 50, j : j + 50] for i, j in itertools.product(range(3), repeat=2)) - dynamic
+        dynamic = 0.7 * dynamic + 0.3 * around / 8
+        static = static + 0.01 * dynamic
+        dynamic = np.minimum(0.99 * dynamic, 1 - static)
+        odds = np.select([hit, passed], [9 * 0.92 / 0.08, 0.05 / 0.95 * 0.92 / 0.08], 1.0)
+        total = 1 - static - dynamic + odds * (static + dynamic)
+        static, dynamic = ((odds * part / total).clip(1e-4, 0.999) for part in (static, dynamic))
+    expected = np.minimum(static + dynamic, 1)
+    assert transitional_grid(recorded, 0.3)[0] == pytest.approx(expected, rel=1e-4)
+    assert np.ptp(expected) > 0.9
+
+
 PRIOR = tracker.Prior(radius_m=2.0, spread_m=0.5, aspect=1.4, speed_m_s=1.0, join=5.0)
 
 
@@ -132,6 +163,14 @@ def test_edges_are_where_the_next_beam_passes(y, edges):
     x, y_robot, _, cos, sin, side = found.edges.T
     aside = side * (cos * (y - y_robot) - sin * (15.0 - x))
     assert np.allclose(aside, 1.5, atol=0.06)  # the beams are 0.1 m apart
+
+
+@pytest.mark.parametrize(("behind_m", "edges"), [(0.4, 0), (0.6, 2)])
+def test_a_beam_passes_an_obstacle_if_it_ends_half_a_meter_behind(behind_m, edges):
+    near = np.abs(np.arange(41) - 20) < 8
+    scans = window([np.where(near, 10.0, 10.0 + behind_m)])
+    steps, beams = np.zeros(15, int), np.flatnonzero(near)
+    assert len(tracker._edges(scans, steps, beams, np.zeros(15))) == edges
 
 
 def test_a_moving_disc_is_fitted_and_coasts():
@@ -169,6 +208,7 @@ def test_an_obstacle_that_is_seen_twice_is_joined():
     assert len(tracker.clusters(scans, 0.1, 1.5)) == 2
     (found,) = tracker.track(tracker.clusters(scans, 0.1, 1.5), PRIOR)
     assert found.age_s == 0
+    assert len(tracker.track(tracker.clusters(scans, 0.1, 1.5), replace(PRIOR, join=-1e3))) == 2
     apart = [disc_ranges(15.0)] * 21 + [none] * 60 + [disc_ranges(18.5, radius=1.0)] * 21
     assert len(tracker.track(tracker.clusters(window(apart), 0.1, 1.5), replace(PRIOR, speed_m_s=0.05))) == 2
 

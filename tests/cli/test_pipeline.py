@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from conftest import ROOT, TINY, run_py
 
-from repro.baselines.names import QUICK_BASELINES
-from repro.metrics.names import METRICS
+from repro.baselines.titles import QUICK_BASELINES
+from repro.metrics.headings import METRICS
 from repro.runs.model import NETWORKS
 
 pytestmark = pytest.mark.slow

@@ -16,7 +16,7 @@ from conftest import cpu_seconds, read_calls, refuse, run_py
 
 from repro.cli.call import read_call
 from repro.cli.refusals import Refused
-from repro.system.places import conf_directory
+from repro.system.project import conf_directory
 from repro.worlds.spec import plain
 
 LIDAR = "world.robot.sensors.0"
@@ -39,8 +39,7 @@ CALLS = {
     "model=unte": "Available options in 'model': convgru convlstm",
     # sweeps
     "exp=3,4": "To sweep over it, add --multirun",
-    "--config-name other": "--config-name=other: has no effect",
-    "--config-path /tmp": "--config-path=/tmp: has no effect",
+    "--config-name other": "--config-name: not understood",
     "task=predict scans=${nokey}": "scans: Interpolation key 'nokey' not found",
     "task=predict scans=a\udcff.npz": r"scans=a\xff.npz: is no printable text in UTF-8: rename the file",
     "-m exp=glob(*)": "the sweep has no jobs",
@@ -58,7 +57,7 @@ CALLS = {
     "outputs=a#b": """quote the value for Hydra and for the shell: 'outputs="a#b"'""",
     "outputs=${foo}": "'foo' not found",
     "exp": "missing EQUAL",
-    "--exp=3": "overrides have no dashes",
+    "--exp=3": "overrides without dashes",
     "--config-dir=nowhere": "is not a directory",
     # types
     "outputs=2024_05_13": "outputs=20240513: must be a valid string; for a name, quote it",

@@ -7,7 +7,7 @@ from repro.evaluation.evaluate import evaluate, measure, read_predictions
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.counts import counts_of, pooled_scores
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.recordings.datasets import load_pairs
 from repro.recordings.reader import open_recordings
 from repro.runs.provenance import Status

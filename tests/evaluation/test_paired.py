@@ -4,7 +4,7 @@ import pytest
 
 from repro.evaluation.evaluate import measure
 from repro.evaluation.paired import paired_differences
-from repro.metrics.names import SUMMARY
+from repro.metrics.headings import SUMMARY
 
 MAPS = (np.random.default_rng(0).random((40, 1, 16, 16)) > 0.1).astype(np.uint8)
 

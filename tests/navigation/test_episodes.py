@@ -1,4 +1,4 @@
-"""Robots that drive by their maps: kinematics, collisions, planner, memory, mappers and their study."""
+"""Robots that drive by their maps: kinematics, collisions, planner, memory, mappers and their trials."""
 
 import math
 
@@ -8,13 +8,13 @@ import pytest
 import shapely
 from conftest import ROOT
 from irsim.lib.algorithm.kinematics import differential_kinematics
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from repro.cli.settings import MAPPERS
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.outlines import placed
-from repro.navigation import study
+from repro.navigation import trials
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sample_course
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
@@ -144,6 +144,33 @@ def test_the_cost_to_go_is_the_way_around_a_wall():
     around = planner(weight=1e6).cost_to_go(wall, np.array([10.0, 25.0]))
     assert around[row, 50] > free[row, 50] + 15
     assert around[row, 50] < 1000, "through the gap, not through the wall"
+
+
+def test_commands_are_those_of_a_plain_rollout():
+    """Compare with the cost of each arc, point by point, for robots that may have their goal behind them or leave."""
+    robots, own = 40, planner(inflation_m=2.4, weight=5.0, threshold=0.5)
+    occupied = GENERATOR.random((robots, 3, 64, 64)) * (GENERATOR.random((robots, 3, 64, 64)) < 0.02)
+    poses = np.column_stack([GENERATOR.uniform(0.2, 49.8, (robots, 2)), GENERATOR.uniform(-3, 3, robots)])
+    goals = GENERATOR.uniform(0, 50, (robots, 2))
+    found = own.plan(occupied, poses, goals)
+    for robot in range(robots):
+        maps = (occupied[robot] > 0.5).astype(float)
+        inflated, touching = own.inflate(maps, own.fall), own.inflate(maps, own.core)
+        points = placed(own.arcs, poses[robot])  # (A, 10, 2), every 0.2 s
+        layers = [0, 0, 1, 1, 2, 2, 2, 2, 2, 2]  # of 0.5 s, the last one from then on
+        soft = np.stack([interpolated(inflated[k], points[:, n], 1.0) for n, k in enumerate(layers)])
+        hard = np.stack([interpolated(touching[k], points[:, n], 1.0) for n, k in enumerate(layers)])
+        to_go = interpolated(own.cost_to_go(inflated[0], goals[robot]), points[:, -1], np.inf)
+        cost = to_go + 5.0 * 4.0 * (soft.mean(0) + 2 * hard.max(0)) + 4.0 * (own.commands[:, 0] < 0)
+        assert np.array_equal(found[robot], own.commands[cost.argmin()]), robot
+    assert len(np.unique(found, axis=0)) > 10
+
+
+def interpolated(values: np.ndarray, points: np.ndarray, outside: float) -> np.ndarray:
+    """Read a map at points (N, 2) with SciPy."""
+    row, column = 64 - points[:, 1] / GRID.resolution_m - 0.5, points[:, 0] / GRID.resolution_m - 0.5
+    inside = ((points >= 0) & (points < 50)).all(-1)
+    return np.where(inside, map_coordinates(values, [row, column], order=1, mode="nearest"), outside)
 
 
 @pytest.mark.parametrize(("bearing", "turns"), [(0.0, 0), (1.0, 1), (-1.0, -1)])
@@ -293,7 +320,7 @@ def gap(each: Course, step: int, place: np.ndarray) -> float:
 
 
 def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "WEIGHTS", (20.0,))
+    monkeypatch.setattr(trials, "WEIGHTS", (20.0,))
     driven = []
 
     def fake(self, names, settings):
@@ -303,23 +330,23 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
         values = {"time_s": 20.0, "path_m": 30.0, "way_m": 30.0, "outcome": outcome}
         return pd.DataFrame([{"experiment": name, "seed": seed, **values, **settings} for name, seed in names])
 
-    monkeypatch.setattr(study.Study, "_drive", fake)
-    own = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, inflations_m=(0.8, 1.6))
-    own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
+    monkeypatch.setattr(trials.Trials, "_drive", fake)
+    own = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, inflations_m=(0.8, 1.6))
+    own.run(trials.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert pd.read_csv(tmp_path / "truth" / "test.csv")["inflation_m"].unique() == [0.8]
     assert len(pd.read_csv(tmp_path / "truth" / "curve.csv")) == 2 * 2
     before = len(driven)
-    own.run(study.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
+    own.run(trials.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
     assert len(driven) == before
-    own.run(study.Seeds(validation=2, test=4, curve=1), {"commit": "1"})
-    steps = read_mapping(tmp_path / "truth" / study.ORIGIN, "")["steps"]
+    own.run(trials.Seeds(validation=2, test=4, curve=1), {"commit": "1"})
+    steps = read_mapping(tmp_path / "truth" / trials.ORIGIN, "")["steps"]
     assert [each["commit"] for each in steps] == ["1", "1"], "nothing was driven in between"
-    assert driven[before:] == [(name, study.FIRST["test"] + 3, 0.8) for name in SPECS]
-    one = study.Study(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
+    assert driven[before:] == [(name, trials.FIRST["test"] + 3, 0.8) for name in SPECS]
+    one = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
     assert set(one.episodes("test", {**USUAL, "inflation_m": 0.8}, 3)["experiment"]) == {"fast"}
-    other = study.Study(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0), inflations_m=(0.8, 1.6))
+    other = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0), inflations_m=(0.8, 1.6))
     with pytest.raises(InputError, match="episodes with another value of grid"):
-        other.run(study.Seeds(2, 3, 1), {})
+        other.run(trials.Seeds(2, 3, 1), {})
 
 
 def test_arms_are_compared_on_the_same_courses():

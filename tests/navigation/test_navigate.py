@@ -5,7 +5,7 @@ import pytest
 from conftest import ROOT, TINY, read_calls
 
 from repro.cli.jobs import Job
-from repro.navigation import study
+from repro.navigation import trials
 from repro.system.errors import InputError
 
 pytestmark = pytest.mark.slow
@@ -37,8 +37,8 @@ def outputs(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def one_candidate(monkeypatch):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(study, "WEIGHTS", (20.0,))
-    monkeypatch.setattr(study, "THRESHOLDS", (0.35,))
+    monkeypatch.setattr(trials, "WEIGHTS", (20.0,))
+    monkeypatch.setattr(trials, "THRESHOLDS", (0.35,))
 
 
 def navigate(outputs, mapper, *arguments) -> None:

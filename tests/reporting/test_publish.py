@@ -9,13 +9,13 @@ from repro.reporting.documents import with_results
 from repro.reporting.publish import publish
 from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
 from repro.reporting.tables import make_tables
-from repro.runs.config import Encoding
+from repro.runs.config import EncodingChoice
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
 
 RESULTS = ROOT / "reproduce" / "results"
 DIRECTORIES = sorted(path.parent for path in RESULTS.glob("*/runs.csv"))
-SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
+SERIES = EncodingChoice("series10", {"frames": 10, "range_max_m": 30.0})
 
 
 @pytest.fixture(autouse=True)

@@ -5,15 +5,15 @@ import pandas as pd
 import pytest
 from conftest import fake_run, fake_study, run_config
 
-from repro.metrics.names import METRICS, TABLE_METRICS
+from repro.metrics.headings import METRICS, TABLE_METRICS
 from repro.reporting.paper import read_paper, targets
 from repro.reporting.results import read_results
 from repro.reporting.tables import Table, caption, compare, make_tables, missing, not_shown, write_tables
-from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, Encoding
+from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, EncodingChoice
 from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
 
-SERIES = Encoding("series10", {"frames": 10, "range_max_m": 30.0})
+SERIES = EncodingChoice("series10", {"frames": 10, "range_max_m": 30.0})
 
 
 def test_every_metric_is_compared_with_the_papers(tmp_path):
@@ -60,7 +60,7 @@ def test_the_caption_has_scale_size_pairs_epochs_and_seeds(tmp_path):
 
 
 def test_the_cells_of_the_paper_that_have_no_run_are_named(tmp_path):
-    fake_run(tmp_path, "3", "convgru", 0.7, encoding=Encoding("series10", {"frames": 10}))
+    fake_run(tmp_path, "3", "convgru", 0.7, encoding=EncodingChoice("series10", {"frames": 10}))
     assert missing(read_results(Outputs(tmp_path)), PROJECTION) == "", "not a study of the paper's networks"
     for experiment in "34":
         fake_run(tmp_path, experiment, "unet", 0.5)
@@ -76,9 +76,9 @@ def test_the_cells_of_the_paper_that_have_no_run_are_named(tmp_path):
 
 def test_our_best_network_has_a_row_below_the_papers(tmp_path):
     fake_study(tmp_path)
-    fake_run(tmp_path, "3", "convgru", 0.7, encoding=Encoding("series10", {"frames": 10}))
+    fake_run(tmp_path, "3", "convgru", 0.7, encoding=EncodingChoice("series10", {"frames": 10}))
     assert not not_shown(read_results(Outputs(tmp_path)))
-    fake_run(tmp_path, "3", "unet", 0.6, encoding=Encoding("series10", {"frames": 10}))
+    fake_run(tmp_path, "3", "unet", 0.6, encoding=EncodingChoice("series10", {"frames": 10}))
     results = read_results(Outputs(tmp_path))
     main = make_tables(results)["main"]
     assert main.frame["model"].tolist() == [*NETWORKS, "average", "convgru", "all_free"]
@@ -124,8 +124,8 @@ def test_runs_of_altered_worlds_are_not_compared_with_the_paper(tmp_path):
 
 def test_a_network_of_the_user_has_a_row_for_every_input_but_those_without_decay(tmp_path):
     fake_run(tmp_path, "3", "unet", 0.5)
-    series = Encoding("series10", {"frames": 10})
-    for changes in ({}, {"encoding": series}, {"encoding": Encoding("stack4", {"frames": 4, "decay": False})}):
+    series = EncodingChoice("series10", {"frames": 10})
+    for changes in ({}, {"encoding": series}, {"encoding": EncodingChoice("stack4", {"frames": 4, "decay": False})}):
         fake_run(tmp_path, "3", "mynet", 0.6, **changes)
     fake_run(tmp_path, "3", "convlstm", 0.6, encoding=series)
     results = read_results(Outputs(tmp_path))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from conftest import TINY, damage, read_calls
 
-from repro.baselines.names import QUICK_BASELINES
+from repro.baselines.titles import QUICK_BASELINES
 from repro.cli.jobs import Job
 from repro.cli.refusals import explain
 from repro.runs.config import PROJECTION

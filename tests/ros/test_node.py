@@ -9,10 +9,12 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, refuse
 
+from repro.logs.options import WindowSettings
 from repro.prediction.map_files import OCCUPIED_ABOVE
 from repro.ros.node import PARAMETERS, create_mapper
+from repro.system.errors import InputError
 
 DEFAULTS = {name: default for name, (default, _) in PARAMETERS.items()}
 WINDOW_S = (0.1, 100)
@@ -58,6 +60,26 @@ def test_numbers_are_a_text_or_a_list(mounting):
 def test_wrong_values_are_refused(name, value, message):
     with pytest.raises(ValueError, match=message):
         create(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("steps", 10_001, "steps=10001: must be less than or equal to 10000"),
+        ("step_s", 1001.0, "step_s=1001.0: must be less than or equal to 1000"),
+        ("range_max_m", 10_001.0, "range_max_m=10001.0: must be less than or equal to 10000"),
+        ("center", "here", "center=here: must be robot, start, or [x,y] in meters"),
+        ("misses", "lost", "misses=lost: must be 'free' or 'invalid'"),
+    ],
+)
+def test_a_node_a_stream_and_a_call_have_the_same_limits(name, value, message):
+    with pytest.raises(InputError) as node:
+        create(**{name: value})
+    with pytest.raises(InputError) as settings:
+        WindowSettings(**{name: value})
+    quoted = f"'{value}'" if isinstance(value, str) else value
+    (call,) = refuse("task=predict", "scans=examples/rooms.npz", f"prediction.{name}={quoted}")
+    assert (str(node.value), str(settings.value), call) == (message, message, f"prediction.{message}")
 
 
 def test_an_obstacle_for_nav2_is_one_for_map_server():

@@ -4,7 +4,7 @@ from importlib import reload
 import pytest
 
 from repro.evaluation import image_metrics
-from repro.metrics import names
+from repro.metrics import headings
 from repro.system.plugins import plugins
 
 
@@ -30,13 +30,13 @@ METRIC = "def share(free, maps):\n    return free.mean((1, 2, 3))\n"
 def test_a_metric_of_another_package_is_a_column_of_the_tables(installed, monkeypatch):
     installed(METRIC, "[repro.image_metrics]\nshare = other_package:share\n")
     try:
-        reload(names)
-        assert names.TABLE_METRICS[-1] == "share"
-        assert names.HEADINGS["share"] == "Share"
+        reload(headings)
+        assert headings.TABLE_METRICS[-1] == "share"
+        assert headings.HEADINGS["share"] == "Share"
         assert reload(image_metrics).IMAGE_METRICS["share"].__module__ == "other_package"
     finally:
         monkeypatch.undo()
-        reload(names)
+        reload(headings)
         reload(image_metrics)
     assert "share" not in image_metrics.IMAGE_METRICS
 

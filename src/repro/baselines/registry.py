@@ -5,7 +5,7 @@ covers pixels that later scans observed to be free. `tune` chooses the number of
 
 A baseline maps the validation and the test recordings to the probability of free of the test recordings,
 (M, 1, H, W), and the tuned settings. A new baseline needs a function here, an entry in `PREDICTORS` and its title in
-`baselines.names`.
+`baselines.titles`.
 """
 
 import itertools

@@ -1,6 +1,6 @@
 """A classical tracker: discs and rectangles with constant velocity, fitted to clusters of hits in space and time.
 
-Close hits belong to one cluster. To each cluster a disc and a rectangle are fitted (`shapes`), and the one that costs
+Close hits belong to one cluster. To each cluster a disc and a rectangle are fitted (`fitting`), and the one that costs
 less is kept; two clusters are joined where one shape explains both. The cost is the mean squared distance of the
 hits to the outline, that of the lines of sight just past them to the silhouette, and a prior of size, aspect and speed.
 """
@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from repro.baselines import shapes
+from repro.baselines import fitting
 from repro.maps.grid import Grid
 from repro.scans import Scans
 
@@ -22,7 +22,7 @@ EVERY = 2  # steps from one used scan to the next; the paper's obstacles move at
 FEWEST, MOST = 8, 30  # hits of a cluster: fewer are ignored, of more an even selection is used
 CLUSTER_M_S = 1.0  # hits that are a second apart in time count as this far apart in space
 EDGE_M = 0.5  # a beam passes an obstacle if it ends at least this far behind the hit beside it
-NOISE_M = 0.05  # see `shapes.fit`; only its ratios to the spreads of the prior and to `join` matter
+NOISE_M = 0.05  # see `fitting.fit`; only its ratios to the spreads of the prior and to `join` matter
 SPREAD_LOG_ASPECT = 0.2
 STARTS = [(True, 0.0), *product([False], np.arange(4) * np.pi / 4)]  # fits: whether of a disc, heading at the start
 
@@ -48,7 +48,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """Hits of one obstacle: x, y [m], time [s], cosine, sine of the beam, (H, 5), and edges, see `shapes.fit`."""
+    """Hits of one obstacle: x, y [m], time [s], cosine, sine of the beam, (H, 5), and edges, see `fitting.fit`."""
 
     hits: np.ndarray
     edges: np.ndarray
@@ -61,7 +61,7 @@ class Cluster:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A fitted obstacle: its state, see `shapes`, the cost of the fit, and the time since its last hit [s]."""
+    """A fitted obstacle: its state, see `fitting`, the cost of the fit, and the time since its last hit [s]."""
 
     state: np.ndarray
     is_disc: bool
@@ -110,11 +110,11 @@ def distances(tracks: list[Track], grid: Grid, coast_s: float, ahead_s: float = 
     A track moves on for at most `coast_s` [s] after its last hit, since obstacles turn. The map is that of the last
     step, or of the time `ahead_s` [s] after it.
     """
-    nearest = np.full((grid.size_px, grid.size_px), shapes.REACH_M, dtype=np.float32)
+    nearest = np.full((grid.size_px, grid.size_px), fitting.REACH_M, dtype=np.float32)
     for found in tracks:
         state = found.state.copy()
         state[:2] += state[2:4] * (min(found.age_s + ahead_s, coast_s) - found.age_s)
-        shapes.draw(nearest, grid.resolution_m, state, found.is_disc)
+        fitting.draw(nearest, grid.resolution_m, state, found.is_disc)
     return nearest
 
 
@@ -151,6 +151,6 @@ def _fit(cluster: Cluster, prior: Prior) -> Track:
     age_s = -cluster.hits[:, 2].max()
     fits = []
     for is_disc, heading in STARTS:
-        state, cost = shapes.fit(np.array([*start, heading]), is_disc, hits, edges, np.array(known))
+        state, cost = fitting.fit(np.array([*start, heading]), is_disc, hits, edges, np.array(known))
         fits.append(Track(state, is_disc, cost, age_s))
     return min(fits, key=lambda fit: fit.cost)

@@ -19,7 +19,7 @@ from pydantic import (
 from repro.cli.refusals import Refused, did_you_mean
 from repro.cli.settings import Adaptation, Demo, Log, Navigation, Prediction, Publish, Runtime, UserPath
 from repro.cli.tasks import Task, tasks
-from repro.runs.config import RECURRENT, Encoding, Scale, Training
+from repro.runs.config import RECURRENT, EncodingChoice, Scale, Training
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
 from repro.runs.parallel import has_gpu, training_memory_gb
 from repro.system.errors import InputError
@@ -60,7 +60,7 @@ class Call:
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     outputs: UserPath
     recordings: UserPath
-    encoding: Encoding
+    encoding: EncodingChoice
     model: Model
     scale: Scale
     train: Training
@@ -105,7 +105,7 @@ class Call:
     @model_validator(mode="after")
     def _fits_together(self) -> "Call":
         usual = {"decay": self.decay, "oldest_gray": self.oldest_gray}  # of which torch need not be asked
-        if self.encoding != Encoding("projection", usual) and (error := _encoding_error(self.encoding)):
+        if self.encoding != EncodingChoice("projection", usual) and (error := _encoding_error(self.encoding)):
             raise Refused(error)
         if errors := list(self._errors()) or _model_errors(self.model):
             raise Refused(*errors)
@@ -126,7 +126,7 @@ class Call:
         if self.oldest_gray != OLDEST_GRAY and "oldest_gray" not in encoding.parameters:
             yield f"oldest_gray={self.oldest_gray}: the encoding {encoding.name} has no oldest gray"
         if model.kind in RECURRENT and "frames" not in encoding.parameters:
-            expected = f"model {model.kind} takes a series of images: encoding=series10, recent10 or stack10"
+            expected = f"model {model.kind} takes a series of images: encoding=series10, counts10 or stack10"
             yield f"encoding={encoding.name}: {expected}"
         if task.needs and getattr(self, task.needs) is None:
             yield f"{task.needs}: is needed with task={self.task}"
@@ -168,7 +168,7 @@ def _weights_error(weights: str) -> str | None:
     return None
 
 
-def _encoding_error(encoding: Encoding) -> str | None:
+def _encoding_error(encoding: EncodingChoice) -> str | None:
     """Return why an encoding cannot be created, None if it can."""
     from repro.maps.encodings import ENCODINGS, create_encoding, kind_of
 

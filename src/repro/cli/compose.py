@@ -1,6 +1,7 @@
 """Composition of a call by Hydra: every job of it, before one of them runs or a file is written."""
 
 import argparse
+import math
 import os
 import re
 import shutil
@@ -8,13 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import hydra
 import yaml
 from hydra._internal.callbacks import Callbacks
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override, QuotedString
@@ -28,13 +29,13 @@ from yaml import YAMLError
 
 from repro.cli.refusals import WANTS_TRACEBACKS, Refused, did_you_mean
 from repro.cli.tasks import summaries, tasks
-from repro.runs.config import NO_DECAY, Encoding
+from repro.runs.config import NO_DECAY, EncodingChoice
 from repro.runs.keys import RunKey
 from repro.runs.parallel import has_gpu, parallel_trainings
 from repro.system.errors import InputError
 from repro.system.files import check_size
-from repro.system.places import conf_directory
 from repro.system.progress import progress
+from repro.system.project import conf_directory
 from repro.worlds.spec import plain
 
 GROUPS = ("world", "encoding", "model", "scale", "train")
@@ -54,7 +55,7 @@ RESOLVERS: dict[str, Any] = {  # that conf/ uses
     "default_launcher": lambda: "cores" if find_spec("joblib") and not has_gpu() else "basic",
     "home": os.path.expanduser,  # Hydra does not expand ~
     "parallel_trainings": lambda size_px, batch_size, pairs, parameters: parallel_trainings(
-        size_px, batch_size, pairs.train + pairs.val, Encoding("", parameters).most_channels
+        size_px, batch_size, pairs.train + pairs.val, EncodingChoice("", parameters).most_channels
     ),
     "first_key": lambda mapping: next(iter(mapping or {}), ""),
     "tasks": lambda: "\n".join(f"  {name:<15} {summary}" for name, summary in summaries().items()),
@@ -117,12 +118,6 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
     Raises:
         Refused: a job cannot be composed.
     """
-    if flag := arguments.experimental_rerun:  # what argparse makes of --exp
-        raise Refused(f"--exp={flag}: overrides have no dashes: exp={flag}")
-    for option in ("config_name", "config_path"):
-        if value := getattr(arguments, option):
-            name = option.replace("_", "-")
-            raise Refused(f"--{name}={value}: has no effect; --config-dir adds a directory with own groups")
     overrides = list(arguments.overrides)
     if arguments.config_dir:
         if not os.path.isdir(arguments.config_dir):
@@ -154,10 +149,16 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
         raise Refused(*errors)
     if not multirun:
         return [overrides]
-    jobs = BasicSweeper.split_arguments(parsed, None)[0]
-    if not 1 <= len(jobs) <= MAX_JOBS:
-        raise Refused(f"the sweep has {len(jobs) or 'no'} jobs: expected 1 to {MAX_JOBS}")
-    return jobs
+    values = {  # by key, of which the last one counts
+        override.get_key_element(): list(override.sweep_string_iterator())
+        if override.is_sweep_override()
+        else [override.get_value_element_as_str()]
+        for override in parsed
+    }
+    jobs = math.prod(map(len, values.values()))
+    if not 1 <= jobs <= MAX_JOBS:
+        raise Refused(f"the sweep has {jobs or 'no'} jobs: expected 1 to {MAX_JOBS}")
+    return [[f"{key}={value}" for key, value in zip(values, job, strict=True)] for job in product(*values.values())]
 
 
 def _file_errors(overrides: list[str], places: list[Path]) -> Iterator[str]:

@@ -11,10 +11,10 @@ from repro.system.files import write_text
 
 def update_docs() -> None:
     """Write the verdicts of the published analyses, and the tables between the markers of documents."""
+    others = {name: read_frames(RESULTS / name)[name] for name in ("navigation", "scaling")}
     for path in sorted(RESULTS.glob("*/analysis/claims.csv")):
         published = path.parents[1]
-        frames = {**read_frames(published), "navigation": read_frames(RESULTS / "navigation")["navigation"]}
-        judged = verdicts(frames, read_published(published))
+        judged = verdicts({**read_frames(published), **others}, read_published(published))
         _update(path, judged.to_csv(index=False, float_format="%.6g"))
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted(RESULTS.glob("*/tables.md"))):
         _update(path, with_results(path.read_text(encoding="utf-8"), RESULTS))

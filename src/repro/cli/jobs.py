@@ -10,7 +10,7 @@ from repro.runs.config import Data, RunConfig
 from repro.runs.directories import Run
 from repro.runs.keys import RunKey
 from repro.runs.outputs import Outputs
-from repro.system.places import project_directory
+from repro.system.project import project_directory
 from repro.worlds.spec import WorldSpec
 
 ROOT = project_directory()

@@ -10,7 +10,6 @@ import warnings
 from pathlib import Path
 
 import hydra
-from hydra._internal.utils import get_args_parser
 from omegaconf import DictConfig
 
 from repro.cli.call import Call, read_call
@@ -21,7 +20,7 @@ from repro.cli.tasks import keys_without_effect
 from repro.runs.outputs import Outputs
 from repro.runs.parallel import has_gpu, use_one_thread
 from repro.system.errors import InputError, printable
-from repro.system.places import conf_directory
+from repro.system.project import conf_directory
 from repro.worlds.spec import plain
 
 USAGE = """Usage: repro task=<task> [key=value ...], in a checkout python run.py; --help lists the tasks and keys.
@@ -29,6 +28,7 @@ USAGE = """Usage: repro task=<task> [key=value ...], in a checkout python run.py
 repro task=predict scans=examples/rooms.npz        maps from a log of your own robot
 repro exp=3 model=unet scale=first                 record, train, evaluate: minutes (needs the study)
 repro -m model=unet,fpn exp=3,4                    a sweep, then its table: hours on a CPU (needs the study)"""
+OF_HYDRA = {"--help", "-h", "--hydra-help", "--version", "--cfg", "-c", "--info", "-i", "--shell-completion", "-sc"}
 if sys.version_info >= (3, 14):  # which checks that the help of every option is text; one of Hydra 1.3.8 is none
     argparse.ArgumentParser._check_help = lambda *_: None  # type: ignore[attr-defined]
 
@@ -83,19 +83,36 @@ def _check_directory() -> None:
 
 
 def _run_call() -> int:
-    arguments, unknown = get_args_parser().parse_known_args()
     if not sys.argv[1:]:
         print(USAGE)
         return 0
-    if unknown:
-        raise Refused(f"{' '.join(unknown)}: not understood; options come first: run.py -m exp=3,4")
-    if any((arguments.help, arguments.hydra_help, arguments.cfg, arguments.info, arguments.shell_completion)):
+    if any(word.partition("=")[0] in OF_HYDRA for word in sys.argv[1:]):
         hydra.main(version_base="1.3", config_path=str(conf_directory()), config_name="config")(run_composed)()
         return 0
+    arguments = read_arguments(sys.argv[1:])
     with composed(arguments) as jobs:
         calls = read_calls(arguments, jobs)
         _say_scale(calls[0], arguments.overrides)
         return _run_sweep(calls, jobs) if arguments.multirun else int(_run_one(calls[0], jobs[0]) is not None)
+
+
+def read_arguments(words: list[str]) -> argparse.Namespace:
+    """Read the options and overrides of a call.
+
+    Raises:
+        Refused: an option is unknown.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("-m", "--multirun", action="store_true")
+    parser.add_argument("-cd", "--config-dir")
+    arguments, unknown = parser.parse_known_args(words)
+    if unknown:
+        raise Refused(
+            f"{' '.join(unknown)}: not understood: expected -m or --config-dir, then overrides without dashes, exp=3; "
+            "--help lists them"
+        )
+    return arguments
 
 
 def read_calls(arguments: argparse.Namespace, jobs: list[Composed]) -> list[Call]:

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from repro.metrics.names import SUMMARY
+from repro.metrics.headings import SUMMARY
 from repro.reporting.answer import answer, decay_table
 from repro.reporting.results import read_results
 from repro.reporting.tables import TABLES, not_shown, write_tables

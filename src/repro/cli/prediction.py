@@ -22,20 +22,20 @@ from repro.logs.options import ReadOptions, WindowSettings, window_of
 from repro.logs.scan_log import ScanLog
 from repro.logs.times import UnusableTimes
 from repro.maps.statistics import measure
+from repro.metrics.scores import THRESHOLD
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
 from repro.prediction.agreement import compare
 from repro.prediction.drawing import draw_window
 from repro.prediction.log_page import page_of
 from repro.prediction.map_files import write_map, write_probabilities
-from repro.prediction.stream import predict_map
+from repro.prediction.stream import REACH_M, predict_map
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
 from repro.system.progress import progress
 
 SOURCE = "source.json"  # the log and the settings of the maps beside it
-COMPARED_M = 30.0  # most of the maximum range in the comparison with the next scan, as in training
 WRITTEN = r"window-\d{4,}\.(npz|pgm|yaml|png)|windows\.csv|maps\.html|source\.json|animation\.gif"  # GIF: before 0.4
 CAN_DRAW = find_spec("matplotlib") is not None  # a robot needs no figures
 SHOWN = 100  # windows on the page, of 60 kB each
@@ -173,7 +173,7 @@ def _table(rows: list[Row]) -> str:
 
 def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog, when: str) -> Row:
     """Predict one window, write its files and return its row."""
-    grid, range_max_m = predictor.grid, min(log.range_max_m, COMPARED_M)
+    grid, range_max_m = predictor.grid, min(log.range_max_m, REACH_M)
     predicted = predict_map(predictor, window.scans, window.origin, window.stamp, log.range_max_m)
     stem = directory / f"window-{window.number:04d}"
     write_probabilities(stem.with_suffix(".npz"), predicted)
@@ -181,7 +181,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
     if CAN_DRAW:
         draw_window(window, predicted, grid, range_max_m, when).savefig(stem.with_suffix(".png"), dpi=120)
     row: Row = {
-        "obstacle_share": float((predicted.free < 0.5).mean()),
+        "obstacle_share": float((predicted.free < THRESHOLD).mean()),
         "unknown_share": float(predicted.unknown.mean()),
         "moving_pixels": int(predicted.moving.sum()),
     }

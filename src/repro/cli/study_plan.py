@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from repro.baselines.names import rank
+from repro.baselines.titles import rank
 from repro.recordings.format import recordings_in
 from repro.reporting.render import Cells
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts

@@ -13,7 +13,7 @@ from repro.recordings.format import SHOWN_SEED
 from repro.simulation.sampling import World, sample_world
 from repro.simulation.simulator import drive_robot, move_obstacles, outlines_of_world
 from repro.system.files import write_text
-from repro.system.places import conf_directory
+from repro.system.project import conf_directory
 from repro.worlds.spec import WorldSpec, read_world, world_spec
 
 FILE = Path(__file__).with_name("assets") / "worlds.json"

@@ -15,7 +15,7 @@ import joblib
 import numpy as np
 import pandas as pd
 
-from repro.baselines.names import rank
+from repro.baselines.titles import rank
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
 from repro.evaluation.evaluate import read_per_image, read_quantized
 from repro.evaluation.recency import RECENCY

@@ -19,7 +19,8 @@ from repro.evaluation.recency import (
 from repro.maps.grid import Grid
 from repro.metrics.bootstrap import bounds
 from repro.metrics.calibration import brier, entropy, log_loss
-from repro.metrics.counts import best_iou, pooled_scores
+from repro.metrics.counts import LEVELS, best_iou, pooled_scores
+from repro.metrics.scores import THRESHOLD
 from repro.recordings.reader import Recordings
 from repro.recordings.recorded import true_maps
 
@@ -132,7 +133,7 @@ def by_last_hit(predictions: Sequence[np.ndarray], test: TestSet, weights: np.nd
     recall = np.zeros_like(test.newest, dtype=float)
     for free, twin in itertools.product(predictions, (0, 1)):
         for number in np.flatnonzero(area):
-            predicted = free[test.recording[twin, number]][test.masks[number]] < 128
+            predicted = free[test.recording[twin, number]][test.masks[number]] < THRESHOLD * LEVELS
             recall[twin, number] += predicted.mean() / len(predictions)
     rows = []
     for place, name in enumerate(HITS):

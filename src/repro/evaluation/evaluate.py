@@ -21,11 +21,11 @@ from repro.recordings.datasets import grid_of, load_pairs_of_run
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.runs.config import RunConfig
+from repro.runs.csv_files import read_table
 from repro.runs.devices import resolve_device
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
-from repro.runs.tables import read_table
 from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
 from repro.system.files import replacing, sha256, write_text

@@ -6,7 +6,7 @@ import numpy as np
 
 from repro.metrics.bootstrap import Measured, by_world
 from repro.metrics.counts import counts_of
-from repro.metrics.names import GROUP, TABLE_METRICS
+from repro.metrics.headings import GROUP, TABLE_METRICS
 from repro.metrics.scores import THRESHOLD
 from repro.system.plugins import plugins
 

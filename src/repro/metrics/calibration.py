@@ -40,14 +40,14 @@ class Reliability:
         low: lower edge of the bin.
         high: upper edge of the bin.
         predicted: mean predicted probability of an obstacle.
-        found: observed share of obstacles.
+        observed: observed share of obstacles.
         pixels: number of pixels.
     """
 
     low: np.ndarray
     high: np.ndarray
     predicted: np.ndarray
-    found: np.ndarray
+    observed: np.ndarray
     pixels: np.ndarray
 
     def uncertain(self) -> "Reliability":
@@ -70,7 +70,7 @@ def reliability(counts: np.ndarray) -> Reliability:
 
 def calibration_error(diagram: Reliability) -> float:
     """Compute the expected calibration error, the mean gap between predicted and observed; nan without pixels."""
-    gap = np.abs(diagram.predicted - diagram.found)
+    gap = np.abs(diagram.predicted - diagram.observed)
     return _weighted(gap, diagram.pixels)
 
 
@@ -85,8 +85,8 @@ def uncertain_skill(diagram: Reliability) -> float:
     It is 0 for a calibrated constant, 1 for a perfect prediction; the spread within a bin is neglected.
     """
     own = diagram.uncertain()
-    base = _weighted(own.found, own.pixels)
-    resolution, gaps = ((own.found - other) ** 2 for other in (base, own.predicted))
+    base = _weighted(own.observed, own.pixels)
+    resolution, gaps = ((own.observed - other) ** 2 for other in (base, own.predicted))
     with np.errstate(invalid="ignore", divide="ignore"):
         return float((_weighted(resolution, own.pixels) - _weighted(gaps, own.pixels)) / np.float64(base * (1 - base)))
 

@@ -39,24 +39,18 @@ def scores(counts: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the metrics of counts (..., 4), see `counts.confusion_of`, each (...).
 
     Returns:
-        accuracy; dice, precision, recall and specificity with FREE as the positive class, and with the prefix
-        `obstacle_` with OBSTACLE as the positive class; obstacle_iou.
+        accuracy; dice, precision, recall and specificity with FREE as the positive class; obstacle_dice,
+        obstacle_precision and obstacle_iou with OBSTACLE as the positive class, whose recall is the specificity.
     """
     tp, fp, tn, fn = np.moveaxis(np.asarray(counts, dtype=float), -1, 0)
-    free = _scores(tp, fp, tn, fn)
-    obstacle = _scores(tn, fn, tp, fp)
-    return {
-        "accuracy": (tp + tn + EPS) / (tp + fp + tn + fn + EPS),
-        **free,
-        **{f"obstacle_{name}": value for name, value in obstacle.items()},
-        "obstacle_iou": (tn + EPS) / (tn + fp + fn + EPS),
+    shares = {
+        "accuracy": (tp + tn, tp + fp + tn + fn),
+        "dice": (2 * tp, 2 * tp + fp + fn),
+        "precision": (tp, tp + fp),
+        "recall": (tp, tp + fn),
+        "specificity": (tn, tn + fp),
+        "obstacle_dice": (2 * tn, 2 * tn + fn + fp),
+        "obstacle_precision": (tn, tn + fn),
+        "obstacle_iou": (tn, tn + fp + fn),
     }
-
-
-def _scores(tp: np.ndarray, fp: np.ndarray, tn: np.ndarray, fn: np.ndarray) -> dict[str, np.ndarray]:
-    return {
-        "dice": (2 * tp + EPS) / (2 * tp + fp + fn + EPS),
-        "precision": (tp + EPS) / (tp + fp + EPS),
-        "recall": (tp + EPS) / (tp + fn + EPS),
-        "specificity": (tn + EPS) / (tn + fp + EPS),
-    }
+    return {name: (part + EPS) / (whole + EPS) for name, (part, whole) in shares.items()}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from repro.system.errors import InputError
 from repro.system.files import first_line
-from repro.system.places import project_directory
+from repro.system.project import project_directory
 
 DIRECTORY = Path(__file__).parents[1] / "weights"
 NAMED_NETWORKS = tuple(sorted(path.name for path in DIRECTORY.iterdir()))

@@ -16,6 +16,7 @@ from repro.logs.poses import MAX_PLACE_M
 from repro.logs.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.logs.reasons import Reason
 from repro.logs.times import Clock, parts_of, steps_before
+from repro.maps.series import Series
 from repro.maps.validity import check_angles
 from repro.maps.visibility import beam_spacing
 from repro.networks.predictor import Predictor
@@ -27,7 +28,7 @@ from repro.system.errors import InputError
 from repro.system.threads import OneAtATime
 
 LOGGER = logging.getLogger(__name__)
-REACH_M = 30.0  # up to which a miss shows free space, where the network has no such limit: as in the training
+REACH_M = Series.range_max_m  # up to which a miss shows free space, where the network has no such limit
 EXTRA = 6  # scans: the one before the window, one with a wrong time, and those of the tolerance of half a step
 
 

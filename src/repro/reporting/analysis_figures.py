@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.figure import Figure
 
-from repro.baselines.names import rank
+from repro.baselines.titles import rank
 from repro.evaluation.breakdown import HITS
 from repro.evaluation.recency import RECENCY
 from repro.reporting.names import predictor_title
@@ -95,7 +95,7 @@ def reliability(frames: DataFrames) -> Figure | None:
         ax.plot([0, 1], [0, 1], color="#bbbbbb", linewidth=1)
         for encoding, line in own_rows.groupby("encoding", sort=False):
             look, label = DECAYS[str(encoding)]
-            ax.plot(line["predicted"], line["found"], markersize=3, label=label, **look)
+            ax.plot(line["predicted"], line["observed"], markersize=3, label=label, **look)
         ax.set(xlabel="predicted probability", aspect="equal")
     axes[0, 0].set_ylabel("observed frequency")
     one_legend(figure, axes[0])

@@ -5,7 +5,7 @@ Obstacles that move, and a projection without time decay, lower the specificity,
 
 import pandas as pd
 
-from repro.baselines.names import rank
+from repro.baselines.titles import rank
 from repro.reporting.names import model_title
 from repro.reporting.paper import read_paper
 from repro.reporting.render import Cells, number

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import pandas as pd
 from uncertainties import nominal_value, std_dev, ufloat
 
-from repro.baselines.names import BASELINES
+from repro.baselines.titles import BASELINES
 from repro.reporting.paper import paper_rows
 from repro.runs.config import PROJECTION
 from repro.runs.keys import CELL

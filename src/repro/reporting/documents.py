@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import rank
-from repro.metrics.names import SUMMARY
+from repro.baselines.titles import rank
+from repro.metrics.headings import SUMMARY
 from repro.reporting.claims import Verdict, count_verdicts, on_paper
 from repro.reporting.names import TITLES, predictor_title
 from repro.reporting.plots import DataFrames

@@ -8,7 +8,7 @@ from huggingface_hub import EvalResult, ModelCardData
 
 from repro.learning.networks.torch_files import CARD, OWN_FILES
 from repro.learning.networks.trained import export_onnx, load_trained, save_trained
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.networks.predictor import Predictor
 from repro.networks.weights import ONNX
 from repro.reporting.names import SETUPS, model_title

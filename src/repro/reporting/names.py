@@ -1,6 +1,6 @@
 """Names of experiments, models and predictors, and durations, in tables, figures and messages."""
 
-from repro.baselines.names import BASELINES
+from repro.baselines.titles import BASELINES
 from repro.runs.config import NO_DECAY, PROJECTION
 
 TITLES = {

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from repro.metrics.bootstrap import bounds, draw_weights
-from repro.navigation.study import CURVE, ORIGIN, TEST, TRIED, spl
+from repro.navigation.trials import CURVE, ORIGIN, TEST, TRIED, spl
 from repro.reporting.names import predictor_title
 from repro.reporting.plots import INK, MARKERS, STYLE, columns, one_legend, save
 from repro.system.files import read_mapping, write_json, write_text
@@ -33,7 +33,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     """Write navigation.csv, tuned settings, curve, episodes, figure and provenance of all mappers that are finished.
 
     Args:
-        episodes: directory of the files of every mapper, see `navigation.study`.
+        episodes: directory of the files of every mapper, see `navigation.trials`.
         analysis: directory of the analysis of the outputs.
 
     Returns:

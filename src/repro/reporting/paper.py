@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.recordings.format import spec_fingerprint
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY
 from repro.runs.keys import CELL
-from repro.system.places import conf_directory
+from repro.system.project import conf_directory
 from repro.worlds.spec import read_world, world_spec
 
 TABLES = files("repro.reporting") / "paper_tables"

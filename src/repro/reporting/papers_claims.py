@@ -3,13 +3,17 @@
 The tests and tolerances of the tables were written from the paper and an earlier study (two seeds, laptop scale),
 before the numbers that they judge existed; those of recency, obstacles and calibration after a first look at one seed
 of U-Net in experiments 3 and 4. reproduce/results/claims_changes.csv names the tests that were sharpened later. Every
-verdict is also reported at half and double the tolerance.
+verdict is also reported at half and double the tolerance. Of several readings of a statement, the one is tested
+that the paper's own tables support, if one is.
 """
 
+from typing import Any
+
 import pandas as pd
+from uncertainties import nominal_value
 
 from repro.metrics.calibration import Reliability, uncertain_error, uncertain_skill
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.reporting.claims import COLUMNS, Claim, Number, Numbers, judge
 from repro.reporting.paper import TABLES
 from repro.reporting.results import of_papers_worlds
@@ -25,20 +29,21 @@ LEVEL = {  # allowed distance of a reproduction with its own worlds from the pap
     **{"ssim": 0.060, "accuracy": 0.010, "dice": 0.006},
     **{"precision": 0.010, "recall": 0.010, "specificity": 0.060},
 }
+PRINTED: Any = {"near": True, "tolerance": 1.5, "paper_tolerance": 0.5}  # of a printed number of points
 LIMIT = 0.02  # of the calibration error
 FREE = ["accuracy", "dice", "precision", "recall"]
 OTHERS = ["fpn", "upernet", "segformer"]
 STATIC, MOVING = ["1", "2"], ["3", "4"]
 ALL = [*STATIC, *MOVING]
 PAIRS = [("1", "3"), ("2", "4")]  # the same motion of the robot with static and with moving obstacles
-CELLS = [*((exp, PROJECTION) for exp in ALL), *((exp, PROJECTION_NO_DECAY) for exp in MOVING)]
+CELLS = [*((exp, "average", PROJECTION) for exp in ALL), *((exp, "average", PROJECTION_NO_DECAY) for exp in MOVING)]
 UNSEEN = ("occluded", "never in view")
 AGES = [("1-10", "11-25"), ("11-25", "26-50"), ("26-50", "51-100")]
 
 
-def _gain(n: Numbers, metric: str, exp: str, model: str = "average") -> Number:
+def _gain(n: Numbers, metric: str, exp: str, model: str = "average", encoding: str = PROJECTION) -> Number:
     """Return by how much a network exceeds a prediction of free space everywhere."""
-    return n.table(metric, exp, model) - n.table(metric, exp, "all_free")
+    return n.table(metric, exp, model, encoding) - n.table(metric, exp, "all_free")
 
 
 def _drop(n: Numbers, metric: str, pair: tuple[str, str]) -> Number:
@@ -59,6 +64,12 @@ def _loss(n: Numbers, metric: str, exp: str, model: str = "average") -> Number:
 def _points_lost(n: Numbers, metric: str, exp: str) -> Number:
     """Return the percentage points by which a metric is lower without decay."""
     return 100 * _loss(n, metric, exp)
+
+
+def _median_points_lost(n: Numbers, exp: str) -> Number:
+    """Return the median of the percentage points of specificity that the four networks lose without decay."""
+    lost = sorted((100 * _loss(n, "specificity", exp, model) for model in NETWORKS), key=nominal_value)
+    return (lost[1] + lost[2]) / 2
 
 
 def _share(n: Numbers, exp: str, *ages: str) -> Number:
@@ -94,20 +105,7 @@ def _calibrated(n: Numbers, exp: str, measure: str) -> Number:
 def _near_paper(id: str, *metrics: str) -> Claim:
     """Claim that our averages are close to the paper's, in all experiments and in the ablation."""
     over = {"metric": metrics, "cell": CELLS}
-    return Claim(
-        id,
-        lambda n, metric, cell: n.table(metric, cell[0], encoding=cell[1]),
-        over,
-        claimed="paper",
-        near=True,
-        tolerance=LEVEL,
-    )
-
-
-def _costs(id: str, exp: str, points: float) -> Claim:
-    """Claim that specificity drops by the printed percentage points without decay; for the paper, with rounding."""
-    over = {"metric": ["specificity"], "exp": [exp]}
-    return Claim(id, _points_lost, over, claimed=points, near=True, tolerance=1.5, paper_tolerance=0.5)
+    return Claim(id, lambda n, metric, cell: n.table(metric, *cell), over, claimed="paper", near=True, tolerance=LEVEL)
 
 
 CLAIMS = (
@@ -116,11 +114,9 @@ CLAIMS = (
     _near_paper("accuracy-level", *FREE),
     _near_paper("ssim-level", "ssim"),
     _near_paper("specificity-level", "specificity"),
-    Claim("square-beats-rotation", _drop, {"metric": METRICS, "pair": [("2", "1")]}, tolerance=SEEDS),
-    Claim("square-beats-rotation-mostly", _drop, {"metric": METRICS, "pair": [("2", "1")]}, most=True, tolerance=SEEDS),
+    Claim("square-beats-rotation", _drop, {"metric": METRICS, "pair": [("2", "1")]}, most=True, tolerance=SEEDS),
     Claim("square-sees-more", lambda n: _share(n, "1", *UNSEEN) - _share(n, "2", *UNSEEN), tolerance=0.01),
-    Claim("rotation-beats-square", _drop, {"metric": METRICS, "pair": [("3", "4")]}, tolerance=SEEDS),
-    Claim("rotation-beats-square-mostly", _drop, {"metric": METRICS, "pair": [("3", "4")]}, most=True, tolerance=SEEDS),
+    Claim("rotation-beats-square", _drop, {"metric": METRICS, "pair": [("3", "4")]}, most=True, tolerance=SEEDS),
     Claim("square-delays-more", lambda n: _share(n, "4", "51-100") - _share(n, "3", "51-100"), tolerance=0.01),
     Claim("motion-lowers-all", _drop, {"metric": METRICS, "pair": PAIRS}, tolerance=SEEDS),
     Claim(
@@ -132,8 +128,8 @@ CLAIMS = (
     Claim(
         "free-over-predicted", lambda n, pair: _bias(n, pair[1]) - _bias(n, pair[0]), {"pair": PAIRS}, tolerance=0.004
     ),
+    Claim("boundaries-stretch", lambda n, exp: -_bias(n, exp), {"exp": MOVING}, tolerance=0.004),
     Claim("unet-best", _lead, {"metric": ["accuracy", "dice"], "other": OTHERS, "exp": [ALL]}, tolerance=0.0002),
-    Claim("unet-best-everywhere", _lead, {"metric": ["accuracy"], "other": OTHERS, "exp": ALL}, tolerance=0.0002),
     Claim(
         "occluded-are-omitted",
         _forgetting,
@@ -158,9 +154,15 @@ CLAIMS = (
         tolerance=0.55,
         paper_tolerance=0.55,
     ),
-    _costs("decay-costs-nine-percent", "3", 9),
-    _costs("decay-costs-twelve-percent", "4", 12),
+    Claim("decay-costs-nine-percent", _median_points_lost, {"exp": ["3"]}, claimed=9, **PRINTED),
+    Claim("decay-costs-twelve-percent", _median_points_lost, {"exp": ["4"]}, claimed=12, **PRINTED),
     Claim("decay-is-crucial", _loss, {"metric": ["specificity"], "model": NETWORKS, "exp": MOVING}, tolerance=0.036),
+    Claim(
+        "no-decay-keeps-structure",
+        _gain,
+        {"metric": ["accuracy", "dice"], "exp": MOVING, "encoding": [PROJECTION_NO_DECAY]},
+        tolerance=0.005,
+    ),
     Claim(
         "no-decay-blurs",
         lambda n, exp: _entropy(n, exp, PROJECTION_NO_DECAY) - _entropy(n, exp),
@@ -173,6 +175,7 @@ CLAIMS = (
         {"exp": MOVING},
         tolerance=0.01,
     ),
+    Claim("statistics-scale-badly", lambda n: n.unet("scaling", "growth", "4"), claimed=4),
     Claim(
         "stack-is-larger",
         lambda n: 100 * (n.unet("cost", "parameters", "3", encoding="stack10") / n.unet("cost", "parameters", "3") - 1),
@@ -189,7 +192,7 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
 
     Args:
         frames: see `evaluation.analysis.gather`; published tables hold all that the claims need. `navigation` is
-            the comparison of task=navigate, if there is one.
+            the comparison of task=navigate and `scaling` the growth of times of reproduce/scaling.py, if there are any.
         results: tidy rows of its runs, see `results.read_results`.
 
     Returns:
@@ -198,8 +201,10 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
     """
     texts = pd.read_csv(str(TABLES / "claims.csv"))
     ours = of_papers_worlds(analysis_rows(frames), results)
-    if "navigation" in frames and not ours.empty:
-        ours = pd.concat([ours, navigation_rows(frames["navigation"])], ignore_index=True)
+    if not ours.empty:
+        others = [navigation_rows(frames["navigation"])] if "navigation" in frames else []
+        others += [frames["scaling"].assign(of="scaling", recency="all")] if "scaling" in frames else []
+        ours = pd.concat([ours, *others], ignore_index=True)
     judged = judge(CLAIMS, ours)
     return judged.merge(texts, how="left", on="id", validate="1:1")[[*COLUMNS]]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from repro.metrics.names import EXTRA_METRICS, METRICS
+from repro.metrics.headings import EXTRA_METRICS, METRICS
 from repro.reporting.paper import are_papers
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run

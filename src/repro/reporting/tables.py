@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.baselines.names import QUICK_BASELINES, rank
-from repro.metrics.names import HEADINGS, TABLE_METRICS
+from repro.baselines.titles import QUICK_BASELINES, rank
+from repro.metrics.headings import HEADINGS, TABLE_METRICS
 from repro.reporting.names import model_title, predictor_title
 from repro.reporting.paper import read_paper
 from repro.reporting.render import Cells, number

@@ -22,7 +22,7 @@ IN_KEY = ("model.name", "encoding.name", "encoding.parameters.decay")  # setting
 
 
 @dataclass(frozen=True)
-class Encoding:
+class EncodingChoice:
     """How scans become the input of a network: a name and the parameters of `maps.encodings.create_encoding`."""
 
     __pydantic_config__ = KNOWN_KEYS
@@ -119,7 +119,7 @@ class RunConfig:
     experiment: str
     seed: int | None
     model: Model
-    encoding: Encoding | None
+    encoding: EncodingChoice | None
     data: Data
     train: Training | None = None
 

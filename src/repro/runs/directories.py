@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from pydantic import TypeAdapter
 
-from repro.metrics.names import METRICS
+from repro.metrics.headings import METRICS
 from repro.runs.config import RunConfig, differences
+from repro.runs.csv_files import read_table
 from repro.runs.provenance import Provenance, Status, changed_since, environment
-from repro.runs.tables import read_table
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_typed, sha256, write_json, write_text
 

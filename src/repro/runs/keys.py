@@ -19,7 +19,7 @@ class RunKey:
     Args:
         experiment: name of the experiment.
         model: name of the network or baseline.
-        encoding: label of the encoding (`runs.config.Encoding.label`); empty for a baseline.
+        encoding: label of the encoding (`runs.config.EncodingChoice.label`); empty for a baseline.
         seed: seed of the training; None for a baseline.
     """
 

@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from repro.system.errors import InputError
-from repro.system.places import project_directory
+from repro.system.project import project_directory
 
 OWN = "dynamic-map-prediction"
 PACKAGES = ("torch", "lightning", "segmentation-models-pytorch", "piqa", "ir-sim", "numpy")

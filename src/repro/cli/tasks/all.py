@@ -6,7 +6,7 @@ from repro.cli.tasks import Task, evaluate, record, run_directory, train
 
 def run(job: Job) -> None:
     """Run the three tasks, unless the run and its baselines are evaluated already."""
-    from repro.baselines.names import QUICK_BASELINES
+    from repro.baselines.titles import QUICK_BASELINES
 
     baselines = [job.config.of_baseline(name) for name in QUICK_BASELINES]
     runs = [job.run, *(job.outputs.run(baseline.key) for baseline in baselines)]

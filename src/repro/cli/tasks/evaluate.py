@@ -12,7 +12,7 @@ def run(job: Job) -> None:
     """
     if not job.run.is_evaluated:
         print(f"evaluating {job.run}", flush=True)
-    from repro.baselines.names import QUICK_BASELINES
+    from repro.baselines.titles import QUICK_BASELINES
     from repro.cli.output import summary_line
     from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
 

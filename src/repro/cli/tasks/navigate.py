@@ -20,7 +20,7 @@ def run(job: Job) -> None:
         InputError: the network is of another map, or a world has no room for courses.
     """
     print(f"loading what drives a robot by the maps of {job.call.navigation.mapper}", flush=True)
-    from repro.navigation.study import Seeds, Study
+    from repro.navigation.trials import Seeds, Trials
     from repro.recordings.datasets import grid_of
     from repro.reporting.navigation import write_results
     from repro.runs.devices import few_threads
@@ -31,9 +31,9 @@ def run(job: Job) -> None:
     seeds = Seeds(settings.validation_seeds, settings.test_seeds, settings.curve_seeds)
     grid = grid_of(job.config)
     name, mapper = _mapper(job, grid, settings.mapper)
-    study = Study(directory, name, mapper, specs, grid, inflations_m=settings.inflations_m)
+    trials = Trials(directory, name, mapper, specs, grid, inflations_m=settings.inflations_m)
     with few_threads():
-        study.run(seeds, environment())
+        trials.run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:32} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
 

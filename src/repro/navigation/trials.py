@@ -44,8 +44,8 @@ class Seeds:
     curve: int
 
 
-class Study:
-    """The evaluations of one mapper.
+class Trials:
+    """The trials of one mapper.
 
     Args:
         directory: where its files are.
