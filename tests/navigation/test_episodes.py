@@ -19,7 +19,7 @@ from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sampl
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
 from repro.navigation.planner import Planner, Settings, arcs
-from repro.reporting.navigation import TITLES, barn, compare
+from repro.reporting.navigation import TITLES, barn, compare_mappers
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
@@ -357,7 +357,7 @@ def test_arms_are_compared_on_the_same_courses():
             driven = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0}
             end = {"outcome": "collision" if is_hit else "goal", "contact": "behind" if is_hit else "", "stood": is_hit}
             rows.append({"experiment": "fast", "mapper": mapper, "seed": seed, "moving_share": 1.0, **driven, **end})
-    found = compare(pd.DataFrame(rows))
+    found = compare_mappers(pd.DataFrame(rows))
     whole, found = (found[found["experiment"] == name].set_index("mapper") for name in ("all", "fast"))
     assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"
     assert found.loc["convgru-series10", "title"] == "ConvGRU, series10"
