@@ -50,19 +50,21 @@ from reproduce.real.measures import Measured, around, auroc, calibrated, count, 
 RESULTS = Path(__file__).parents[1] / "results"
 TARGET, KEPT = RESULTS / "indoor", RESULTS.parents[1] / "outputs" / "real"
 OWN, WITHIN = "own pixel", "within one pixel"
-SAMPLED_WINDOWS, SAMPLED_PIXELS = 120, 100  # of each log, the latter of each window, to which maps are fitted
+SAMPLED_WINDOWS, SAMPLED_PIXELS = 120, 12_000  # of each log, to which maps are fitted
 BATCH = 16  # windows that are predicted together
 Networks = dict[str, dict[Path, Predictor]]  # by name, the network that is tested with each log
 
 
 def sample(path: Path, predictor: Predictor) -> Sample:
-    """Draw pixels of evenly spaced windows of a log."""
+    """Draw pixels of evenly spaced windows of a log, which all count alike, as when maps are compared."""
     rng = np.random.default_rng(0)
-    cases = list(cases_of(path, predictor))
+    every = list(cases_of(path, predictor))
+    cases = [every[number] for number in np.unique(np.linspace(0, len(every) - 1, SAMPLED_WINDOWS).astype(int))]
+    known = np.array([len(case.pixels) for case in cases])
+    drawn = min(SAMPLED_PIXELS / known.sum(), 1.0)
     features, free = [], []
-    for number in np.unique(np.linspace(0, len(cases) - 1, SAMPLED_WINDOWS).astype(int)):
-        case = cases[number]
-        chosen = np.sort(rng.permutation(len(case.pixels))[:SAMPLED_PIXELS])
+    for case in cases:
+        chosen = rng.random(len(case.pixels)) < drawn
         features.append(case.evidence(predictor.grid).features(case.pixels[chosen]))
         free.append(case.free[chosen])
     return Sample(np.concatenate(features), np.concatenate(free))

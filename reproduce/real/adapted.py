@@ -1,5 +1,6 @@
 """Networks that are adapted to the logs of some places and tested on those of others."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from repro.learning.adaptation import adapt, label
 from repro.learning.labels import Labeled
 from repro.learning.networks.trained import load_trained, save_trained
 from repro.learning.rehearsal import rehearsed
+from repro.maps.series import Counts
 from repro.networks.predictor import Predictor
 from repro.networks.weights import locate
 from repro.runs.devices import resolve_precision
@@ -53,7 +55,7 @@ def adapted_to(weights: str, chosen: tuple[Path, ...], paths: list[Path], direct
         simulated = rehearsed_of(weights, sum(len(train.pairs) for train, _ in labels.values()))
         precision = resolve_precision("auto", "cpu")
         known = [labels[path] for path in chosen]
-        network, before, after = adapt(load_trained(weights), known, simulated, precision=precision)
+        network, before, after = adapt(started(weights), known, simulated, precision=precision)
         print(f"validation loss: {before:.4f} before, {after:.4f} adapted", flush=True)
         save_trained(network, directory / "model")
         write_json(done, source | {"validation_loss_before": before, "validation_loss": after, **environment()})
@@ -63,11 +65,18 @@ def adapted_to(weights: str, chosen: tuple[Path, ...], paths: list[Path], direct
 @cache
 def labels_of(path: Path, weights: str, seed: int) -> tuple[Labeled, Labeled]:
     """Label the windows of a log."""
-    predictor = load_trained(weights)
+    predictor = started(weights)
     return label(*log_of(path, predictor), predictor, VIEW, seed=seed)
 
 
 @cache
 def rehearsed_of(weights: str, windows: int) -> Labeled:
     """Record the simulated windows for so many windows of logs."""
-    return rehearsed(load_trained(weights), windows)
+    return rehearsed(started(weights), windows)
+
+
+def started(weights: str) -> Predictor:
+    """Return the network before, which learns from the adaptation what counts are, if its images have been others."""
+    predictor = load_trained(weights)
+    encoding = predictor.encoding
+    return replace(predictor, encoding=Counts(encoding.frames, encoding.reach_m))

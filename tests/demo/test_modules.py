@@ -25,8 +25,6 @@ ENCODINGS = [
     {"name": "projection", "parameters": {"decay": False, "oldest_gray": 0.8}},
     {"name": "stack4", "parameters": {"frames": 4}},
     {"name": "series10", "parameters": {"frames": 10, "range_max_m": 30.0}},
-    {"name": "recent10", "parameters": {"frames": 10, "range_max_m": 30.0}},
-    {"name": "recent7", "parameters": {"frames": 7, "range_max_m": 30.0}},
 ]
 DIFFERENT_PIXELS = 3  # of 16,384: points within float32 of the border of a pixel
 

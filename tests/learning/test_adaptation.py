@@ -11,10 +11,10 @@ from conftest import ROOT, read_calls
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import adapt as task
-from repro.learning import adaptation
+from repro.learning import adaptation, rehearsal
 from repro.learning.adaptation import PartialLoss, adapt, label
 from repro.learning.held_out import View, labeled, turns_of
-from repro.learning.labels import UNKNOWN, Labeled
+from repro.learning.labels import MOVER, UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.platt import calibrate
 from repro.learning.rehearsal import SHARE, rehearsed
@@ -94,13 +94,25 @@ def test_a_log_that_is_too_short_is_refused(log):
 
 def test_the_loss_is_that_of_known_pixels_and_windows_count_alike():
     logits = torch.tensor([[[[-1.0, 3, 9, 8]]], [[[2.0, 7, -5, 1]]]], requires_grad=True)
-    target = torch.tensor([[[[1, UNKNOWN, UNKNOWN, UNKNOWN]]], [[[0, 1, 1 + HIDDEN, UNKNOWN + HIDDEN]]]])
+    target = torch.tensor([[[[1, UNKNOWN, UNKNOWN, UNKNOWN]]], [[[0, 1 + MOVER, 1 + HIDDEN, UNKNOWN + HIDDEN]]]])
     loss = PartialLoss()(logits, target)
     loss.backward()
     softplus = torch.nn.functional.softplus(torch.tensor([1.0, 2, -7, 5]))
-    second = (softplus[1] + softplus[2] + 0.1 * softplus[3]) / 2.1
+    second = (softplus[1] + 5 * softplus[2] + 0.1 * softplus[3]) / 6.1
     assert loss.item() == pytest.approx(float(softplus[0] + second) / 2)
     assert logits.grad.flatten().nonzero().flatten().tolist() == [0, 4, 5, 6]
+
+
+def test_windows_of_a_log_are_drawn_by_their_labels(log, monkeypatch):
+    """So that all labels of a log count alike, though the loss is a mean over those of a window."""
+    monkeypatch.setattr(adaptation, "MAX_WINDOWS", 40)
+    monkeypatch.setattr(adaptation, "DRAWS", 1)
+    train, _ = label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)
+    known = (train.pairs.maps != UNKNOWN).sum((1, 2, 3))
+    times = {int(count): int((known == count).sum()) for count in known.unique()}
+    assert max(times.values()) > 1  # drawn more than once
+    large = sum(number for count, number in times.items() if count > known.float().mean())
+    assert large > len(known) / 2
 
 
 def test_a_calibrated_network_has_the_frequencies_of_the_labels():
@@ -128,11 +140,26 @@ def test_simulated_windows_have_the_robot_in_the_middle_and_nothing_known_outsid
     simulated = rehearsed(PREDICTOR, round(6 / SHARE))
     codes = simulated.pairs.maps[:, 0]
     assert isinstance(simulated, Labeled)
-    assert set(codes.unique().tolist()) <= {0, 1, UNKNOWN, HIDDEN, 1 + HIDDEN}
-    assert (codes[:, 63:65, 63:65] == 1).all()  # the robot stands in the open, and is seen
+    assert set((codes & ~MOVER).unique().tolist()) <= {0, 1, UNKNOWN, HIDDEN, 1 + HIDDEN}
+    assert (codes[:, 63:65, 63:65] & ~MOVER == 1).all()  # the robot stands in the open, and is seen
     outside = (codes == UNKNOWN).float().mean((1, 2))
     assert ((outside > 0) & (outside < 0.8)).all()  # of the world
     assert 0.002 < (codes == 0).float().sum() / (codes < HIDDEN).float().sum() < 0.5
+
+
+def test_where_something_that_moves_can_be_is_marked():
+    """Open worlds are taken that lose somebody, and whoever was in view lately is within the marked pixels."""
+    spec, grid, lost = rehearsal._spec("rooms", "crossing"), PREDICTOR.grid, 0
+    for seed in range(6):
+        recording = rehearsal._recorded(spec, range(seed, seed + 40, 10))
+        codes = rehearsal._window(recording, spec, grid)[1]
+        seen = list(rehearsal._seen(recording, spec))
+        lost += any(each.is_lost for each in seen)
+        marked, known = (codes & MOVER) > 0, codes & UNKNOWN == 0
+        obstacles = known & (codes & 1 == 0)
+        assert marked.any() == (len(seen) > 0)
+        assert not seen or obstacles[marked].mean() > 3 * obstacles[known & ~marked].mean()
+    assert lost >= 5
 
 
 def test_statistics_are_widened_and_keep_their_median():

@@ -73,8 +73,16 @@ def test_a_series_that_is_none_is_refused(channels, frames, message, network_cla
 
 
 def test_a_network_with_distances_predicts_the_same_before_it_is_trained():
-    network, images = ConvGRU(8, 4, hidden=16, stride=2).eval(), torch.rand(2, 8, 32, 32)
-    assert torch.equal(network.with_distances().eval()(images), network(images))
+    network, images = ConvGRU(8, 4, hidden=16, stride=2), torch.rand(2, 8, 32, 32)
+    assert torch.equal(network.with_distances().train()(images), network.train()(images))
+
+
+def test_the_maps_of_a_turned_network_turn_with_their_images():
+    network, images = ConvGRU(8, 4, hidden=16, centered=True, turned=True).eval(), torch.rand(2, 8, 32, 32)
+    maps = network(images)
+    assert torch.allclose(network(images.flip(-2, -1)), maps.flip(-2, -1), atol=1e-6)
+    assert not torch.allclose(network.train()(images), maps, atol=1e-3)
+    assert torch.equal(network.eval()(images, (16.0, 16.0)), maps)
 
 
 def test_what_a_network_lacks_without_effect_it_lacks_after_another_trained_too(tmp_path):

@@ -8,8 +8,8 @@ from omegaconf import OmegaConf
 
 from repro.maps.encodings import ENCODINGS, Encoding, create_encoding, kind_of, to_input
 from repro.maps.grid import Grid
-from repro.maps.projection import Projection
-from repro.maps.series import Recent, Series, Stack
+from repro.maps.projection import Projection, newest_hits
+from repro.maps.series import Counts, Series, Stack
 from repro.maps.visibility import newest_passed
 from repro.recordings.reader import open_recordings
 from repro.scans import Scans
@@ -82,7 +82,7 @@ def test_a_series_encodes_the_hits_and_the_free_pixels_of_each_part_of_the_windo
 
 @pytest.mark.parametrize("steps", [10, 12, 37, 100, 250])
 def test_parts_get_shorter_towards_now_and_the_newest_is_one_step(steps):
-    lengths = np.diff([0, *Recent(10)._ends(steps)])
+    lengths = np.diff([0, *Counts(10)._ends(steps)])
     assert lengths.sum() == steps
     assert lengths[-1] == lengths.min() == 1
     assert (np.diff(lengths) <= 0).all()
@@ -90,11 +90,20 @@ def test_parts_get_shorter_towards_now_and_the_newest_is_one_step(steps):
         assert lengths.tolist() == [32, 23, 15, 10, 7, 5, 3, 2, 2, 1]
 
 
-def test_the_newest_part_of_a_recent_series_is_the_last_scan(scans):
-    images = Recent(10).encode(scans, GRID)
-    last = Scans(scans.ranges[:, -1:], scans.angles, scans.poses[:, -1:])
-    assert np.array_equal(images[:, 9:10], Projection(decay=False).encode(last, GRID))
-    assert np.array_equal(images[:, 19] == 0, newest_passed(last, GRID, 30.0) > 0)
+def test_counts_are_of_the_steps_of_each_part_that_hit_or_passed_over_a_pixel(scans):
+    images = Counts(10).encode(scans, GRID)
+    begin = 0
+    for part, end in enumerate(Counts(10)._ends(scans.ranges.shape[1])):
+        steps = [Scans(scans.ranges[:, [step]], scans.angles, scans.poses[:, [step]]) for step in range(begin, end)]
+        hits = sum((newest_hits(step, GRID) > 0).astype(int) for step in steps)
+        passes = sum((newest_passed(step, GRID, 30.0) > 0).astype(int) for step in steps)
+        for kind, counts in enumerate((hits, passes)):
+            dark = (255 - images[:, 10 * kind + part].astype(float)) / 255
+            share = np.log1p(counts) / np.log1p(end - begin)
+            assert ((dark >= share - 1e-6) & (dark <= share + 1 / 15)).all()
+            assert np.array_equal(dark > 0, counts > 0)
+        begin = end
+    assert len(np.unique(images)) > 8
 
 
 def test_an_encoding_is_created_from_its_name_and_parameters():

@@ -28,21 +28,22 @@ def test_pairs_are_images_and_maps_of_the_split(recorded):
 
 
 @pytest.mark.parametrize(
-    ("drawn", "is_binary", "message"),
+    ("drawn", "bits", "message"),
     [
-        (lambda images: images / 255, False, r"must draw images of uint8, \(\d+, 1, 64, 64\), got float64"),
-        (lambda images: images[:, :, :32], False, r"must draw .*, got uint8, \(\d+, 1, 32, 64\)"),
-        (lambda images: images, True, "is binary and must draw no other values than 0 and 255"),
+        (lambda images: images / 255, 8, r"must draw images of uint8, \(\d+, 1, 64, 64\), got float64"),
+        (lambda images: images[:, :, :32], 8, r"must draw .*, got uint8, \(\d+, 1, 32, 64\)"),
+        (lambda images: images, 1, "has 1 bits and must draw multiples of 255"),
+        (lambda images: images, 4, "has 4 bits and must draw multiples of 17"),
     ],
 )
-def test_other_images_than_an_encoding_promises_are_refused(recorded, drawn, is_binary, message):
+def test_other_images_than_an_encoding_promises_are_refused(recorded, drawn, bits, message):
     class Own(Projection):
-        is_binary: ClassVar[bool] = False
+        bits: ClassVar[int] = 8
 
         def encode(self, scans, grid):
             return drawn(super().encode(scans, grid))
 
-    Own.is_binary = is_binary
+    Own.bits = bits
     with pytest.raises(ValueError, match=f"the encoding projection {message}"):
         load_pairs(open_recordings(recorded), "train", Grid(64, 50.0), Own())
 
@@ -56,10 +57,11 @@ def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
     assert near[newest].mean() > 0.99
 
 
-def test_a_series_is_stored_as_bits_and_given_as_drawn(recorded):
-    grid, encoding = Grid(36, 50.0), create_encoding("series4", {"frames": 4})  # the last byte of a row has four pixels
+@pytest.mark.parametrize(("name", "width"), [("series4", 5), ("counts4", 18)])
+def test_a_series_is_stored_in_few_bits_and_given_as_drawn(recorded, name, width):
+    grid, encoding = Grid(35, 50.0), create_encoding(name, {"frames": 4})  # the last byte of a row is not full
     pairs = load_pairs(open_recordings(recorded), "val", grid, encoding)
-    assert pairs.stored.shape == (8, 8, 36, 5)
+    assert pairs.stored.shape == (8, 8, 35, width)
     drawn = np.concatenate(
         [encoding.encode(shard.scans.batched(), grid) for shard in open_recordings(recorded).shards("val")]
     )
@@ -67,7 +69,7 @@ def test_a_series_is_stored_as_bits_and_given_as_drawn(recorded):
     image, target = pairs.batch(torch.tensor([3, 5]))
     assert np.array_equal(image, to_input(drawn[[3, 5]], inverted=True))
     assert image.is_contiguous()
-    assert target.shape == (2, 1, 36, 36)
+    assert target.shape == (2, 1, 35, 35)
 
 
 def test_batches_are_shuffled_by_seed_and_drop_the_incomplete_last_one():

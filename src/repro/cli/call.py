@@ -126,7 +126,7 @@ class Call:
         if self.oldest_gray != OLDEST_GRAY and "oldest_gray" not in encoding.parameters:
             yield f"oldest_gray={self.oldest_gray}: the encoding {encoding.name} has no oldest gray"
         if model.kind in RECURRENT and "frames" not in encoding.parameters:
-            expected = f"model {model.kind} takes a series of images: encoding=series10, recent10 or stack10"
+            expected = f"model {model.kind} takes a series of images: encoding=series10, counts10 or stack10"
             yield f"encoding={encoding.name}: {expected}"
         if task.needs and getattr(self, task.needs) is None:
             yield f"{task.needs}: is needed with task={self.task}"

@@ -16,7 +16,6 @@ INPUTS = {  # of the encodings that assets/encodings.js draws
     "projection": "one image of the hits",
     "stack": "hits of {frames} times",
     "series": "hits and free pixels of {frames} times",
-    "recent": "hits and free pixels of {frames} times",
 }
 
 

@@ -22,7 +22,7 @@ from torch.optim.lr_scheduler import OneCycleLR
 
 from repro.learning.held_out import View, labeled, stands, turns_of
 from repro.learning.kernels import accelerate
-from repro.learning.labels import UNKNOWN, Labeled, drawn
+from repro.learning.labels import MOVER, UNKNOWN, Labeled, drawn
 from repro.learning.losses import bce_loss, shown_weight
 from repro.learning.networks.convgru import ConvGRU, is_centered
 from repro.learning.networks.trained import TorchNetwork, module_of
@@ -39,9 +39,10 @@ from repro.scans import Scans
 from repro.system.errors import InputError
 
 DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that swings is in all of them in turn
-MAX_WINDOWS = 60  # of each view, evenly over its log, so that no log outweighs others
+MAX_WINDOWS = 60  # of each view, so that no log outweighs others; they are drawn from up to twice as many
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
 TRAINED_WINDOWS = 10_000  # of logs in all epochs, but at least one: short logs are repeated, the best epoch is kept
+MOVER_WEIGHT = 5.0
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
     learning_rate=1e-3,
@@ -57,13 +58,15 @@ SCHEDULE = Training(  # ours
 class PartialLoss(nn.Module):
     """Binary cross-entropy (Eq. 1) where the label is known, averaged over the windows.
 
-    What standing obstacles hide counts a tenth, as in `losses.ShownLoss`.
+    What standing obstacles hide counts a tenth, as in `losses.ShownLoss`, and where something that moves can be, five
+    times as much, since few pixels teach how people look and where they go.
     """
 
     def forward(self, logits: Tensor, target: Tensor) -> Tensor:
         """Compute the loss of logits (B, 1, H, W) against the maps of `Labeled`, (B, 1, H, W), in float32."""
         codes = target.to(torch.uint8)
         weights = ((codes & UNKNOWN) == 0) * shown_weight((codes & HIDDEN) > 0)
+        weights = weights * (1 + (MOVER_WEIGHT - 1) * ((codes & MOVER) > 0))
         windows = zip(logits.float(), (codes & 1).float(), weights, strict=True)
         return torch.stack([bce_loss(*window) for window in windows]).mean()
 
@@ -137,15 +140,23 @@ def _rotated(log: ScanLog, rng: np.random.Generator) -> ScanLog:
 def _windows(
     log: ScanLog, settings: WindowSettings, predictor: Predictor, views: list[View], rng: np.random.Generator
 ) -> list[tuple[Scans, Observed]]:
-    """Return windows of a log through each view, evenly over the log, with hits and passes beside the view."""
+    """Return windows of a log through each view, with hits and passes beside the view.
+
+    Windows whose maps have more labels are drawn more often, since the loss is a mean over the labels of a window: so
+    all labels of a log count alike. The windows are drawn evenly over the log in this measure.
+    """
     steps = max((log.stamps[-1] - log.stamps[0] - settings.duration_s) / settings.step_s, 0.0)
-    stride = max(1.0, steps / MAX_WINDOWS)
+    stride = max(1.0, steps / (2 * MAX_WINDOWS))
     windows = []
     for view in views:
         first_s = log.stamps[0] + rng.uniform(0, min(stride, steps)) * settings.step_s  # others than of other views
         turned = _rotated(_part(log, log.stamps >= first_s), rng)
         labels = labeled(turned, settings, stride, predictor.grid, view)
-        windows += [(window.scans, shown) for window, shown in labels if shown.hits.any() and shown.passed.any()]
+        own = [(window.scans, shown) for window, shown in labels if shown.hits.any() and shown.passed.any()]
+        count = min(len(own), MAX_WINDOWS)
+        known = np.cumsum([shown.hits.sum() + shown.passed.sum() for _, shown in own])
+        places = (np.arange(count) + rng.random()) / max(count, 1) * known[-1:]
+        windows += [own[number] for number in np.searchsorted(known, places)]
     return windows
 
 
@@ -179,14 +190,14 @@ def adapt(
     Raises:
         InputError: the network cannot be trained, or the validation loss does not fall.
     """
-    of_logs, val = (_joined(part, device) for part in zip(*logs, strict=True))
-    train = _joined((*(first for first, _ in logs), simulated), device) if simulated else of_logs
+    first, last = (list(part) for part in zip(*logs, strict=True))
+    train, val = _joined(first + [simulated] * (simulated is not None), device), _joined(last, device)
     network = copy.deepcopy(module_of(predictor))
     if isinstance(network, ConvGRU) and not (network.centered or predictor.has_fixed):
         network = network.with_distances()
     network.to(device)
     accelerate(network, device)
-    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / len(of_logs)))
+    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / sum(len(each.pairs) for each in first)))
     module = Adaptation(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
     before = _validation_loss(module)
     with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
@@ -198,12 +209,12 @@ def adapt(
     if not after < before:
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
-    statistics = functools.reduce(Statistics.widened, [*known, *(first.statistics for first, _ in logs)])
+    statistics = functools.reduce(Statistics.widened, [*known, *(each.statistics for each in first)])
     adapted = replace(predictor, network=TorchNetwork(network), statistics=statistics, is_centered=is_centered(network))
     return adapted, before, after
 
 
-def _joined(parts: tuple[Labeled, ...], device: str) -> Pairs:
+def _joined(parts: list[Labeled], device: str) -> Pairs:
     """Return the pairs of several logs on a device."""
     pairs = [part.pairs for part in parts]
     stored, maps = torch.cat([each.stored for each in pairs]), torch.cat([each.maps for each in pairs])

@@ -11,6 +11,7 @@ from repro.recordings.datasets import Pairs, packed
 from repro.scans import Scans
 
 UNKNOWN = 4  # added to the pixels of a map whose label is unknown; `datasets.HIDDEN` is 2
+MOVER = 8  # added where something that moves and was in view lately can be
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Labeled:
 
     Args:
         pairs: encoded scans, and maps of which 1 is free, 0 an obstacle and 4 unknown, and 2 more where standing
-            obstacles hide the pixel, as in `Pairs`.
+            obstacles hide the pixel, as in `Pairs`, and 8 more where something that moves can be.
         statistics: those of the windows.
     """
 

@@ -1,8 +1,12 @@
 """Windows of simulated worlds in which a network rehearses while it adapts to logs, see `adaptation`."""
 
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 
-from repro.learning.labels import UNKNOWN, Labeled, drawn
+from repro.learning.labels import MOVER, UNKNOWN, Labeled, drawn
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.outlines import standing
@@ -17,8 +21,30 @@ from repro.system.progress import progress
 from repro.system.project import conf_directory
 from repro.worlds.spec import WorldSpec, read_world, world_spec
 
-WORLDS = (("places", "crowds"), ("rooms", "crossing"))  # and their experiments, in turn: with walls, and open
+WORLDS = {  # and their experiments: how many of six windows each has; the first two have walls, the last is open
+    ("places", "crowds"): 1,
+    ("places", "people"): 2,
+    ("rooms", "crossing"): 3,
+}
 SHARE = 0.4  # of the windows of logs
+ATTEMPTS = 4  # recordings of an open world, of which the first is taken in which the view has just lost somebody
+LATELY_STEPS = 20
+SLACK_M = 0.5  # of where somebody can be, more than what the scans leave open
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An obstacle that moves and was in view lately.
+
+    Args:
+        place: where it was in view last, x, y [m].
+        reach_m: how far from there it can be at the end [m].
+        is_lost: whether it is not in view at the end.
+    """
+
+    place: np.ndarray
+    reach_m: float
+    is_lost: bool
 
 
 def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
@@ -28,16 +54,47 @@ def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
         predictor: encoding and grid.
         windows_of_logs: number of windows of logs; of simulated ones there are `SHARE` as many.
     """
-    specs = [
-        world_spec(read_world(conf_directory() / "world" / f"{name}.yaml"), experiment) for name, experiment in WORLDS
-    ]
+    specs = [spec for (name, experiment), number in WORLDS.items() for spec in [_spec(name, experiment)] * number]
     windows, labels = list[Scans](), list[np.ndarray]()
-    for seed in progress(range(round(SHARE * windows_of_logs)), "recording simulated worlds"):
+    count = round(SHARE * windows_of_logs)
+    for seed in progress(range(count), "recording simulated worlds"):
         spec = specs[seed % len(specs)]
-        scans, codes = _window(simulate(sample_world(spec, seed)), spec, predictor.grid)
+        recording = _recorded(spec, range(seed, seed + ATTEMPTS * count, count))
+        scans, codes = _window(recording, spec, predictor.grid)
         windows.append(scans)
         labels.append(codes)
     return drawn(windows, labels, predictor)
+
+
+def _spec(name: str, experiment: str) -> WorldSpec:
+    return world_spec(read_world(conf_directory() / "world" / f"{name}.yaml"), experiment)
+
+
+def _recorded(spec: WorldSpec, seeds: range) -> Recording:
+    """Record a world; where nothing stands, of those with these seeds the first in which the view has lost somebody.
+
+    What the view has lost is in the scans, so that the choice hardly changes how probable people are, given the scans.
+    """
+    for seed in seeds:
+        recording = simulate(sample_world(spec, seed))
+        if standing(recording.states).any() or any(each.is_lost for each in _seen(recording, spec)):
+            break
+    return recording
+
+
+def _seen(recording: Recording, spec: WorldSpec) -> Iterator[Seen]:
+    """Yield each obstacle that moves and was in view lately."""
+    poses, states = recording.scans.poses[-LATELY_STEPS:], recording.states[:, -LATELY_STEPS:, :2]
+    offsets = states - poses[:, :2]
+    bearings = np.arctan2(offsets[..., 1], offsets[..., 0]) - poses[:, 2]
+    in_view = np.cos(bearings) >= math.cos(spec.lidar.angle_range / 2)
+    in_view &= np.linalg.norm(offsets, axis=-1) <= spec.lidar.range_max
+    top_m_s = max((behavior.speed_m_s[1] for behavior in spec.behaviors), default=0.0)
+    for number in np.flatnonzero(in_view.any(1) & ~standing(recording.states)):
+        last = int(np.flatnonzero(in_view[number])[-1])
+        since = len(poses) - 1 - last
+        radius_m = float(np.linalg.norm(recording.outlines[number], axis=-1).max())
+        yield Seen(states[number, last], radius_m + top_m_s * since * spec.world.step_time + SLACK_M, since > 0)
 
 
 def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:
@@ -49,7 +106,10 @@ def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, n
     shown = shown_pixels(still[None], window.poses[-1:], grid)[0]
     centers = grid.centers().reshape(*shown.shape, 2) + origin
     is_outside = ((centers < 0) | (centers > [spec.world.width, spec.world.height])).any(-1)
-    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown)
+    near = np.zeros_like(shown)
+    for seen in _seen(recording, spec):
+        near |= np.linalg.norm(centers - seen.place, axis=-1) <= seen.reach_m
+    return window, np.where(is_outside, UNKNOWN, free + HIDDEN * ~shown + MOVER * near)
 
 
 def true_map(

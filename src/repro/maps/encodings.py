@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.maps.series import Recent, Series, Stack
+from repro.maps.series import Counts, Recent, Series, Stack
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.fields import config_errors_of
@@ -36,8 +36,8 @@ class Encoding(Protocol):
         """Number of parts of the window that have images of their own; C is a multiple of it."""
 
     @property
-    def is_binary(self) -> bool:
-        """Whether the images have no other values than 0 and 255, so that a bit per pixel is stored."""
+    def bits(self) -> int:
+        """How many bits a pixel is stored in, 1, 4 or 8: its gray is a multiple of 255, 17 or 1."""
 
     @property
     def is_inverted(self) -> bool:
@@ -59,6 +59,7 @@ ENCODINGS: dict[str, type[Encoding]] = {  # by their names, without the number o
     "stack": Stack,
     "series": Series,
     "recent": Recent,
+    "counts": Counts,
 }
 
 

@@ -35,7 +35,7 @@ class Projection:
     name: ClassVar[str] = "projection"
     channels: ClassVar[int] = 1
     frames: ClassVar[int] = 1
-    is_binary: ClassVar[bool] = False
+    bits: ClassVar[int] = 8
     is_inverted: ClassVar[bool] = False
     reach_m: ClassVar[float] = 0.0
 
@@ -73,20 +73,38 @@ def newest_hits(scans: Scans, grid: Grid) -> np.ndarray:
     Returns:
         the step, counted from 1, 0 without a hit, int32, (B, H, W).
     """
-    newest = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int32)
+    return _hits(scans, grid)[0]
+
+
+def count_hits(scans: Scans, grid: Grid) -> np.ndarray:
+    """Return the number of steps at which each pixel was hit, int32, (B, H, W), see `newest_hits`."""
+    return _hits(scans, grid)[1]
+
+
+def _hits(scans: Scans, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Return the newest step at which each pixel was hit, and the number of these steps."""
+    newest, counts = np.zeros((2, len(scans), grid.size_px, grid.size_px), dtype=np.int32)
     resolution_m = scans.ranges.dtype.type(grid.resolution_m)
-    in_threads(lambda part: _draw_hits(newest, scans.ranges, scans.angles, scans.poses, part, resolution_m), len(scans))
-    return newest
+    of_scans = scans.ranges, scans.angles, scans.poses
+    in_threads(lambda part: _draw_hits(newest, counts, *of_scans, part, resolution_m), len(scans))
+    return newest, counts
 
 
 @compiled
 def _draw_hits(
-    newest: np.ndarray, ranges: np.ndarray, angles: np.ndarray, poses: np.ndarray, part: np.ndarray, resolution_m: float
+    newest: np.ndarray,
+    counts: np.ndarray,
+    ranges: np.ndarray,
+    angles: np.ndarray,
+    poses: np.ndarray,
+    part: np.ndarray,
+    resolution_m: float,
 ) -> None:
-    """Draw the hits of some windows, oldest first: the step of each, counted from 1, in its pixel.
+    """Draw the hits of some windows, oldest first.
 
     Args:
-        newest: the images, (B, H, W).
+        newest: the newest step of a hit in each pixel, counted from 1, (B, H, W).
+        counts: the number of steps with a hit in each pixel, (B, H, W).
         ranges: ranges [m], (B, T, N); one that is not finite is no hit.
         angles: beam angles [rad], (N,).
         poses: x, y [m], heading [rad], (B, T, 3); one that is not finite has no hits.
@@ -105,4 +123,6 @@ def _draw_hits(
                 column = np.floor((x + distance * math.cos(bearing)) / resolution_m)
                 above = np.floor((y + distance * math.sin(bearing)) / resolution_m)
                 if 0 <= column < size and 0 <= above < size:  # false for NaN
-                    newest[window, size - 1 - int(above), int(column)] = step + 1
+                    pixel = window, size - 1 - int(above), int(column)
+                    counts[pixel] += newest[pixel] != step + 1
+                    newest[pixel] = step + 1

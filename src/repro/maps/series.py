@@ -8,8 +8,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from repro.maps.grid import Grid
-from repro.maps.projection import newest_hits
-from repro.maps.visibility import newest_passed
+from repro.maps.projection import count_hits, newest_hits
+from repro.maps.visibility import count_passed, newest_passed
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.fields import STRICT, FrameCount, MaximumRange
@@ -32,7 +32,7 @@ class Stack:
     """
 
     kind: ClassVar[str] = "stack"
-    is_binary: ClassVar[bool] = True
+    bits: ClassVar[int] = 1
     is_inverted: ClassVar[bool] = True  # networks learn slowly from many images of mostly ones
 
     frames: FrameCount
@@ -139,3 +139,31 @@ class Recent(Series):
             factor = bisect_left(tried, count, key=lambda number: ((number / PRECISION) ** powers).sum()) + PRECISION
         ages = np.ceil(np.cumsum((factor / PRECISION) ** powers)[:-1] - ROUNDING).astype(int)
         return np.cumsum(np.sort(np.diff([0, *ages, count]))[::-1]).tolist()
+
+
+@dataclass(frozen=True, config=STRICT)
+class Counts(Recent):
+    """The same series with counts: how many scans of each part hit, or passed over, each pixel.
+
+    The darkness of a pixel is the logarithm of one plus its count, over that of one plus the steps of the part, in 16
+    grays: where each scan of a part hit it, it is as black as in `Recent`. The difference of the logarithms of hits and
+    passes is about the log odds of an occupancy grid.
+
+    Args:
+        frames: number of parts of the window; twice as many images.
+        range_max_m: maximum range of the lidar [m].
+
+    Raises:
+        InputError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
+    """
+
+    kind: ClassVar[str] = "counts"
+    bits: ClassVar[int] = 4
+
+    def encode(self, scans: Scans, grid: Grid) -> np.ndarray:
+        parts, lengths = self._parts(scans), np.diff(self._ends(scans.ranges.shape[1]), prepend=0)
+        shares = np.log1p(np.arange(lengths.max() + 1)) / np.log1p(lengths[:, None])
+        grays = 17 * (15 - np.ceil(15 * shares.clip(max=1)).astype(np.uint8))  # of a part and a number of steps
+        part = np.arange(self.frames)[:, None, None]
+        counts = count_hits(parts, grid), count_passed(parts, grid, self.range_max_m)
+        return np.concatenate([grays[part, each.reshape(-1, self.frames, *each.shape[1:])] for each in counts], axis=1)

@@ -34,6 +34,26 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     Raises:
         InputError: the beam angles are not evenly spaced and increasing, or a window has too many steps for int16.
     """
+    return _drawn(scans, grid, range_max_m, margin_m, counts=False)
+
+
+def count_passed(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
+    """Return the number of steps at which a beam passed over each pixel, int16, (B, H, W), see `newest_passed`."""
+    return _drawn(scans, grid, range_max_m, -grid.resolution_m / 2, counts=True)
+
+
+def newest_passed(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
+    """Return the newest step at which a beam passed over each pixel, observed free, see `newest_visible`."""
+    return newest_visible(scans, grid, range_max_m, margin_m=-grid.resolution_m / 2)
+
+
+def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
+    """Return the newest step at which each pixel was in view, occluded or not, see `newest_visible`."""
+    return newest_visible(Scans(np.full_like(scans.ranges, np.inf), scans.angles, scans.poses), grid, range_max_m)
+
+
+def _drawn(scans: Scans, grid: Grid, range_max_m: float, margin_m: float, *, counts: bool) -> np.ndarray:
+    """Return the newest step at which each pixel was visible, or the number of these steps, see `newest_visible`."""
     spacing = beam_spacing(scans.angles)
     steps, most = scans.ranges.shape[1], np.iinfo(np.int16).max
     if steps > most:
@@ -45,20 +65,10 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
     poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)
     bounds = float(scans.angles[0]) + spacing * (np.arange(len(scans.angles) + 1) - 0.5)  # of the beams' sectors
     bounds = np.stack([np.cos(bounds), np.sin(bounds)], axis=-1)
-    newest = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int16)
+    images = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int16)
 
-    in_threads(lambda part: _draw_windows(newest, reach, poses, part, bounds, spacing), len(scans))
-    return newest
-
-
-def newest_passed(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
-    """Return the newest step at which a beam passed over each pixel, observed free, see `newest_visible`."""
-    return newest_visible(scans, grid, range_max_m, margin_m=-grid.resolution_m / 2)
-
-
-def newest_in_view(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
-    """Return the newest step at which each pixel was in view, occluded or not, see `newest_visible`."""
-    return newest_visible(Scans(np.full_like(scans.ranges, np.inf), scans.angles, scans.poses), grid, range_max_m)
+    in_threads(lambda part: _draw_windows(images, reach, poses, part, bounds, spacing, counts), len(scans))
+    return images
 
 
 def beam_spacing(angles: np.ndarray) -> float:
@@ -79,18 +89,25 @@ def beam_spacing(angles: np.ndarray) -> float:
 
 @compiled
 def _draw_windows(
-    newest: np.ndarray, reach: np.ndarray, poses: np.ndarray, part: np.ndarray, bounds: np.ndarray, spacing: float
+    images: np.ndarray,
+    reach: np.ndarray,
+    poses: np.ndarray,
+    part: np.ndarray,
+    bounds: np.ndarray,
+    spacing: float,
+    counts: bool,
 ) -> None:
     """Draw the steps of some windows, oldest first, each as the sectors covered by its beams.
 
     Args:
-        newest: the images, (B, H, W).
+        images: the images, (B, H, W).
         reach: visible distance along each beam [px], (B, T, N); a negative one or NaN draws nothing.
         poses: column and row from below of the robot [px], with pixel centers at integers, and heading [rad],
             (B, T, 3).
         part: indices of the windows.
         bounds: directions (cosine, sine) between the sectors of the beams in the robot's frame, (N + 1, 2).
         spacing: angle between two adjacent beams [rad].
+        counts: whether the images are of the number of steps, and not of the newest one, counted from 1.
     """
     beams = reach.shape[2]
     for window in part:
@@ -106,7 +123,7 @@ def _draw_windows(
                     end += 1  # adjacent beams of equal reach, such as misses, form one sector
                 stop = _turned(bounds[end], turn)
                 if radius >= 0:
-                    _draw_sector(newest[window], x, y, start, stop, radius, step + 1)
+                    _draw_sector(images[window], x, y, start, stop, radius, int(counts), 1 if counts else step + 1)
                 beam, start = end, stop
 
 
@@ -124,9 +141,12 @@ def _draw_sector(
     start: tuple[float, float],
     stop: tuple[float, float],
     radius: float,
+    kept: int,
     value: int,
 ) -> None:
     """Draw the part of a disc between two directions (cosine, sine), less than half a turn apart, row by row.
+
+    Its pixels get a value, added to `kept` times the one before.
 
     A pixel on `start` belongs to the sector and one on `stop` does not, so that adjacent sectors neither overlap nor
     leave a gap.
@@ -157,7 +177,7 @@ def _draw_sector(
         elif to_cos * up >= 0:
             continue
         for column in _whole(left, right, size):
-            image[size - 1 - row, column] = value
+            image[size - 1 - row, column] = kept * image[size - 1 - row, column] + value
 
 
 @compiled

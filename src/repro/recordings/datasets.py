@@ -28,7 +28,7 @@ class Pairs:
     """All pairs of one split.
 
     Args:
-        stored: encoded scans, uint8, (M, C, H, W); those of a binary encoding as bits, (M, C, H, W / 8).
+        stored: encoded scans, packed, see `packed`.
         maps: true maps at the last step, uint8, (M, 1, H, W); 1 is free, 0 is an obstacle; if the training asks for
             them, pixels that standing obstacles hide from a lidar of 360 degrees at the last step have 2 more.
         encoding: the encoding that drew the images.
@@ -57,10 +57,10 @@ class Pairs:
         return images, self.maps[index].float()
 
     def _drawn(self, stored: Tensor) -> Tensor:
-        if not self.encoding.is_binary:
-            return stored
-        shifts = torch.arange(7, -1, -1, dtype=torch.uint8, device=stored.device)
-        return (stored[..., None] >> shifts).bitwise_and_(1).mul_(255).flatten(-2)[..., : self.maps.shape[-1]]
+        bits, step = self.encoding.bits, _step(self.encoding)
+        shifts = torch.arange(8 - bits, -1, -bits, dtype=torch.uint8, device=stored.device)
+        grays = (stored[..., None] >> shifts).bitwise_and_(2**bits - 1).mul_(step)
+        return grays.flatten(-2)[..., : self.maps.shape[-1]]
 
     def __deepcopy__(self, _: dict) -> "Pairs":
         """Return the pairs themselves: they are immutable, so that a copied training module can share them."""
@@ -68,8 +68,19 @@ class Pairs:
 
 
 def packed(images: np.ndarray, encoding: Encoding) -> Tensor:
-    """Return images, uint8, (..., W), as `Pairs` stores them: those of a binary encoding as bits, (..., W / 8)."""
-    return torch.from_numpy(np.packbits(images > 0, axis=-1) if encoding.is_binary else images)
+    """Pack the pixels of images, uint8, (..., W), in the bits that an encoding needs, (..., W bits / 8), rounded up."""
+    grays, bits = images // np.uint8(_step(encoding)), encoding.bits
+    if bits == 1:
+        return torch.from_numpy(np.packbits(grays, axis=-1))
+    lacking = -images.shape[-1] % (8 // bits)
+    grays = np.pad(grays, [(0, 0)] * (images.ndim - 1) + [(0, lacking)])
+    of_bytes = grays.reshape(*grays.shape[:-1], -1, 8 // bits) << np.arange(8 - bits, -1, -bits, dtype=np.uint8)
+    return torch.from_numpy(np.bitwise_or.reduce(of_bytes, axis=-1))
+
+
+def _step(encoding: Encoding) -> int:
+    """Return the difference between two grays of the images of an encoding that follow each other."""
+    return 255 // (2**encoding.bits - 1)
 
 
 class Batches:
@@ -142,7 +153,7 @@ def load_pairs(
     """
     shards = progress(recordings.shards(split, count), f"drawing {split}")
     room = count or recordings.manifest.pairs[split]
-    width = math.ceil(grid.size_px / 8) if encoding.is_binary else grid.size_px
+    width = math.ceil(grid.size_px * encoding.bits / 8)
     stored, maps = (  # filled shard by shard: joining them at the end would take twice the memory
         torch.empty(room, *shape, dtype=torch.uint8, device=device)
         for shape in ((encoding.channels, grid.size_px, width), (1, grid.size_px, grid.size_px))
@@ -168,8 +179,9 @@ def _check_images(images: np.ndarray, encoding: Encoding, shape: tuple[int, ...]
         raise InputError(
             f"the encoding {encoding.name} must draw images of uint8, {shape}, got {images.dtype}, {images.shape}"
         )
-    if encoding.is_binary and (images + 1).max() > 1:  # 255 + 1 is 0 in uint8
-        raise InputError(f"the encoding {encoding.name} is binary and must draw no other values than 0 and 255")
+    step = _step(encoding)
+    if (images % np.uint8(step)).any():
+        raise InputError(f"the encoding {encoding.name} has {encoding.bits} bits and must draw multiples of {step}")
 
 
 def load_pairs_of_run(

@@ -21,9 +21,8 @@ export function createEncoding({ name, parameters }) {
     };
   }
   const { frames, range_max_m: rangeMax = null } = parameters;
-  if ([`stack${frames}`, `series${frames}`, `recent${frames}`].includes(name)) {
-    const divide = name.startsWith("recent") ? shorterParts : equalParts;
-    return { draw: (scans, grid) => series(scans, grid, divide, frames, rangeMax), toInput: inverted };
+  if ([`stack${frames}`, `series${frames}`].includes(name)) {
+    return { draw: (scans, grid) => series(scans, grid, frames, rangeMax), toInput: inverted };
   }
   throw new Error(`encoding ${name} is unknown`);
 }
@@ -42,13 +41,13 @@ function projection(scans, grid, decay, oldestGray) {
 }
 
 /** Draw the hits of each part of the window, and, up to a range, the pixels observed to be free in each part. */
-function series(scans, grid, divide, frames, rangeMax) {
+function series(scans, grid, frames, rangeMax) {
   const pixels = grid.size_px ** 2, kinds = rangeMax === null ? 1 : 2;
   const images = new Uint8Array(kinds * frames * pixels).fill(255);
   const blacken = (drawn, channel) => {
     for (let i = 0; i < pixels; i++) if (drawn[i]) images[channel * pixels + i] = 0;
   };
-  divide(scans.poses.length / 3, frames).forEach(([first, last], part) => {
+  equalParts(scans.poses.length / 3, frames).forEach(([first, last], part) => {
     blacken(newestHits(scans, grid, first, last), part);
     const margin = -grid.size_m / grid.size_px / 2;
     if (kinds === 2) blacken(newestVisible(scans, grid, rangeMax, margin, first, last), frames + part);
@@ -61,25 +60,6 @@ function equalParts(steps, frames) {
   const short = Math.floor(steps / frames), longer = steps % frames;
   const begin = (part) => part * short + Math.min(part, longer);
   return Array.from({ length: frames }, (_, part) => [begin(part), begin(part + 1)]);
-}
-
-/** Divide steps into parts of which the newest is one step and each older one longer by a factor, rounded. */
-function shorterParts(steps, frames) {
-  const PRECISION = 1e6, ROUNDING = 1e-3, ages = (factor) => {
-    let sum = 0;
-    return Array.from({ length: frames }, (_, power) => (sum += (factor / PRECISION) ** power));
-  };
-  let low = PRECISION, high = steps * PRECISION;
-  while (low < high) {
-    const middle = Math.floor((low + high) / 2);
-    if (ages(middle)[frames - 1] < steps) low = middle + 1;
-    else high = middle;
-  }
-  const ends = ages(low).map((age) => Math.ceil(age - ROUNDING));
-  ends[frames - 1] = steps;
-  const lengths = ends.map((end, part) => end - (ends[part - 1] ?? 0)).sort((one, other) => other - one);
-  let begin = 0;
-  return lengths.map((length) => [begin, (begin += length)]);
 }
 
 /** Return the newest step at which each pixel was hit, counted from 1 at `first`, 0 without a hit. */

@@ -28,6 +28,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         centered: the network also gets the distance to the middle of the map, where the robot is: in real logs, pixels
             that it sees for the first time are less often obstacles the farther away they are.
         indexed: the network also learns what each part of the window has in common, such as its length.
+        turned: after the training, its logits are the mean of those of the map and of the map turned by half.
 
     Raises:
         InputError: a parameter is not allowed.
@@ -41,15 +42,18 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         stride: Literal[2, 4] = 4,
         centered: bool = False,
         indexed: bool = False,
+        turned: bool = False,
     ) -> None:
         check_series(in_channels, frames)
         are_whole = type(hidden) is int and type(stride) is int
         if not are_whole or hidden < 16 or hidden % 16 or stride not in (2, 4):
             raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden!r} and {stride!r}")
-        if not type(centered) is type(indexed) is bool:  # any text would be true
-            raise InputError(f"centered and indexed must be true or false, got {centered!r} and {indexed!r}")
+        for name, value in (("centered", centered), ("indexed", indexed), ("turned", turned)):
+            if type(value) is not bool:  # any text would be true
+                raise InputError(f"{name} must be true or false, got {value!r}")
         super().__init__()
-        self.frames, self.hidden, self.stride, self.centered, self.indexed = frames, hidden, stride, centered, indexed
+        self.frames, self.hidden, self.stride = frames, hidden, stride
+        self.centered, self.indexed, self.turned = centered, indexed, turned
         self.encoder = nn.Sequential(
             *conv_block(in_channels // frames, hidden // 2, stride=2),
             *conv_block(hidden // 2, hidden, stride=stride // 2),
@@ -81,6 +85,12 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
             images: the images.
             middle: row and column of the robot [px], if the images are a part of a map; None for the middle.
         """
+        if self.training or not self.turned:
+            return self._logits(images, middle)
+        turned = None if middle is None else (images.shape[-2] - middle[0], images.shape[-1] - middle[1])
+        return (self._logits(images, middle) + self._logits(images.flip(-2, -1), turned).flip(-2, -1)) / 2
+
+    def _logits(self, images: Tensor, middle: tuple[float, float] | None) -> Tensor:
         encoded = each_part(lambda part: self.from_part(self.encoder(part)), images, self.frames)
         if self.indexed:
             encoded = encoded + self.of_part
@@ -96,9 +106,9 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         return self.to_map(self.decode_full[1](full))
 
     def with_distances(self) -> "ConvGRU":
-        """Return a network that is `centered` and, before it is trained further, predicts the same maps."""
+        """Return a network that is also `centered`, `indexed` and `turned`, with the same weights."""
         sizes = self.detail.in_channels, self.frames, self.hidden, self.stride
-        new = ConvGRU(*sizes, centered=True, indexed=self.indexed)
+        new = ConvGRU(*sizes, centered=True, indexed=True, turned=True)
         new.load_state_dict(new.state_dict() | self.state_dict())
         return new
 
