@@ -19,7 +19,7 @@ from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sampl
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
 from repro.navigation.planner import Planner, Settings, arcs
-from repro.reporting.navigation import TITLES, barn, compare
+from repro.reporting.navigation import TITLES, barn, compare_mappers
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
@@ -148,11 +148,12 @@ def test_the_cost_to_go_is_the_way_around_a_wall():
 
 def test_commands_are_those_of_a_plain_rollout():
     """Compare with the cost of each arc, point by point, for robots that may have their goal behind them or leave."""
-    robots, own = 40, planner(inflation_m=2.4, weight=5.0, threshold=0.5)
+    robots, own = 12, planner(inflation_m=2.4, weight=5.0, threshold=0.5)
     occupied = GENERATOR.random((robots, 3, 64, 64)) * (GENERATOR.random((robots, 3, 64, 64)) < 0.02)
     poses = np.column_stack([GENERATOR.uniform(0.2, 49.8, (robots, 2)), GENERATOR.uniform(-3, 3, robots)])
     goals = GENERATOR.uniform(0, 50, (robots, 2))
-    found = own.plan(occupied, poses, goals)
+    goals[0] = 50.0  # the corner
+    found = own.costs(occupied, poses, goals)
     for robot in range(robots):
         maps = (occupied[robot] > 0.5).astype(float)
         inflated, touching = own.inflate(maps, own.fall), own.inflate(maps, own.core)
@@ -162,8 +163,8 @@ def test_commands_are_those_of_a_plain_rollout():
         hard = np.stack([interpolated(touching[k], points[:, n], 1.0) for n, k in enumerate(layers)])
         to_go = interpolated(own.cost_to_go(inflated[0], goals[robot]), points[:, -1], np.inf)
         cost = to_go + 5.0 * 4.0 * (soft.mean(0) + 2 * hard.max(0)) + 4.0 * (own.commands[:, 0] < 0)
-        assert np.array_equal(found[robot], own.commands[cost.argmin()]), robot
-    assert len(np.unique(found, axis=0)) > 10
+        assert found[robot] == pytest.approx(cost, rel=2e-3)
+    assert np.array_equal(own.plan(occupied, poses, goals), own.commands[found.argmin(1)])
 
 
 def interpolated(values: np.ndarray, points: np.ndarray, outside: float) -> np.ndarray:
@@ -357,7 +358,7 @@ def test_arms_are_compared_on_the_same_courses():
             driven = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0}
             end = {"outcome": "collision" if is_hit else "goal", "contact": "behind" if is_hit else "", "stood": is_hit}
             rows.append({"experiment": "fast", "mapper": mapper, "seed": seed, "moving_share": 1.0, **driven, **end})
-    found = compare(pd.DataFrame(rows))
+    found = compare_mappers(pd.DataFrame(rows))
     whole, found = (found[found["experiment"] == name].set_index("mapper") for name in ("all", "fast"))
     assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"
     assert found.loc["convgru-series10", "title"] == "ConvGRU, series10"

@@ -63,7 +63,7 @@ class Planner:
         offsets = grid.resolution_m * np.arange(-reach, reach + 1)
         away = np.hypot(offsets[:, None], offsets)
         core = radius_m + grid.resolution_m / 2
-        fall = np.clip((settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9), 0, 1)
+        fall = (settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9)  # less than 0 spreads nothing
         self.fall, self.core = np.where(away <= core, 1, fall), np.where(away <= core, 1.0, 0.0)
 
     def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
@@ -77,6 +77,10 @@ class Planner:
         Returns:
             speed [m/s] and rate of turn [rad/s], (E, 2).
         """
+        return self.commands[self.costs(occupied, poses, goals).argmin(1)]
+
+    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
+        """Return the cost of every arc of E robots, (E, A), see `plan`; infinite where it ends off the map."""
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
@@ -86,8 +90,7 @@ class Planner:
         on_arc = partial(self._along, points=points, layer=layer)
         risk = on_arc(inflated).mean(0) + LETHAL * on_arc(lethal).max(0)
         cost = self._read(to_go, points[:, :, -1], outside=np.inf) + self.settings.weight * self.longest_m * risk
-        cost += self.longest_m * (self.commands[:, 0] < 0)
-        return self.commands[cost.argmin(1)]
+        return cost + self.longest_m * (self.commands[:, 0] < 0)
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""

@@ -37,7 +37,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
         analysis: directory of the analysis of the outputs.
 
     Returns:
-        the rows of navigation.csv, see `compare`.
+        the rows of navigation.csv, see `compare_mappers`.
     """
     mappers = mappers_of(path.parent.name for path in episodes.glob(f"*/{ORIGIN}"))
     test, curve, tried = (
@@ -46,7 +46,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
         )
         for name in (TEST, CURVE, TRIED)
     )
-    results, points = compare(test), points_of(curve)
+    results, points = compare_mappers(test), points_of(curve)
     tuned = tried.loc[tried.groupby("mapper", sort=False)["score"].idxmax()]
     analysis.mkdir(parents=True, exist_ok=True)
     tables = {"": results, "_tuned": tuned, "_curve": points, "_episodes": test}
@@ -58,7 +58,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     return results
 
 
-def compare(test: pd.DataFrame) -> pd.DataFrame:
+def compare_mappers(test: pd.DataFrame) -> pd.DataFrame:
     """Return one row per experiment and mapper, and one for all experiments: how the robots fared.
 
     Intervals are over the courses. Differences are those to the classical mapper with the most successes in all

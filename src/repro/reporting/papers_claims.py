@@ -229,7 +229,7 @@ def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def navigation_rows(results: pd.DataFrame) -> pd.DataFrame:
-    """Return the difference of every network to the best classical map in success, see `reporting.navigation.compare`.
+    """Return the difference of every network to the best classical map in success, see `compare_mappers`.
 
     Returns:
         rows as of `analysis_rows`, of `navigation`.
