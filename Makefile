@@ -30,7 +30,7 @@ setup: .venv/ready ## create .venv and install the pinned packages of the study 
 
 .venv/ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python 3.11 to 3.13 is needed, $(PYTHON) is {v[0]}.{v[1]}: make setup PYTHON=python3.12")'
-	@echo "setting up .venv for the whole study: about 6 GB, some minutes (PyTorch with CUDA is most of it);"
+	@echo "setting up .venv for the whole study: about 7 GB, some minutes (PyTorch with CUDA is most of it);"
 	@echo "prediction alone needs less than a tenth: pip install ."
 	@rm -rf .venv # a link to another environment is replaced, not emptied
 	@if command -v uv > /dev/null; then \

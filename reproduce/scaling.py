@@ -2,7 +2,7 @@
 
     python -m reproduce.scaling
 
-takes windows of experiment 4 with other numbers of obstacles at the paper's coverage (reproduce/worlds.py), and
+takes windows of experiment 4 with other numbers of obstacles at the paper's coverage (reproduce/worlds), and
 measures the CPU time of one map at 128 px, with the published settings of the tracker and the published network. The
 times go to reproduce/results/scaling, with the growth from 10 to 40 obstacles relative to that of U-Net.
 """

@@ -83,7 +83,7 @@ CALLS = {
     "encoding=stack4 decay=false": "has no decay",
     "encoding=series10 oldest_gray=0.3": "has no oldest gray",
     "encoding=series10 exp=3 world.motions.rotate.steps=9": "divides a window into 10 parts, those of exp 3 have 9",
-    "model=convgru": "encoding=projection: model convgru takes a series of images: encoding=series10, recent10",
+    "model=convgru": "encoding=projection: model convgru takes a series of images: encoding=series10, counts10",
     "model=convlstm encoding=stack4 model.encoder_name=mit_b0": "model.encoder_name=mit_b0: architecture convlstm has",
     "model=convgru encoding=series10 model.parameters.hidden=9": "hidden must be a multiple of 16",
     "model=convgru encoding=series10 model.parameters.stride=4.0": "stride 2 or 4, got 48 and 4.0",
