@@ -22,7 +22,7 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 import argparse
 import copy
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -57,7 +57,12 @@ BATCH = 16  # windows that are predicted together
 Networks = dict[str, dict[Path, Predictor]]  # by name, the network that is tested with each log
 
 
-@one_thread()
+def on_one_thread(function: Callable[..., Any], *values: Any) -> Any:
+    """Call a function in a process that is one of several."""
+    with one_thread():
+        return function(*values)
+
+
 def sample(path: Path, predictor: Predictor) -> Sample:
     """Draw pixels of evenly spaced windows of a log, which all count alike, as when maps are compared."""
     rng = np.random.default_rng(0)
@@ -76,7 +81,7 @@ def sample(path: Path, predictor: Predictor) -> Sample:
 def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int, Fitted], dict[str, Any]]:
     """Fit the maps without a network to the logs outside of each fold; return them and the chosen settings."""
     with process_pool(count_cores()) as pool:
-        samples = dict(zip(paths, pool(delayed(sample)(path, predictor) for path in paths), strict=True))
+        samples = dict(zip(paths, pool(delayed(on_one_thread)(sample, path, predictor) for path in paths), strict=True))
     found, chosen = dict[int, Fitted](), dict[str, Any]()
     for fold in range(FOLDS):
         others = [path for path in paths if fold_of(path) != fold]
@@ -111,7 +116,6 @@ class Compared:
     ranked: list[float]
 
 
-@one_thread()
 def compare(path: Path, networks: dict[str, Predictor], fitted: Fitted) -> Compared:
     """Compare all maps of a log with the held-out beams."""
     counts: dict[str, dict[str, dict[int, np.ndarray]]] = defaultdict(lambda: defaultdict(dict))
@@ -213,7 +217,7 @@ def main() -> None:
         fitted = {path: by_fold[fold_of(path)] for path in options.logs}
         tested = {path: {name: of_log[path] for name, of_log in networks.items()} for path in options.logs}
         with process_pool(count_cores()) as pool:
-            every = pool(delayed(compare)(path, tested[path], fitted[path]) for path in options.logs)
+            every = pool(delayed(on_one_thread)(compare, path, tested[path], fitted[path]) for path in options.logs)
         compared = dict(zip(options.logs, every, strict=True))
         for stands in sorted(set(map(is_standing, options.logs))):
             rows += rows_of_kind(options.logs, compared, next(iter(networks)), stands=stands)
