@@ -22,7 +22,7 @@ https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_re
 import argparse
 import copy
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from joblib import delayed
 from tqdm import tqdm
 
 from repro.learning.kernels import accelerate
@@ -37,6 +38,7 @@ from repro.learning.networks.trained import load_trained, module_of, with_module
 from repro.metrics.counts import LEVELS, PROBABILITY
 from repro.networks.predictor import Predictor
 from repro.runs.devices import one_thread
+from repro.runs.parallel import count_cores, process_pool
 from repro.runs.provenance import environment
 from repro.scans import Scans
 from repro.system.files import sha256, write_json, write_text
@@ -53,6 +55,12 @@ OWN, WITHIN = "own pixel", "within one pixel"
 SAMPLED_WINDOWS, SAMPLED_PIXELS = 120, 12_000  # of each log, to which maps are fitted
 BATCH = 16  # windows that are predicted together
 Networks = dict[str, dict[Path, Predictor]]  # by name, the network that is tested with each log
+
+
+def on_one_thread(function: Callable[..., Any], *values: Any) -> Any:
+    """Call a function in a process that is one of several."""
+    with one_thread():
+        return function(*values)
 
 
 def sample(path: Path, predictor: Predictor) -> Sample:
@@ -72,7 +80,8 @@ def sample(path: Path, predictor: Predictor) -> Sample:
 
 def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int, Fitted], dict[str, Any]]:
     """Fit the maps without a network to the logs outside of each fold; return them and the chosen settings."""
-    samples = {path: sample(path, predictor) for path in tqdm(paths, desc="sampling", disable=None)}
+    with process_pool(count_cores()) as pool:
+        samples = dict(zip(paths, pool(delayed(on_one_thread)(sample, path, predictor) for path in paths), strict=True))
     found, chosen = dict[int, Fitted](), dict[str, Any]()
     for fold in range(FOLDS):
         others = [path for path in paths if fold_of(path) != fold]
@@ -107,11 +116,11 @@ class Compared:
     ranked: list[float]
 
 
-def compare(path: Path, networks: Networks, fitted: Fitted) -> Compared:
+def compare(path: Path, networks: dict[str, Predictor], fitted: Fitted) -> Compared:
     """Compare all maps of a log with the held-out beams."""
     counts: dict[str, dict[str, dict[int, np.ndarray]]] = defaultdict(lambda: defaultdict(dict))
     names, ranked = tuple[str, ...](), list[float]()
-    predictors = {name: fast(of_log[path]) for name, of_log in networks.items()}
+    predictors = {name: fast(network) for name, network in networks.items()}
     grid = next(iter(predictors.values())).grid
     cases = iter(tqdm(cases_of(path, next(iter(predictors.values()))), desc=path.name, disable=None))
     for batch in iter(lambda: tuple(islice(cases, BATCH)), ()):
@@ -206,7 +215,10 @@ def main() -> None:
     with one_thread():
         by_fold, chosen = fitted_by_fold(options.logs, reference)
         fitted = {path: by_fold[fold_of(path)] for path in options.logs}
-        compared = {path: compare(path, networks, fitted[path]) for path in options.logs}
+        tested = {path: {name: of_log[path] for name, of_log in networks.items()} for path in options.logs}
+        with process_pool(count_cores()) as pool:
+            every = pool(delayed(on_one_thread)(compare, path, tested[path], fitted[path]) for path in options.logs)
+        compared = dict(zip(options.logs, every, strict=True))
         for stands in sorted(set(map(is_standing, options.logs))):
             rows += rows_of_kind(options.logs, compared, next(iter(networks)), stands=stands)
         options.target.mkdir(parents=True, exist_ok=True)
