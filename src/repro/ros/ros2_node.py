@@ -3,7 +3,10 @@
 import sys
 from typing import Any
 
-import rclpy
+try:
+    import rclpy
+except ModuleNotFoundError as error:
+    sys.exit(f"{error}: source the setup of ROS 2 first, such as /opt/ros/jazzy/setup.bash")
 from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
 from rcl_interfaces.msg import ParameterDescriptor
