@@ -74,6 +74,7 @@ def evaluated(name: str) -> list[Run]:
 def trained() -> pd.DataFrame:
     """Return the metrics of U-Net in every cell that is evaluated, by family, experiment and encoding."""
     rows = [read_results(Outputs(OUTPUTS / name)).assign(family=name) for name in FAMILIES if evaluated(name)]
+    rows = [table[table["model"] == "unet"] for table in rows]  # without the baselines
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
 
