@@ -79,7 +79,7 @@ def trained() -> pd.DataFrame:
 
 
 def screened(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return the settings of every family and its misfits at 256 px, one row each; nan where a cell is not trained.
+    """Return the settings of every family with all cells, and its misfits at 256 px, one row each.
 
     Args:
         cells: see `trained`.
@@ -93,7 +93,7 @@ def screened(cells: pd.DataFrame) -> pd.DataFrame:
         own = tables.get(name, full.iloc[:0]).reindex(full.index)
         own = own.combine_first(plain.loc[list(set(STATIC) - set(family.experiments))])
         rows.append({"family": name, **_settings(family), **misfits(full + own - plain)})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).dropna(subset=["all"])
 
 
 def _settings(family: Family) -> dict[str, Any]:
