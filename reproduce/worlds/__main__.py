@@ -79,7 +79,7 @@ def trained() -> pd.DataFrame:
 
 
 def screened(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return the settings of every family with all cells, and its misfits at 256 px, one row each.
+    """Return the settings of every family and its misfits at 256 px, one row each; nan where a cell is not trained.
 
     Args:
         cells: see `trained`.
@@ -93,7 +93,7 @@ def screened(cells: pd.DataFrame) -> pd.DataFrame:
         own = tables.get(name, full.iloc[:0]).reindex(full.index)
         own = own.combine_first(plain.loc[list(set(STATIC) - set(family.experiments))])
         rows.append({"family": name, **_settings(family), **misfits(full + own - plain)})
-    return pd.DataFrame(rows).dropna(subset=["all"])
+    return pd.DataFrame(rows)
 
 
 def _settings(family: Family) -> dict[str, Any]:
@@ -118,7 +118,7 @@ def main() -> None:
             for sweep in sweeps if set(experiments) <= set(FAMILIES[name].experiments) else ():
                 train(name, sweep)
     tables = {"statistics": pd.concat(found), "cells": trained(), "published": published()}
-    tables["families"] = screened(tables["cells"]) if len(tables["cells"]) else pd.DataFrame()
+    tables["families"] = screened(tables["cells"]).dropna(subset=["all"]) if len(tables["cells"]) else pd.DataFrame()
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
         TARGET.mkdir(exist_ok=True)
