@@ -74,6 +74,7 @@ def evaluated(name: str) -> list[Run]:
 def trained() -> pd.DataFrame:
     """Return the metrics of U-Net in every cell that is evaluated, by family, experiment and encoding."""
     rows = [read_results(Outputs(OUTPUTS / name)).assign(family=name) for name in FAMILIES if evaluated(name)]
+    rows = [table[table["model"] == "unet"] for table in rows]  # without the baselines
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
 
@@ -117,7 +118,7 @@ def main() -> None:
             for sweep in sweeps if set(experiments) <= set(FAMILIES[name].experiments) else ():
                 train(name, sweep)
     tables = {"statistics": pd.concat(found), "cells": trained(), "published": published()}
-    tables["families"] = screened(tables["cells"]) if len(tables["cells"]) else pd.DataFrame()
+    tables["families"] = screened(tables["cells"]).dropna(subset=["all"]) if len(tables["cells"]) else pd.DataFrame()
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
         TARGET.mkdir(exist_ok=True)

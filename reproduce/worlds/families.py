@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 from irsim.lib.algorithm.generation import generate_polygon
+from irsim.util.random import set_seed
 
 from repro.reporting.paper import WORLDS
 from repro.worlds.spec import read_world
@@ -85,6 +86,7 @@ def _as_polygons(population: dict[str, Any]) -> dict[str, Any]:
 
     IR-SIM draws corners, irregularity and spikeyness from these ranges where a world file has `random_shape: true`.
     """
+    set_seed(0)  # of what IR-SIM draws
     rng, shapes, (low, high) = np.random.default_rng(0), [], population["radius_m"]
     for radius in np.linspace(low, high, POLYGONS):
         while True:
