@@ -58,7 +58,7 @@ Networks = dict[str, dict[Path, Predictor]]  # by name, the network that is test
 
 
 def on_one_thread(function: Callable[..., Any], *values: Any) -> Any:
-    """Call a function in a process that is one of several."""
+    """Call a function on one thread, in one of several processes."""
     with one_thread():
         return function(*values)
 

@@ -76,7 +76,7 @@ def rehearsed_of(weights: str, windows: int) -> Labeled:
 
 
 def started(weights: str) -> Predictor:
-    """Return the network before, which learns from the adaptation what counts are, if its images have been others."""
+    """Return the network that is adapted, with counts as its input, whatever encoding it was trained with."""
     predictor = load_trained(weights)
     encoding = predictor.encoding
     return replace(predictor, encoding=Counts(encoding.frames, encoding.reach_m))

@@ -1,4 +1,4 @@
-"""Networks of the page: ONNX files, and what the menu says of them."""
+"""Networks of the page: ONNX files, and their entries in the menu."""
 
 import tempfile
 from dataclasses import dataclass

@@ -27,9 +27,9 @@ WORLDS = {  # and their experiments: how many of six windows each has; the first
     ("rooms", "crossing"): 3,
 }
 SHARE = 0.4  # of the windows of logs
-ATTEMPTS = 4  # recordings of an open world, of which the first is taken in which the view has just lost somebody
-LATELY_STEPS = 20
-SLACK_M = 0.5  # of where somebody can be, more than what the scans leave open
+ATTEMPTS = 4  # recordings of an open world; the first in which somebody has just left the view is taken
+LATELY_STEPS = 20  # in which a mover that counts was in view
+SLACK_M = 0.5  # added to the distance that a mover can have covered
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ def _spec(name: str, experiment: str) -> WorldSpec:
 
 
 def _recorded(spec: WorldSpec, seeds: range) -> Recording:
-    """Record a world; where nothing stands, of those with these seeds the first in which the view has lost somebody.
+    """Record a world; without standing obstacles, take the first of these seeds in which somebody has left the view.
 
-    What the view has lost is in the scans, so that the choice hardly changes how probable people are, given the scans.
+    The scans show who has left the view, so this choice hardly changes the probability of people given the scans.
     """
     for seed in seeds:
         recording = simulate(sample_world(spec, seed))

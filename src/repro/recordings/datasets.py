@@ -58,6 +58,8 @@ class Pairs:
 
     def _drawn(self, stored: Tensor) -> Tensor:
         bits, step = self.encoding.bits, _step(self.encoding)
+        if bits == 8:
+            return stored
         shifts = torch.arange(8 - bits, -1, -bits, dtype=torch.uint8, device=stored.device)
         grays = (stored[..., None] >> shifts).bitwise_and_(2**bits - 1).mul_(step)
         return grays.flatten(-2)[..., : self.maps.shape[-1]]
@@ -69,9 +71,10 @@ class Pairs:
 
 def packed(images: np.ndarray, encoding: Encoding) -> Tensor:
     """Pack the pixels of images, uint8, (..., W), in the bits that an encoding needs, (..., W bits / 8), rounded up."""
-    grays, bits = images // np.uint8(_step(encoding)), encoding.bits
-    if bits == 1:
-        return torch.from_numpy(np.packbits(grays, axis=-1))
+    bits = encoding.bits
+    if bits == 8:
+        return torch.from_numpy(images)
+    grays = images // np.uint8(_step(encoding))
     lacking = -images.shape[-1] % (8 // bits)
     grays = np.pad(grays, [(0, 0)] * (images.ndim - 1) + [(0, lacking)])
     of_bytes = grays.reshape(*grays.shape[:-1], -1, 8 // bits) << np.arange(8 - bits, -1, -bits, dtype=np.uint8)

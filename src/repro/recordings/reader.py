@@ -74,7 +74,7 @@ class Recordings:
 
         Args:
             split: train, val or test.
-            count: number of recordings to cover, from the first, see `format.holds`; None for all.
+            count: number of recordings to cover, from the first, see `format.has_pairs`; None for all.
 
         Raises:
             InputError: a shard is missing, truncated, altered, or of another configuration, or there are too few.

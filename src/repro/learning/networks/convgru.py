@@ -45,12 +45,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         turned: bool = False,
     ) -> None:
         check_series(in_channels, frames)
-        are_whole = type(hidden) is int and type(stride) is int
-        if not are_whole or hidden < 16 or hidden % 16 or stride not in (2, 4):
-            raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden!r} and {stride!r}")
-        for name, value in (("centered", centered), ("indexed", indexed), ("turned", turned)):
-            if type(value) is not bool:  # any text would be true
-                raise InputError(f"{name} must be true or false, got {value!r}")
+        _check(hidden, stride, centered=centered, indexed=indexed, turned=turned)
         super().__init__()
         self.frames, self.hidden, self.stride = frames, hidden, stride
         self.centered, self.indexed, self.turned = centered, indexed, turned
@@ -111,6 +106,16 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         new = ConvGRU(*sizes, centered=True, indexed=True, turned=True)
         new.load_state_dict(new.state_dict() | self.state_dict())
         return new
+
+
+def _check(hidden: int, stride: int, **flags: bool) -> None:
+    """Raise an `InputError` if a parameter is not allowed."""
+    are_whole = type(hidden) is int and type(stride) is int
+    if not are_whole or hidden < 16 or hidden % 16 or stride not in (2, 4):
+        raise InputError(f"hidden must be a multiple of 16 and stride 2 or 4, got {hidden!r} and {stride!r}")
+    for name, value in flags.items():
+        if type(value) is not bool:  # any text would be true
+            raise InputError(f"{name} must be true or false, got {value!r}")
 
 
 def is_centered(network: nn.Module) -> bool:
