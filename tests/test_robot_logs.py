@@ -254,6 +254,7 @@ def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_pat
         monkeypatch.setattr(adaptation, name, value)
     monkeypatch.setattr(real_logs, "PLACES", ("dense", "sparse"))
     monkeypatch.setattr(real_logs, "MAX_WINDOWS", 12)
+    monkeypatch.setattr(script, "count_cores", lambda: 1)  # other processes would not know of these limits
     weights = str(ROOT / "reproduce" / "results" / ROOMS)
     options = SimpleNamespace(
         logs=logs, adapted=weights, weights=["rooms"], target=tmp_path, kept=tmp_path / "kept", save=None
