@@ -14,7 +14,7 @@ from repro.cli.refusals import Refused
 from repro.logs.options import Center, LidarRange, Misses, Mounting, Pose, Spacing, Steps, StepTime
 from repro.runs.parallel import has_gpu
 from repro.system.errors import InputError
-from repro.system.fields import KNOWN_KEYS, Name, NotNegative, ordered
+from repro.system.fields import KNOWN_KEYS, Name, NotNegative
 
 Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true"]  # of Lightning
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
@@ -119,20 +119,18 @@ class Navigation:
     Args:
         mapper: how the robots make maps.
         experiments: those of `world` in which they drive.
-        inflations_m: candidates for the radius by which obstacles grow [m].
         validation_seeds: courses per experiment for the choice of the settings of a mapper.
         test_seeds: courses per experiment for the test.
-        curve_seeds: courses per experiment for each inflation.
+        looks: also with a cost of what the robot has not seen for a while.
     """
 
     __pydantic_config__ = KNOWN_KEYS
 
     mapper: Literal[Classical, "network"]
     experiments: Annotated[list[Name], Field(min_length=1)]
-    inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount
-    curve_seeds: SeedCount
+    looks: bool
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,17 @@
 """The planner of all mappers: a cost-to-go on the map, and arcs that are rolled out over it.
 
 The probability of an obstacle p is inflated: the largest one within a radius. A meter costs 1 + weight p. Dijkstra's
-algorithm (SciPy) gives the cost from every pixel to the goal. Of the arcs of constant speed and turn over two seconds,
-as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of the cost
-from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the longest
-way. The risk is the mean of the inflated p along the arc and `LETHAL` times the largest p within the robot's radius.
+algorithm gives the cost from the pixels around the robot to the goal. Of the arcs of constant speed and turn over two
+seconds, as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of
+the cost from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the
+longest way. The risk is the mean of the inflated p along the arc and `LETHAL` times the largest p within the robot's
+radius. With `Settings.look`, obstacles that are expected unseen on the arc cost, too.
 """
 
 import itertools
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
@@ -36,11 +34,16 @@ class Settings:
         inflation_m: radius by which obstacles grow [m].
         weight: cost of a meter in an obstacle, in meters.
         threshold: probability above which a pixel is an obstacle; None takes the probabilities as they are.
+        look: cost of a meter of an arc where an obstacle is expected unseen, in meters, so that a robot may turn its
+            lidar before its path.
+        unseen_s: age of the last look at a pixel from which on it is unseen when the arc enters it [s].
     """
 
     inflation_m: float
     weight: float
     threshold: float | None = None
+    look: float = 0.0
+    unseen_s: float = 0.0
 
 
 class Planner:
@@ -66,31 +69,42 @@ class Planner:
         fall = (settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9)  # less than 0 spreads nothing
         self.fall, self.core = np.where(away <= core, 1, fall), np.where(away <= core, 1.0, 0.0)
 
-    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
         """Choose the commands of E robots.
 
         Args:
             occupied: probability of an obstacle now and every `LAYER_S` later, K maps, (E, K, H, W).
             poses: x, y [m], heading [rad], (E, 3).
             goals: x, y [m], (E, 2).
+            look: with `Settings.look`, time since a beam passed over each pixel [s], and obstacles that are expected
+                in it if it is unseen, each (E, H, W).
 
         Returns:
             speed [m/s] and rate of turn [rad/s], (E, 2).
         """
-        return self.commands[self.costs(occupied, poses, goals).argmin(1)]
+        return self.commands[self.costs(occupied, poses, goals, *look).argmin(1)]
 
-    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
         """Return the cost of every arc of E robots, (E, A), see `plan`; infinite where it ends off the map."""
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
-        to_go = np.stack([self.cost_to_go(maps[0], goal) for maps, goal in zip(inflated, goals, strict=True)])
-        points = placed(self.arcs, poses[:, None])  # (E, A, P, 2)
+        points = placed(self.arcs, poses[:, None]) / self.grid.resolution_m  # (E, A, P, 2)
         layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
-        on_arc = partial(self._along, points=points, layer=layer)
-        risk = on_arc(inflated).mean(0) + LETHAL * on_arc(lethal).max(0)
-        cost = self._read(to_go, points[:, :, -1], outside=np.inf) + self.settings.weight * self.longest_m * risk
-        return cost + self.longest_m * (self.commands[:, 0] < 0)
+        cost = self.longest_m * (self.commands[:, 0] < 0) + np.zeros(points.shape[:2])
+        if look:
+            age_s, expected = look
+            start, headings = (
+                poses[:, None, :2] / self.grid.resolution_m,
+                poses[:, 2:] + HORIZON_S * self.commands[:, 1],
+            )
+            unseen = _unseen(age_s, expected, start[:, 0], points, self.settings.unseen_s - TIMES_S)
+            cost += self.settings.look * self.longest_m * unseen
+            still = self.commands[:, 0] == 0  # on the spot, what counts is the cost from the pixel that the robot faces
+            points[:, still, -1] = start + np.stack([np.cos(headings), np.sin(headings)], axis=-1)[:, still]
+        to_go = self.costs_to_go(inflated[:, 0], goals, points[:, :, -1])
+        left, risk = _roll_out(to_go, inflated, lethal, points, layer)
+        return left + self.settings.weight * self.longest_m * risk + cost
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""
@@ -98,31 +112,22 @@ class Planner:
         _spread(occupied.reshape(-1, *occupied.shape[-2:]), fall, inflated.reshape(-1, *occupied.shape[-2:]))
         return inflated
 
-    def cost_to_go(self, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """Compute the cost from every pixel of a map (H, W) to a goal [m], (H, W)."""
-        size = self.grid.size_px
-        cost = (1 + self.settings.weight * inflated).ravel() * self.grid.resolution_m
-        start, end, first, length = _neighbors(size)
-        graph = csr_array((0.5 * (cost[start] + cost[end]) * length, end, first), shape=(size**2, size**2))
-        column, row = np.clip(goal // self.grid.resolution_m, 0, size - 1).astype(int)
-        return dijkstra(graph, indices=(size - 1 - row) * size + column).reshape(size, size)
+    def costs_to_go(self, inflated: np.ndarray, goals: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Compute the costs to goals [m], at least in the pixels around some points.
 
-    def _along(self, maps: np.ndarray, points: np.ndarray, layer: np.ndarray) -> np.ndarray:
-        """Read maps (E, K, H, W) at the points of arcs (E, A, P, 2), each in its layer (P,); returns (P, E, A)."""
-        return np.stack([self._read(maps[:, k], points[:, :, p]) for p, k in enumerate(layer)])
+        Args:
+            inflated: maps, (E, H, W).
+            goals: x, y [m], (E, 2).
+            ends: x, y [px], (E, A, 2).
 
-    def _read(self, maps: np.ndarray, points: np.ndarray, outside: float = OUTSIDE) -> np.ndarray:
-        """Interpolate maps (E, H, W) at points x, y [m], (E, ..., 2), with a value for those outside, (E, ...)."""
+        Returns:
+            the costs, (E, H, W); infinite, or too large, farther away.
+        """
         size = self.grid.size_px
-        x, y = np.moveaxis(points, -1, 0) / self.grid.resolution_m
-        column, row = np.clip(x - 0.5, 0, size - 1.001), np.clip(size - y - 0.5, 0, size - 1.001)
-        left, top = column.astype(int), row.astype(int)
-        which = np.arange(len(maps)).reshape(-1, *[1] * (points.ndim - 2))
-        right, below = column - left, row - top
-        upper = maps[which, top, left] * (1 - right) + maps[which, top, left + 1] * right
-        lower = maps[which, top + 1, left] * (1 - right) + maps[which, top + 1, left + 1] * right
-        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
-        return np.where(inside, upper * (1 - below) + lower * below, outside)
+        cost = (1 + self.settings.weight * inflated) * self.grid.resolution_m
+        column, up = np.clip(goals // self.grid.resolution_m, 0, size - 1).astype(int).T
+        nearby = np.stack([ends.min(1) - 1.5, ends.max(1) + 1.5], axis=1).clip(0, size - 1).astype(int)
+        return _flood(cost, np.stack([size - 1 - up, column], axis=1), nearby, 0.999 * self.grid.resolution_m)
 
 
 def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -144,29 +149,131 @@ def _spread(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
     size, reach = maps.shape[1], len(fall) // 2
     for index in range(len(maps)):
         for row in range(size):
-            for column in range(size):
-                p = maps[index, row, column]
-                if p <= 0:
+            filled = np.flatnonzero(maps[index, row])
+            if not len(filled):
+                continue
+            for to_row in range(max(0, row - reach), min(size, row + reach + 1)):
+                for right in range(-reach, reach + 1):
+                    weight = fall[to_row - row + reach, right + reach]
+                    if weight > 0:
+                        first, last = max(filled[0], -right), min(filled[-1], size - 1 - right)
+                        source = maps[index, row, first : last + 1]
+                        target = inflated[index, to_row, first + right : last + 1 + right]
+                        for column in range(len(source)):  # without a branch, for the vector unit
+                            target[column] = max(target[column], source[column] * weight)
+
+
+@compiled
+def _flood(cost: np.ndarray, goals: np.ndarray, nearby: np.ndarray, width: float) -> np.ndarray:
+    """Compute the costs to goals with Dijkstra's algorithm and buckets (Dial 1969).
+
+    A bucket has the pixels whose costs differ by less than the shortest edge, so that their order does not matter.
+
+    Args:
+        cost: of the way through each pixel, (E, H, W).
+        goals: row and column, (E, 2).
+        nearby: least and largest column and row from below of the pixels that are needed, (E, 2, 2).
+        width: of a bucket.
+    """
+    size, beside = cost.shape[1], ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+    to_go = np.full(cost.shape, np.inf)
+    buckets = int(1.5 * cost.max() / width) + 2  # that are in use at a time
+    newest, pixels, before = (
+        np.empty(buckets, np.int32),
+        np.empty(9 * size**2, np.int32),
+        np.empty(9 * size**2, np.int32),
+    )
+    settled = np.empty((size, size), np.bool_)
+    for robot in range(len(cost)):
+        newest[:], settled[:] = -1, False
+        (left, low), (right, high) = nearby[robot]
+        missing = (right - left + 1) * (high - low + 1)
+        row, column = goals[robot]
+        to_go[robot, row, column], newest[0], pixels[0], before[0], used, bucket = 0.0, 0, row * size + column, -1, 1, 0
+        while missing:
+            while newest[bucket % buckets] >= 0:
+                entry = newest[bucket % buckets]
+                newest[bucket % buckets] = before[entry]
+                row, column = divmod(pixels[entry], size)
+                if settled[row, column]:
                     continue
-                for to_row in range(max(0, row - reach), min(size, row + reach + 1)):
-                    for to_column in range(max(0, column - reach), min(size, column + reach + 1)):
-                        spread = p * fall[to_row - row + reach, to_column - column + reach]
-                        if spread > inflated[index, to_row, to_column]:
-                            inflated[index, to_row, to_column] = spread
+                settled[row, column] = True
+                missing -= left <= column <= right and low <= size - 1 - row <= high
+                own, so_far = cost[robot, row, column], to_go[robot, row, column]
+                for down, across in beside:
+                    to_row, to_column = row + down, column + across
+                    if 0 <= to_row < size and 0 <= to_column < size and not settled[to_row, to_column]:
+                        length = np.sqrt(2.0) if down and across else 1.0
+                        found = so_far + 0.5 * (own + cost[robot, to_row, to_column]) * length
+                        if found < to_go[robot, to_row, to_column]:
+                            to_go[robot, to_row, to_column] = found
+                            which = int(found / width) % buckets
+                            pixels[used], before[used], newest[which] = to_row * size + to_column, newest[which], used
+                            used += 1
+            bucket += 1
+    return to_go
 
 
-@lru_cache(maxsize=4)
-def _neighbors(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the edges between the eight neighbors on a grid, sorted: start, end, first edge of each pixel, length."""
-    pixel = np.arange(size**2).reshape(size, size)
-    starts, ends, lengths = [], [], []
-    for down, right in itertools.product((-1, 0, 1), repeat=2):
-        if down or right:
-            own = pixel[max(0, -down) : size - max(0, down), max(0, -right) : size - max(0, right)].ravel()
-            starts.append(own)
-            ends.append(own + down * size + right)
-            lengths.append(np.full(len(own), np.hypot(down, right)))
-    start, end, length = map(np.concatenate, (starts, ends, lengths))
-    order = np.lexsort((end, start))
-    first = np.searchsorted(start[order], np.arange(size**2 + 1))
-    return start[order], end[order].astype(np.int32), first.astype(np.int32), length[order]
+@compiled
+def _roll_out(
+    to_go: np.ndarray, inflated: np.ndarray, lethal: np.ndarray, points: np.ndarray, layer: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cost to go from the ends of arcs, and their risks, each (E, A).
+
+    Args:
+        to_go: costs to the goals, (E, H, W).
+        inflated: inflated maps, (E, K, H, W).
+        lethal: maps inflated by the robot's radius, (E, K, H, W).
+        points: x, y [px], (E, A, P, 2).
+        layer: the map of each point, (P,).
+    """
+    robots, number, steps = points.shape[:3]
+    left, risk = np.empty((2, robots, number))
+    for robot in range(robots):
+        for arc in range(number):
+            total, worst = 0.0, 0.0
+            for step in range(steps):
+                x, y = points[robot, arc, step]
+                total += _read(inflated[robot, layer[step]], x, y, OUTSIDE)
+                worst = max(worst, _read(lethal[robot, layer[step]], x, y, OUTSIDE))
+            left[robot, arc] = _read(to_go[robot], x, y, np.inf)
+            risk[robot, arc] = total / steps + LETHAL * worst
+    return left, risk
+
+
+@compiled
+def _read(image: np.ndarray, x: float, y: float, outside: float) -> float:
+    """Interpolate a map (H, W) at a point [px], with a value for one outside."""
+    size = len(image)
+    if not (0 <= x < size and 0 <= y < size):
+        return outside
+    column, row = min(max(x - 0.5, 0.0), size - 1.001), min(max(size - y - 0.5, 0.0), size - 1.001)
+    left, top = int(column), int(row)
+    right, below = column - left, row - top
+    upper = image[top, left] * (1 - right) + image[top, left + 1] * right
+    lower = image[top + 1, left] * (1 - right) + image[top + 1, left + 1] * right
+    return upper * (1 - below) + lower * below
+
+
+@compiled
+def _unseen(
+    age_s: np.ndarray, expected: np.ndarray, start: np.ndarray, points: np.ndarray, oldest_s: np.ndarray
+) -> np.ndarray:
+    """Return the obstacles that arcs meet unseen, a mean over their points, (E, A).
+
+    Args:
+        age_s: time since a beam passed over each pixel [s], (E, H, W).
+        expected: obstacles that are expected in each pixel if it is unseen, (E, H, W).
+        start: x, y of the robots [px], (E, 2), whose own pixel does not count.
+        points: x, y [px], (E, A, P, 2).
+        oldest_s: age up to which the pixel of each point is seen [s], (P,).
+    """
+    robots, number, steps = points.shape[:3]
+    size, unseen = age_s.shape[1], np.zeros((robots, number))
+    for robot, arc, step in np.ndindex((robots, number, steps)):
+        x, y = points[robot, arc, step]
+        is_own = int(x) == int(start[robot, 0]) and int(y) == int(start[robot, 1])
+        if 0 <= x < size and 0 <= y < size and not is_own:
+            pixel = robot, size - 1 - int(y), int(x)
+            unseen[robot, arc] += expected[pixel] / steps if age_s[pixel] > oldest_s[step] else 0.0
+    return unseen

@@ -42,16 +42,10 @@ def scan(
     stands = (states == states[:, :1]).all((1, 2)) & (outlines.shape[1] == 1)
     for numbers, steps in ((np.flatnonzero(stands), slice(1)), (np.flatnonzero(~stands), slice(None))):
         rings = placed(outlines[numbers], states[numbers, steps])  # (R, 1 or T, V, 2)
-        reached = _cast(ranges, nearest, numbers, poses, directions, view, rings, *_circles(rings), range_max_m)
+        reached = _cast(ranges, nearest, numbers, poses, directions, view, rings, range_max_m)
         if reached >= 0:
             raise InputError(f"obstacle {reached} reaches the robot: enlarge clear_radius_m")
     return ranges, np.isin(np.arange(len(outlines)), nearest)
-
-
-def _circles(rings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the centers of circles around rings (R, S, V, 2), (R, S, 2), and their radii [m], (R, S)."""
-    centers = (rings.min(-2) + rings.max(-2)) / 2
-    return centers, np.linalg.norm(rings - centers[..., None, :], axis=-1).max(-1) + _MARGIN
 
 
 def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray) -> bool:
@@ -90,8 +84,6 @@ def _cast(
     directions: np.ndarray,
     view: np.ndarray,
     rings: np.ndarray,
-    centers: np.ndarray,
-    radii: np.ndarray,
     range_max_m: float,
 ) -> int:
     """Shorten the ranges of all beams to the rings that they cross; return an obstacle that contains a robot, or -1.
@@ -104,16 +96,15 @@ def _cast(
         directions: unit vectors of the beams, (T, N, 2).
         view: direction of the middle of the view and half of the field of view [rad], (T, 2).
         rings: outlines in the world, (R, S, V, 2), where S is T, or 1 if they stand.
-        centers: of the circles around the outlines [m], (R, S, 2).
-        radii: of these circles [m], (R, S).
         range_max_m: longest range [m].
     """
     for place in range(len(rings)):
         index = numbers[place]
         for step in range(len(ranges)):
             at = step if rings.shape[1] > 1 else 0
-            across, up = centers[place, at, 0] - poses[step, 0], centers[place, at, 1] - poses[step, 1]
-            radius = radii[place, at]
+            if at or not step:
+                center_x, center_y, radius = _circle(rings[place, at])
+            across, up = center_x - poses[step, 0], center_y - poses[step, 1]
             square = across * across + up * up
             if not _may_be_hit(across, up, radius, view[step], range_max_m):
                 continue
@@ -128,6 +119,13 @@ def _cast(
                     if distance <= range_max_m and distance < ranges[step, beam]:
                         ranges[step, beam], nearest[step, beam] = distance, index
     return -1
+
+
+@compiled
+def _circle(ring: np.ndarray) -> tuple[float, float, float]:
+    """Return the center of a circle around a ring (V, 2), x, y [m], and its radius [m]."""
+    x, y = (ring[:, 0].min() + ring[:, 0].max()) / 2, (ring[:, 1].min() + ring[:, 1].max()) / 2
+    return x, y, math.sqrt(((ring[:, 0] - x) ** 2 + (ring[:, 1] - y) ** 2).max()) + _MARGIN
 
 
 @compiled
