@@ -89,12 +89,11 @@ def test_the_library_does_not_import_the_study():
 
 def test_the_library_names_no_package_of_the_study():
     """Neither at the top of a module nor inside a function, where it would be imported late."""
-    allowed = {"networks.weights": {"huggingface_hub"}}  # with a message where it is absent
     named = {
         f"{name} imports {each}"
         for name, tree in TREES.items()
         if package_of(name) in LIBRARY
-        for each in {other.split(".")[0] for other in imports_of(tree)} & set(OF_THE_STUDY) - allowed.get(name, set())
+        for each in {other.split(".")[0] for other in imports_of(tree)} & set(OF_THE_STUDY)
     }
     assert not named
 
