@@ -116,7 +116,7 @@ def test_frames_are_gathered_from_all_evaluated_runs(frames):
     assert (frames["cost"]["channels"] == 1).all()
     for row in frames["cost"].itertuples():
         network = create_network(paper_model(row.model))
-        assert row.parameters == sum(each.numel() for each in network.parameters())
+        assert row.parameters == sum(weights.numel() for weights in network.parameters())
 
 
 @pytest.mark.slow

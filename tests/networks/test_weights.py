@@ -40,7 +40,7 @@ def test_the_named_networks_are_their_weights_of_torch_in_onnx(name):
         window = Scans(log["ranges"][:100], log["angles"], log["poses"][:100])
     expected = load_trained(name)
     assert dataclasses.replace(predictor, network=expected.network) == expected
-    free, free_of_torch = (each.predict(window)[0] for each in (predictor, expected))
+    free, free_of_torch = (loaded.predict(window)[0] for loaded in (predictor, expected))
     np.testing.assert_allclose(free, free_of_torch, rtol=0, atol=1e-5)
     assert np.array_equal(free < 0.5, free_of_torch < 0.5)
 

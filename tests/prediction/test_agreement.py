@@ -62,7 +62,7 @@ def test_a_map_is_compared_with_one_of_the_last_hits_on_the_next_scan_and_on_hel
 def test_invalid_readings_are_not_compared():
     scan = wall(5)
     scan.ranges[0, :50] = np.nan
-    half, whole = (observed(each, GRID, 30.0) for each in (scan, wall(5)))
+    half, whole = (observed(one, GRID, 30.0) for one in (scan, wall(5)))
     assert 0 < half.hits.sum() < whole.hits.sum()
     assert 0 < half.passed.sum() < 0.6 * whole.passed.sum()
 

@@ -68,13 +68,13 @@ def test_the_map_is_centered_as_asked(center, origins):
 def test_a_gap_divides_a_log():
     stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(3, 3.5, 0.1), np.arange(5000.05, 5001.6, 0.1)])
     found = list(cut(log_of(stamps), WINDOWS, *PLACE))
-    windows = [each for each in found if isinstance(each, Window)]
+    windows = [part for part in found if isinstance(part, Window)]
     assert [window.number for window in windows] == [1, 2, 3, 4, 5]
     assert [window.stamp for window in windows] == pytest.approx([0.9, 1.4, 1.9, 5000.95, 5001.45])
     assert windows[2].following is None, "the scan after the gap is not the next one"
     assert windows[3].following.ranges[0, 0] == pytest.approx(5001.05)
     assert windows[3].scans.ranges[:, 0] == pytest.approx(np.arange(5000.05, 5001, 0.1))
-    assert [each for each in found if isinstance(each, str)] == [
+    assert [part for part in found if isinstance(part, str)] == [
         "no scans for 1.1 s before 3.00 s",
         "0.4 s of scans from 3.00 s, a window takes 0.9 s",
         "no scans for 4996.7 s before 5000.05 s",
@@ -83,7 +83,7 @@ def test_a_gap_divides_a_log():
 
 def test_a_clock_that_is_set_back_divides_a_log():
     found = list(cut(log_of(np.concatenate([np.arange(0, 1.05, 0.1), np.arange(-20, -18.95, 0.1)])), WINDOWS, *PLACE))
-    assert [each for each in found if isinstance(each, str)] == ["the time goes back by 21.0 s to -20.00 s"]
+    assert [part for part in found if isinstance(part, str)] == ["the time goes back by 21.0 s to -20.00 s"]
 
 
 def test_a_short_log_is_refused():

@@ -80,7 +80,7 @@ def batch_maps(log: ScanLog) -> dict[float, np.ndarray]:
     windows = list(cut(log, WindowSettings((12.5, 12.5), STEPS), 0.1, 25.0))
     assert len(windows) == len(log) - STEPS + 1
     maps = (predict_map(predictor, window.scans, window.origin, window.stamp) for window in windows)
-    return {each.stamp: occupancy(each.free, unknown=each.unknown) for each in maps}
+    return {found.stamp: occupancy(found.free, unknown=found.unknown) for found in maps}
 
 
 def check_maps(received: Sequence[Any], maps: dict[float, np.ndarray], output: str) -> None:
@@ -131,7 +131,7 @@ class Robot:
 
         No map ends with the first scans: they fill the window.
         """
-        while min(each.get_subscription_count() for each in (self.static, self.scans, self.poses)) == 0:
+        while min(publisher.get_subscription_count() for publisher in (self.static, self.scans, self.poses)) == 0:
             time.sleep(0.05)
         time.sleep(1)  # the node may find the publishers later than they find it; what it has not found is lost
         self.static.publish(mounting(stamp(0)))

@@ -77,7 +77,7 @@ def _recorded(spec: WorldSpec, seeds: range) -> Recording:
     """
     for seed in seeds:
         recording = simulate(sample_world(spec, seed))
-        if standing(recording.states).any() or any(each.is_lost for each in _seen(recording, spec)):
+        if standing(recording.states).any() or any(mover.is_lost for mover in _seen(recording, spec)):
             break
     return recording
 
