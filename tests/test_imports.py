@@ -20,7 +20,7 @@ OF_THE_STUDY = (
 )
 WITHOUT_SIMULATOR = (
     "repro.learning.training",
-    "repro.evaluation.evaluate",
+    "repro.evaluation.scoring",
     "repro.recordings.reader",
 )
 

@@ -12,7 +12,7 @@ from repro.baselines import registry, tracker
 from repro.baselines.occupancy_grids import log_odds_grid, observation, transitional_grid
 from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free
 from repro.baselines.titles import BASELINES
-from repro.evaluation.evaluate import evaluate
+from repro.evaluation.scoring import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.metrics.counts import counts_of, pooled_scores

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.demo.page import ASSETS
+from repro.demo.demo_page import ASSETS
 from repro.demo.worlds import FILE, describe, describe_world
 from repro.maps.encodings import create_encoding, to_input
 from repro.maps.grid import Grid

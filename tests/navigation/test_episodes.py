@@ -19,7 +19,7 @@ from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sampl
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
 from repro.navigation.planner import Planner, Settings, arcs
-from repro.reporting.navigation import TITLES, barn, compare_mappers
+from repro.reporting.navigation_tables import TITLES, barn, compare_mappers
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping

@@ -11,7 +11,7 @@ from onnx import TensorProto, numpy_helper
 
 from repro.learning.networks.convgru import ConvGRU
 from repro.learning.networks.convlstm import ConvLSTM
-from repro.learning.networks.export import TOLERANCE
+from repro.learning.networks.onnx_export import TOLERANCE
 from repro.learning.networks.trained import TorchNetwork, export_onnx
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid

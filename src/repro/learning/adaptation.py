@@ -71,7 +71,7 @@ class PartialLoss(nn.Module):
         return torch.stack([bce_loss(*window) for window in windows]).mean()
 
 
-class Adaptation(TrainingModule):
+class AdaptationModule(TrainingModule):
     """Training on random squares of the maps, which takes half the time, with a learning rate that falls to zero."""
 
     def training_step(self, batch: tuple[Tensor, Tensor], _: int) -> Tensor:
@@ -198,7 +198,7 @@ def adapt(
     network.to(device)
     accelerate(network, device)
     epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / sum(len(labeled.pairs) for labeled in first)))
-    module = Adaptation(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
+    module = AdaptationModule(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
     before = _validation_loss(module)
     with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
         fit(module, Path(directory), device, precision)

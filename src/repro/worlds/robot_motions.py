@@ -31,7 +31,7 @@ from repro.worlds.limits import (
 Steps = Annotated[int, Field(ge=1, le=100_000)]  # of a side or a turn
 
 
-class Rotation(Section):
+class FullTurn(Section):
     """A full turn in place; `turned_rad` [rad] is its start heading, or its range."""
 
     name: Literal["rotate"]
@@ -214,7 +214,7 @@ class RandomGoals(Section):
     standing: Standing | None = None
 
 
-Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
+Motion = Annotated[FullTurn | Square | Waypoints | RandomGoals, Field(discriminator="name")]
 Drive = RotationDrive | SquareDrive | WaypointDrive | SweepDrive
 DRIVES: dict[str, Any] = {
     "rotate": RotationDrive,

@@ -17,7 +17,7 @@ from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.format import spec_fingerprint
-from repro.reporting.export import CARD_METRICS, export_run, export_weights, hub_metadata, make_card
+from repro.reporting.network_export import CARD_METRICS, export_run, export_weights, hub_metadata, make_card
 from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
 from repro.runs.model import paper_model
