@@ -5,10 +5,12 @@ import pytest
 
 from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.prediction.windows import Window, cut
+from repro.maps.statistics import Statistics
+from repro.prediction.windows import Window, cut, spaced_by_distance
 
 WINDOWS = WindowSettings(steps=10)
 PLACE = (0.5, 50.0)  # stride [s] and side of the map [m]
+NO_PATH = {"path_m": (0.0,) * 5}
 
 
 def log_of(stamps: np.ndarray) -> ScanLog:
@@ -111,6 +113,17 @@ def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
         assert np.isnan(held_out[1:4]).all()
         assert held_out[[0, 4]] == pytest.approx(window.scans.ranges[-1, [0, 4]])
         assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])
+
+
+def test_windows_spaced_by_distance_are_as_long_as_those_of_the_training():
+    log, usual = log_of(0.5 * np.arange(61)), Statistics(1, {"path_m": (1.0, 2.0, 10.0, 20.0, 30.0)})  # 0.5 m a scan
+    found = spaced_by_distance(log, WINDOWS, usual)
+    assert (found.spacing, found.step_s) == ("distance", pytest.approx(2.0))  # 10 steps of two scans are 10 m
+    short = replace(usual, quantiles={"path_m": (0.0, 0.0, 0.1, 1.0, 1.0)})
+    assert spaced_by_distance(log, WINDOWS, short).step_s == pytest.approx(1.0), "ten different scans"
+    for standing, statistics in ((replace(log, poses=0 * log.poses), usual), (log, replace(short, quantiles=NO_PATH))):
+        with pytest.raises(ValueError, match="its scans cannot be spaced by distance"):
+            spaced_by_distance(standing, WINDOWS, statistics)
 
 
 def test_refusals_of_windows_spaced_by_distance_count_scans():
