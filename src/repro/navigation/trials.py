@@ -9,7 +9,7 @@ Every episode is a row of one file, so that a run goes on where it was left.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -79,7 +79,8 @@ class Surface:
         """Gather the episodes on validation courses."""
         scores = (validation["outcome"] == "goal") + SPL_SHARE * spl(validation)
         scores = validation.assign(score=scores).pivot(index=["experiment", "seed"], columns="settings", values="score")
-        means, table = scores.mean(axis=1), scores.sub(scores.mean(axis=1), axis=0)
+        means = scores.mean(axis=1)
+        table = scores.sub(means, axis=0)
         axes = pd.DataFrame(list(map(settings_of, table)))
         ranks = axes.rank(method="dense").fillna(0).to_numpy()
         apart = ranks[:, None] - ranks
@@ -200,14 +201,15 @@ class Trials:
         return rows.assign(split=splits, experiment=experiments, settings=labels, mapper=self.name)
 
 
-def design(labels: Sequence[str], experiments: Sequence[str], count: int) -> list[tuple[str, int, str]]:
+def design(labels: Sequence[str], experiments: Iterable[str], count: int) -> list[tuple[str, int, str]]:
     """Return which settings each validation course is driven with: experiment, number of the course, settings.
 
     All settings of an experiment have their turn before one comes again; more courses change nothing for the others.
     """
     found, tries = [], min(TRIES, len(labels))
     for place, experiment in enumerate(experiments):
-        rng, turns = np.random.default_rng(place), []
+        rng = np.random.default_rng(place)
+        turns: list[int] = []
         for number in range(count):
             own: list[int] = []
             while len(own) < tries:

@@ -100,7 +100,7 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
     """
     fared = {mapper: Fared.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
     classical = [mapper for mapper in BEST_OF if mapper in fared]
-    best = max(classical, key=lambda mapper: fared[mapper].score, default=None)
+    best: str | None = max(classical, key=lambda mapper: fared[mapper].score, default=None)
     test = pd.concat([one.test for one in fared.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
@@ -112,9 +112,8 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
             row |= {"settings": one.settings, "covered": one.covered, "episodes": len(own)}
             row |= _interval("success", "", success[mapper], one.shifts[experiment])
             for name, other in (("difference", best), ("look", mapper.removesuffix(LOOKING))):
-                if other in fared and (name == "difference" or other != mapper):
-                    shift = one.shifts[experiment] - fared[other].shifts[experiment] * (other != mapper)
-                    shift = np.zeros_like(shift) if other == mapper else shift
+                if other is not None and (name == "difference" or other != mapper):
+                    shift = one.shifts[experiment] - fared[other].shifts[experiment]
                     row |= _interval(name, f"{name}_", success[mapper] - success[other], shift)
             if best is not None:
                 row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())
