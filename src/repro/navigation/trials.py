@@ -1,9 +1,9 @@
 """One mapper of the comparison: tuned on validation courses, driven on test courses.
 
-Each validation course is driven with a few settings of a grid, all settings in turn. The mean score of a setting, less
-that of its courses, is smoothed over its neighbors on the grid, and the setting with the largest one is chosen. So is
-one in every resample of the courses; those chosen often are driven on test courses, too, for the interval of the
-result.
+Each validation course is driven with a few settings of a grid, all settings in turn. The scores of the settings, less
+the means of the courses, are smoothed over neighbors on the grid by a Gaussian process, and the setting with the
+largest one is chosen. So is one in every resample of the courses; those chosen often are driven on test courses, too,
+for the interval of the result.
 
 Every episode is a row of one file, so that a run goes on where it was left.
 """
@@ -33,7 +33,9 @@ from repro.worlds.spec import WorldSpec
 INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
 LOOKS = {"look": (0.1, 0.3, 1.0, 3.0, 10.0), "unseen_s": (1.0, 3.0)}
-SMOOTHED = ("inflation_m", "weight", "look", "age_s", "forgetting")  # by a Gaussian kernel of a step of the grid
+SMOOTHED = ("inflation_m", "weight", "look", "age_s", "forgetting")  # settings whose neighbors are alike
+REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
+SPREAD = 0.05  # of the scores of settings
 TRIES = 2  # settings of each validation course
 OFTEN, MOST = 0.05, 3  # share of the resamples in which a setting is chosen that is tested, and number of these
 SHARED = 30  # test courses per experiment on which they are driven
@@ -65,7 +67,7 @@ class Surface:
         means: mean scores of the courses, (C,).
         deviations: scores less these, 0 where a course was not driven, (C, S).
         driven: whether it was, (C, S).
-        kernel: by how much the settings count for each other, (S, S).
+        kernel: correlations of the scores of settings, (S, S).
     """
 
     labels: Sequence[str]
@@ -85,25 +87,29 @@ class Surface:
         ranks = axes.rank(method="dense").fillna(0).to_numpy()
         apart = ranks[:, None] - ranks
         smooth = axes.columns.isin(SMOOTHED)
-        kernel = np.exp(-np.square(apart[..., smooth]).sum(-1) / 2) * (apart[..., ~smooth] == 0).all(-1)
+        kernel = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2) * ALIKE ** (apart[..., ~smooth] != 0).sum(
+            -1
+        )
         return cls(list(table), means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(), kernel)
 
     def smoothed(self, weights: np.ndarray) -> np.ndarray:
         """Return the smoothed scores of the settings, (draws, S), given the weights of the courses, (draws, C)."""
-        gains = (weights @ self.deviations @ self.kernel) / np.maximum(weights @ self.driven @ self.kernel, 1e-9)
+        sums, counts = weights @ self.deviations, weights @ self.driven
+        noise = np.square(self.deviations).sum() / max(self.driven.sum() - len(self.driven), 1) + 1e-6
+        known = counts[..., None] * SPREAD**2 * self.kernel + noise * np.eye(len(self.kernel))
+        gains = np.linalg.solve(known, sums[..., None])[..., 0] @ (SPREAD**2 * self.kernel)
         return (weights @ self.means / weights.sum(1))[:, None] + gains
 
     @cached_property
     def chosen(self) -> np.ndarray:
         """The labels of the settings that are chosen with all courses, then in each resample, (draws + 1,)."""
-        return np.array(self.labels)[self.smoothed(draw_weights(len(self.driven))).argmax(1)]
+        return np.array(self.labels, dtype=object)[self.smoothed(draw_weights(len(self.driven))).argmax(1)]
 
     @property
     def tested(self) -> list[str]:
         """The labels of the settings that are chosen often, that of all courses first."""
-        labels, counts = np.unique(self.chosen[1:], return_counts=True)
-        often = [label for count, label in sorted(zip(-counts, labels, strict=True)) if -count >= OFTEN * counts.sum()]
-        return [self.chosen[0], *[label for label in often if label != self.chosen[0]][:MOST]]
+        shares = pd.Series(self.chosen[1:]).value_counts(normalize=True).drop(self.chosen[0], errors="ignore")
+        return [self.chosen[0], *shares.index[shares >= OFTEN][:MOST]]
 
 
 class Trials:
@@ -144,7 +150,6 @@ class Trials:
         """
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
-        before = len(self._known())
         labels = [label_of(dict(zip(self.axes, values, strict=True))) for values in product(*self.axes.values())]
         validation = self.episodes([("validation", *trial) for trial in design(labels, self.specs, seeds.validation)])
         tested = Surface.of(validation).tested
@@ -152,7 +157,7 @@ class Trials:
             self.episodes([("test", name, number, label) for name in self.specs for number in range(count)])
         path = self.directory / ORIGIN
         steps = read_mapping(path, "the provenance of a mapper")["steps"] if path.is_file() else []
-        if (driven := len(self._known()) - before) or not steps:
+        if driven := len(self._known()) - sum(step["episodes"] for step in steps):
             steps.append({"seeds": dataclasses.asdict(seeds), "episodes": driven, **origin})
         write_json(path, {"steps": steps})
         return settings_of(tested[0])

@@ -171,7 +171,7 @@ def _interval(name: str, prefix: str, values: pd.Series, shift: np.ndarray) -> d
     """Return the mean of values and its interval, with shifts of its draws; courses that were not driven have none."""
     known = values.dropna().to_numpy()
     drawn = draw_weights(len(known)) @ known / len(known) + shift
-    low, high = bounds(drawn)
+    low, high = bounds(drawn.clip(-1 if prefix else 0, 1))
     return {name: float(drawn[0]), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
 

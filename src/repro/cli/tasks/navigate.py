@@ -73,7 +73,7 @@ def _mapper(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
 
 def _in_onnx_runtime(predictor: "Predictor") -> "Predictor":
     """Return a predictor whose network is in ONNX Runtime, where a window takes less than half the time."""
-    from repro.learning.networks.export import write_onnx
+    from repro.learning.networks.onnx_export import write_onnx
     from repro.learning.networks.trained import TorchNetwork
     from repro.networks.onnx_files import read_onnx
     from repro.networks.predictor import description_of
