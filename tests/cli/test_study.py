@@ -52,8 +52,6 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
         "| 4 | 208 of 208 |",
         "| 5 | 0 of 208 |",
         "| runs/exp3/unet/projection/seed0 | evaluated |",
-        "| runs/exp3/fpn/projection/seed0 | missing |",
-        "| runs/exp5/unet/projection/seed0 | missing |",
         "| runs/exp3/fpn/projection/seed1 | paused |",
         "| runs/exp3/upernet/projection/seed0 | of another world |",
         "| baselines/exp3/tracker | evaluated |",
@@ -61,7 +59,9 @@ def test_the_status_lists_the_state_of_every_run(tmp_path):
         "| runs/exp4/fpn/projection/seed0 | cannot be read |",
     ):
         assert row in text, text
+    assert "| missing |" not in text
     assert "Of the study's 20 trainings with seed 0: 16 missing" in text
+    assert "Missing: 3 of U-Net, 4 of FPN, 4 of UPerNet, 5 of Segformer." in text
     assert "1 of another world" in text
     assert "seed0-old is passed over: its name is not that of a run" in text
 

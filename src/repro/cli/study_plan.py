@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from repro.baselines.titles import rank
 from repro.recordings.format import recordings_in
+from repro.reporting.names import model_title
 from repro.reporting.render import Cells
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, PairCounts
 from repro.runs.directories import Run
@@ -16,6 +17,8 @@ from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.files import is_locked
 from repro.worlds.spec import Experiment
+
+MISSING = "missing"
 
 
 @dataclass(frozen=True)
@@ -65,12 +68,17 @@ def describe_outputs(study: StudyPlan, pairs: PairCounts) -> str:
     counts = {name: recordings_in(outputs.recordings(name), wanted) for name in study.experiments}
     recorded = [(name, f"{count} of {sum(wanted.values())}") for name, count in counts.items()]
     listed = ", ".join(f"{count} {state}" for state, count in Counter(states[key] for key in planned).most_common())
+    missing = Counter(key.model for key in planned if states[key] == MISSING)
+    begun = [(key.path, states[key]) for key in ordered if states[key] != MISSING]
     lines = [
         f"{outputs.path}\n",
         Cells(("exp.", "recordings"), recorded).to_markdown(),
-        Cells(("run", "status"), [(key.path, states[key]) for key in ordered]).to_markdown(),
+        Cells(("run", "status"), begun).to_markdown() if begun else "",
         f"Of the study's {len(planned)} trainings with seed {study.seed}: {listed}.",
     ]
+    if missing:
+        counts_of = (f"{missing[model]} of {model_title(model)}" for model in NETWORKS if missing[model])
+        lines.append(f"Missing: {', '.join(counts_of)}.")
     lines += [f"{path} is passed over: its name is not that of a run." for path in others]
     return "\n".join(lines)
 
@@ -78,7 +86,7 @@ def describe_outputs(study: StudyPlan, pairs: PairCounts) -> str:
 def _state(run: Run, study: StudyPlan) -> str:
     """Return the status of a run in a few words."""
     if not run.has_begun and not run.model.exists():
-        return "missing"
+        return MISSING
     try:
         if study.is_of_another_world(run):
             return "of another world"
